@@ -1,0 +1,1 @@
+"""The command line `coadapt`, the door to everything."""

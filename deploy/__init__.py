@@ -1,0 +1,1 @@
+"""Runtimes that start, show and stop a swarm on one machine."""

@@ -1,0 +1,1 @@
+"""Fusion policies, one file each, found by name."""

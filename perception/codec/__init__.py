@@ -1,0 +1,1 @@
+"""Wire codecs: points and boxes as compact bytes with a stated error bound."""

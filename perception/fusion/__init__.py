@@ -1,0 +1,1 @@
+"""Fusion algorithms, one file each, found by name."""

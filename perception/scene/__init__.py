@@ -1,0 +1,1 @@
+"""The Scene Abstraction Module: a scan as a structured description."""

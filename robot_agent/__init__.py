@@ -1,0 +1,1 @@
+"""The robot agent: senses, describes its scene, and answers queries for observations."""

@@ -1,0 +1,61 @@
+"""Every error that CoAdapt Edge raises on purpose.
+
+    CoAdaptError
+    ├── SettingError          a setting is missing, malformed or out of range
+    ├── MessageError          bytes from the network are not a valid message
+    ├── KeyspaceError         a swarm name or robot id cannot be part of a key
+    ├── TransportError        the Zenoh session could not be opened or used
+    ├── WorldError            scans or ground truth cannot be read or simulated
+    ├── PerceptionError       a scan or payload cannot be processed
+    │   ├── ScanError         the points are not a usable cloud
+    │   └── PayloadError      an encoded payload is corrupt, truncated or of another version
+    ├── DecisionError         a policy or a decision cannot be used
+    └── DeployError           a runtime cannot be started, read or stopped
+
+The command line prints the message and exits with 1; a message therefore names the thing, the
+value and what is allowed.
+"""
+
+
+class CoAdaptError(Exception):
+    """Base of all errors raised on purpose."""
+
+
+class SettingError(CoAdaptError):
+    """A setting is missing, malformed or out of range."""
+
+
+class MessageError(CoAdaptError):
+    """Bytes from the network are not a valid message."""
+
+
+class KeyspaceError(CoAdaptError):
+    """A swarm name or robot id cannot be part of a key."""
+
+
+class TransportError(CoAdaptError):
+    """The Zenoh session could not be opened or used."""
+
+
+class WorldError(CoAdaptError):
+    """Scans or ground truth cannot be read or simulated."""
+
+
+class PerceptionError(CoAdaptError):
+    """A scan or payload cannot be processed."""
+
+
+class ScanError(PerceptionError):
+    """The points are not a usable cloud."""
+
+
+class PayloadError(PerceptionError):
+    """An encoded payload is corrupt, truncated or of another version."""
+
+
+class DecisionError(CoAdaptError):
+    """A policy or a decision cannot be used."""
+
+
+class DeployError(CoAdaptError):
+    """A runtime cannot be started, read or stopped."""

@@ -1,0 +1,77 @@
+"""The key space: one function a key, so that no other file spells a key."""
+
+from __future__ import annotations
+
+import re
+
+from swarm.errors import KeyspaceError
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+ANY = "*"
+
+
+def check_name(kind: str, name: str) -> str:
+    """Returns a swarm name or robot id that may stand in a key.
+
+    Raises KeyspaceError when it may not.
+    """
+    if not _NAME.fullmatch(name):
+        raise KeyspaceError(
+            f"{kind} {name!r} is not allowed: use 1 to 32 letters, digits, '_' or '-'"
+        )
+    return name
+
+
+def _robot_key(swarm: str, robot: str, leaf: str) -> str:
+    if robot != ANY:
+        check_name("robot id", robot)
+    return f"coadapt/{check_name('swarm name', swarm)}/robot/{robot}/{leaf}"
+
+
+def _ego_key(swarm: str, ego: str, leaf: str) -> str:
+    if ego != ANY:
+        check_name("ego id", ego)
+    return f"coadapt/{check_name('swarm name', swarm)}/ego/{ego}/{leaf}"
+
+
+def alive(swarm: str, robot: str) -> str:
+    """Liveliness token of a robot: join and leave."""
+    return _robot_key(swarm, robot, "alive")
+
+
+def beacon(swarm: str, robot: str) -> str:
+    """`messages.Beacon`, 10 Hz."""
+    return _robot_key(swarm, robot, "beacon")
+
+
+def scene(swarm: str, robot: str) -> str:
+    """`messages.SceneDescription`, 2 Hz."""
+    return _robot_key(swarm, robot, "scene")
+
+
+def observation(swarm: str, robot: str) -> str:
+    """Queryable: `messages.ObservationRequest` -> `messages.Observation`."""
+    return _robot_key(swarm, robot, "observation")
+
+
+def decision(swarm: str, ego: str) -> str:
+    """`messages.Decision`, every control cycle."""
+    return _ego_key(swarm, ego, "decision")
+
+
+def detections(swarm: str, ego: str) -> str:
+    """`messages.Detections`, every fused frame."""
+    return _ego_key(swarm, ego, "detections")
+
+
+def net_state(swarm: str) -> str:
+    """State of the links, 1 Hz, from the network controller."""
+    return f"coadapt/{check_name('swarm name', swarm)}/net/state"
+
+
+def robot_of(key: str) -> str:
+    """The robot or ego id in a key of this key space. Raises KeyspaceError for another key."""
+    parts = key.split("/")
+    if len(parts) != 5 or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
+        raise KeyspaceError(f"key {key!r} is not coadapt/<swarm>/(robot|ego)/<id>/<leaf>")
+    return check_name("robot id", parts[3])

@@ -1,0 +1,1 @@
+"""Worlds: where scans and ground truth come from. No Zenoh."""

@@ -1,0 +1,65 @@
+"""The interface of a world: a source of scans and ground truth, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.types import Boxes
+from swarm.geometry import Points, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """What one robot's LiDAR sees in one frame."""
+
+    robot: str
+    frame: int
+    points: Points
+    """float32 (N, 3), metres, in the sensor's right-handed frame."""
+    pose: Pose
+    """The sensor in the world frame."""
+    velocity: tuple[float, float, float]
+    """World frame, m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTruth:
+    """True boxes of one frame in the world frame."""
+
+    boxes: Boxes
+    """Scores are 1."""
+    ids: tuple[str, ...]
+    """Name of the actor of each box; a robot's own body carries the robot's id."""
+    visible_points: NDArray[np.int64]
+    """(N,): points of all the world's robots' scans that lie on the actor."""
+
+
+class World(Protocol):
+    """A source of scans. A robot needs only its own scans: no central simulator runs."""
+
+    name: str
+    robots: tuple[str, ...]
+    rate_hz: float
+    """Frames a second."""
+    frame_count: int
+    """Frames before the world repeats; frame numbers beyond wrap around."""
+    range_m: float
+    """Reach of the sensors."""
+    detector: str
+    """Name of the detector configuration that fits this world: `road` or `factory`."""
+
+    def pose(self, robot: str, frame: int) -> Pose:
+        """The robot's sensor in the world frame. Raises WorldError for an unknown robot."""
+        ...
+
+    def scan(self, robot: str, frame: int) -> Scan:
+        """One scan. Raises WorldError when it cannot be read or the robot is unknown."""
+        ...
+
+    def ground_truth(self, frame: int) -> GroundTruth:
+        """The true boxes of one frame."""
+        ...
