@@ -1,0 +1,32 @@
+"""Fixtures that several test files share."""
+
+from __future__ import annotations
+
+import os
+import tarfile
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+def data_root() -> Path | None:
+    """Where real data lies: $COADAPT_DATA, else ../shared/data beside the repository."""
+    for candidate in (os.environ.get("COADAPT_DATA"), REPOSITORY.parent / "shared" / "data"):
+        if candidate and Path(candidate).is_dir():
+            return Path(candidate)
+    return None
+
+
+@pytest.fixture(scope="session")
+def opv2v_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The unpacked OPV2V sample scenario (a folder with data_protocol.yaml)."""
+    root = data_root()
+    archive = root / "opv2v-sample" / "opv2v-sample.tar.xz" if root else None
+    if archive is None or not archive.is_file():
+        pytest.skip("no OPV2V sample: set COADAPT_DATA to a folder with opv2v-sample/")
+    target = tmp_path_factory.mktemp("opv2v")
+    with tarfile.open(archive) as packed:
+        packed.extractall(target, filter="data")
+    return next(target.rglob("data_protocol.yaml")).parent
