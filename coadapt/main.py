@@ -1,0 +1,45 @@
+"""The command line's dispatcher: one subcommand a module of `coadapt.commands`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import pkgutil
+import sys
+from collections.abc import Sequence
+
+from coadapt import commands
+from swarm.errors import CoAdaptError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser with every module of `coadapt.commands` registered on it."""
+    parser = argparse.ArgumentParser(
+        prog="coadapt",
+        description="Adaptive collaborative perception for robot swarms.",
+    )
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):
+        importlib.import_module(f"coadapt.commands.{module}").register(subparsers)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one command; returns its exit status: 0, or 1 after an error on standard error.
+
+    Wrong usage exits with 2 (argparse).
+    """
+    args = build_parser().parse_args(argv)
+    try:
+        return int(args.run(args) or 0)
+    except CoAdaptError as error:
+        print(f"coadapt: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())
