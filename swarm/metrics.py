@@ -1,0 +1,34 @@
+"""Prometheus metrics over HTTP, on a registry of their own so that tests do not share counts."""
+
+from __future__ import annotations
+
+from prometheus_client import CollectorRegistry, start_http_server
+
+from swarm.errors import SettingError
+
+
+class MetricsServer:
+    """Serves one registry at http://host:port/metrics until closed. Port 0 takes a free one.
+
+    Raises SettingError when the port cannot be bound.
+    """
+
+    def __init__(self, registry: CollectorRegistry, port: int, host: str = "0.0.0.0") -> None:
+        try:
+            self._server, self._thread = start_http_server(port, addr=host, registry=registry)
+        except OSError as error:
+            raise SettingError(
+                f"metrics port {port} on {host} cannot be bound: {error}; choose a free one with "
+                "COADAPT_METRICS_PORT (0 takes any)"
+            ) from error
+
+    @property
+    def port(self) -> int:
+        """The port that is bound."""
+        return self._server.server_port
+
+    def close(self) -> None:
+        """Stops serving and frees the port."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()

@@ -1,0 +1,67 @@
+"""The swarm's Zenoh router as a Python process: `python -m swarm.router`.
+
+A stock `zenohd` does the same with the file that `--print-config` writes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import threading
+from pathlib import Path
+
+from swarm import transport
+from swarm.errors import CoAdaptError, SettingError
+from swarm.log import make_logger
+
+
+def read_config(path: Path) -> dict[str, object]:
+    """A JSON configuration file as settings. Raises SettingError when it cannot be read."""
+    try:
+        config = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise SettingError(f"router configuration {str(path)!r} cannot be read: {error}") from error
+    if not isinstance(config, dict):
+        raise SettingError(f"router configuration {str(path)!r} is not an object")
+    return config
+
+
+def main() -> int:
+    """Runs a router until SIGTERM or SIGINT."""
+    parser = argparse.ArgumentParser(prog="python -m swarm.router", description=__doc__)
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
+    parser.add_argument("--port", type=int, default=7447, help="first of three ports, one a class")
+    parser.add_argument("--unix-socket", help="also listen on this Unix socket")
+    parser.add_argument("--config", type=Path, help="a configuration file instead of the above")
+    parser.add_argument("--print-config", action="store_true", help="print the file and exit")
+    args = parser.parse_args()
+    log = make_logger("router")
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        config = (
+            read_config(args.config)
+            if args.config
+            else transport.router_config(args.host, args.port, args.unix_socket)
+        )
+        if args.print_config:
+            print(transport.router_json5(config), end="")
+            return 0
+        if args.unix_socket:
+            Path(args.unix_socket).unlink(missing_ok=True)
+        session = transport.open_zenoh({"mode": "router", **config})
+    except CoAdaptError as error:
+        print(f"swarm.router: {error}", file=sys.stderr)
+        return 1
+    log.info("router_up", zid=str(session.info.zid()), port=args.port)
+    stop.wait()
+    session.close()  # type: ignore[no-untyped-call]
+    log.info("router_down")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,299 @@
+"""A swarm's session: typed messages over Zenoh, with traffic classes and validation at the edge.
+
+Handlers given to `subscribe` and `watch_alive` run on Zenoh's own threads: they must return
+quickly and must not call the session. Queryable handlers and answers run on this session's
+threads and may take their time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import zenoh
+from prometheus_client import CollectorRegistry, Counter
+
+from swarm import keyspace, transport
+from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
+from swarm.log import Logger, make_logger
+from swarm.messages import Message, Refusal, decode, encode
+from swarm.traffic import TrafficClass
+
+M = TypeVar("M", bound=Message)
+CLOSE_S = 3.0
+MAX_WAITING_QUERIES = 16
+MAX_REMEMBERED_SENDERS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Answer(Generic[M]):
+    """A reply to `Session.ask`."""
+
+    message: M
+    wire_bytes: int
+    round_trip_s: float
+
+
+class Session:
+    """One process's connection to its swarm. Use as a context manager, or call `close`."""
+
+    def __init__(
+        self,
+        router: str,
+        swarm: str,
+        *,
+        registry: CollectorRegistry | None = None,
+        log: Logger | None = None,
+        timeout_s: float | None = None,
+        stop: threading.Event | None = None,
+    ) -> None:
+        """Connects to the router, trying again until it is there.
+
+        Raises SettingError for a malformed router, KeyspaceError for a malformed swarm name, and
+        TransportError when `timeout_s` has passed or `stop` was set first.
+        """
+        self.swarm = keyspace.check_name("swarm name", swarm)
+        self._log = log or make_logger("session", swarm=swarm)
+        self._zenoh = transport.open_zenoh(
+            transport.client_config(router), timeout_s=timeout_s, stop=stop
+        )
+        self._entities: list[Any] = []
+        self._pools: list[ThreadPoolExecutor] = []
+        self._senders_logged: set[str] = set()
+        self._invalid = Counter(
+            "coadapt_messages_invalid_total",
+            "Messages that did not validate and were dropped.",
+            ["kind"],
+            registry=registry or CollectorRegistry(),
+        )
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def put(self, key: str, message: Message, traffic: TrafficClass = TrafficClass.CONTROL) -> None:
+        """Publishes a message; under congestion it is dropped rather than waited for.
+
+        Raises TransportError when the session is closed.
+        """
+        try:
+            self._zenoh.put(
+                key,
+                encode(message),
+                priority=traffic.priority,
+                congestion_control=zenoh.CongestionControl.DROP,
+                express=traffic is TrafficClass.CONTROL,
+            )
+        except zenoh.ZError as error:
+            raise TransportError(f"cannot publish on {key}: {error}") from error
+
+    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M, str], None]) -> None:
+        """Calls `on_message(message, key)` for every valid message on a key expression.
+
+        Messages that do not validate are counted, logged once a sender, and dropped.
+        """
+
+        def receive(sample: zenoh.Sample) -> None:
+            sender = str(sample.key_expr)
+            try:
+                message = decode(sample.payload.to_bytes(), kind)
+                named = getattr(message, "robot", None) or getattr(message, "ego", None)
+                if named is not None and keyspace.robot_of(sender) != named:
+                    raise MessageError(f"{kind.__name__} of {named!r} came on {sender}")
+            except (MessageError, KeyspaceError) as error:
+                self._drop(kind, sender, error)
+                return
+            try:
+                on_message(message, sender)
+            except Exception:
+                # A handler's fault must not end Zenoh's thread, which serves other messages too.
+                self._log.error("handler_failed", key=sender, exc_info=True)
+
+        self._entities.append(self._zenoh.declare_subscriber(key, receive))
+
+    def serve(
+        self,
+        key: str,
+        kind: type[M],
+        handler: Callable[[M], Message],
+        *,
+        workers: int = 2,
+    ) -> None:
+        """Answers queries on a key with `handler(request)`, on `workers` threads.
+
+        A CoAdaptError of the handler travels to the asker as a `Refusal`; so do a request that
+        does not validate and one that finds too many waiting.
+        """
+        pool = ThreadPoolExecutor(workers, thread_name_prefix="serve")
+        waiting = threading.BoundedSemaphore(MAX_WAITING_QUERIES)
+        robot = keyspace.robot_of(key)
+
+        def refuse(query: zenoh.Query, reason: str, request: int = 0) -> None:
+            query.reply_err(encode(Refusal(robot=robot, request=request, reason=reason)))
+
+        def answer(query: zenoh.Query) -> None:
+            request_number = 0
+            try:
+                with query:
+                    try:
+                        payload = query.payload.to_bytes() if query.payload else b""
+                        request = decode(payload, kind)
+                        request_number = getattr(request, "request", 0)
+                        query.reply(key, encode(handler(request)))
+                    except MessageError as error:
+                        self._drop(kind, key, error)
+                        refuse(query, str(error), request_number)
+                    except CoAdaptError as error:
+                        refuse(query, str(error), request_number)
+                    except zenoh.ZError:
+                        raise
+                    except Exception as error:
+                        self._log.error("handler_failed", key=key, exc_info=True)
+                        refuse(query, f"internal error: {type(error).__name__}", request_number)
+            except zenoh.ZError as error:
+                self._log.warning("reply_failed", key=key, error=str(error))
+            finally:
+                waiting.release()
+
+        def receive(query: zenoh.Query) -> None:
+            if not waiting.acquire(blocking=False):
+                with query:
+                    refuse(query, f"busy: {MAX_WAITING_QUERIES} requests are waiting already")
+                return
+            pool.submit(answer, query)
+
+        self._pools.append(pool)
+        self._entities.append(self._zenoh.declare_queryable(key, receive, complete=True))
+
+    def ask(
+        self,
+        key: str,
+        request: Message,
+        kind: type[M],
+        *,
+        timeout_s: float,
+        traffic: TrafficClass = TrafficClass.FUSION,
+    ) -> Future[Answer[M]]:
+        """Sends a request to the one queryable on a key; the answer comes through the future.
+
+        The future raises TransportError when nobody answers in time or the answer is a refusal,
+        and MessageError when the answer does not validate. It is always done soon after
+        `timeout_s`.
+        """
+        future: Future[Answer[M]] = Future()
+        begun = time.perf_counter()
+
+        def settle(answer: Answer[M] | CoAdaptError) -> None:
+            # A reply and the end of the query may race; the first one counts.
+            if future.done():
+                return
+            if isinstance(answer, CoAdaptError):
+                future.set_exception(answer)
+            else:
+                future.set_result(answer)
+
+        def receive(reply: zenoh.Reply) -> None:
+            if reply.ok is None:
+                settle(_refused(key, reply.err))
+                return
+            data = reply.ok.payload.to_bytes()
+            try:
+                message = decode(data, kind)
+            except MessageError as error:
+                self._drop(kind, key, error)
+                settle(error)
+                return
+            settle(Answer(message, len(data), time.perf_counter() - begun))
+
+        def finished() -> None:
+            settle(TransportError(f"no answer on {key} within {timeout_s:g} s"))
+
+        try:
+            self._zenoh.get(
+                key,
+                zenoh.handlers.Callback(receive, finished),
+                payload=encode(request),
+                timeout=timeout_s,
+                target=zenoh.QueryTarget.BEST_MATCHING,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                priority=traffic.priority,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
+        except zenoh.ZError as error:
+            settle(TransportError(f"cannot ask {key}: {error}"))
+        return future
+
+    def declare_alive(self, robot: str) -> None:
+        """Shows the robot as alive until this session closes or its link breaks."""
+        token = self._zenoh.liveliness().declare_token(keyspace.alive(self.swarm, robot))
+        self._entities.append(token)
+
+    def watch_alive(self, on_join: Callable[[str], None], on_leave: Callable[[str], None]) -> None:
+        """Calls back with a robot id when a robot joins (also those already there) or leaves."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            try:
+                robot = keyspace.robot_of(str(sample.key_expr))
+            except KeyspaceError as error:
+                self._log.warning("liveliness_ignored", error=str(error))
+                return
+            joined = sample.kind == zenoh.SampleKind.PUT
+            (on_join if joined else on_leave)(robot)
+
+        self._entities.append(
+            self._zenoh.liveliness().declare_subscriber(
+                keyspace.alive(self.swarm, keyspace.ANY), receive, history=True
+            )
+        )
+
+    def alive(self, timeout_s: float = 1.0) -> tuple[str, ...]:
+        """The ids of the robots that are alive now, sorted."""
+        replies = self._zenoh.liveliness().get(
+            keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s
+        )
+        found = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return tuple(sorted(keyspace.robot_of(key) for key in found))
+
+    def links(self) -> int:
+        """Number of transport links to the router that are up."""
+        return len(list(self._zenoh.info.links()))
+
+    def close(self) -> None:
+        """Withdraws everything and closes; never waits longer than a few seconds."""
+        for pool in self._pools:
+            pool.shutdown(wait=False, cancel_futures=True)
+        self._pools.clear()
+
+        def shut() -> None:
+            for entity in self._entities:
+                entity.undeclare()
+            self._entities.clear()
+            self._zenoh.close()  # type: ignore[no-untyped-call]
+
+        # Under loss Zenoh may hold close() for ten seconds; the process must not wait for it.
+        closer = threading.Thread(target=shut, name="close", daemon=True)
+        closer.start()
+        closer.join(CLOSE_S)
+
+    def _drop(self, kind: type[Message], sender: str, error: CoAdaptError) -> None:
+        self._invalid.labels(kind.__name__).inc()
+        if sender not in self._senders_logged and len(self._senders_logged) < (
+            MAX_REMEMBERED_SENDERS
+        ):
+            self._senders_logged.add(sender)
+            self._log.warning("message_invalid", key=sender, error=str(error)[:300])
+
+
+def _refused(key: str, reply: zenoh.ReplyError | None) -> TransportError:
+    data = reply.payload.to_bytes() if reply is not None else b""
+    try:
+        reason = decode(data, Refusal).reason
+    except MessageError:
+        reason = f"error reply of {len(data)} bytes"
+    return TransportError(f"{key} refused: {reason}")
