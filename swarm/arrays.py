@@ -19,7 +19,7 @@ class Array(msgspec.Struct, frozen=True):
 
     dtype: str
     shape: tuple[int, ...]
-    bytes: bytes
+    data: bytes = msgspec.field(name="bytes")
 
 
 def pack(array: NDArray[np.generic]) -> Array:
@@ -28,7 +28,7 @@ def pack(array: NDArray[np.generic]) -> Array:
     dtype = little.dtype.str
     if dtype not in _DTYPES:
         raise MessageError(f"array dtype {dtype!r} may not travel; allowed: {sorted(_DTYPES)}")
-    return Array(dtype=dtype, shape=array.shape, bytes=little.tobytes())
+    return Array(dtype=dtype, shape=array.shape, data=little.tobytes())
 
 
 def unpack(array: Array) -> NDArray[np.generic]:
@@ -42,12 +42,12 @@ def unpack(array: Array) -> NDArray[np.generic]:
         raise MessageError(f"array shape {array.shape} is not up to {MAX_DIMENSIONS} sizes >= 0")
     dtype = np.dtype(array.dtype)
     expected = math.prod(array.shape) * dtype.itemsize
-    if expected != len(array.bytes):
+    if expected != len(array.data):
         raise MessageError(
             f"array of dtype {array.dtype} and shape {array.shape} needs {expected} bytes, "
-            f"has {len(array.bytes)}"
+            f"has {len(array.data)}"
         )
-    return np.frombuffer(array.bytes, dtype=dtype).reshape(array.shape)
+    return np.frombuffer(array.data, dtype=dtype).reshape(array.shape)
 
 
 def unpack_finite(array: Array, name: str, columns: int) -> NDArray[np.float32]:

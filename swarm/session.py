@@ -138,24 +138,24 @@ class Session:
             query.reply_err(encode(Refusal(robot=robot, request=request, reason=reason)))
 
         def answer(query: zenoh.Query) -> None:
-            request_number = 0
             try:
                 with query:
                     try:
-                        payload = query.payload.to_bytes() if query.payload else b""
-                        request = decode(payload, kind)
-                        request_number = getattr(request, "request", 0)
-                        query.reply(key, encode(handler(request)))
+                        request = decode(query.payload.to_bytes() if query.payload else b"", kind)
                     except MessageError as error:
                         self._drop(kind, key, error)
-                        refuse(query, str(error), request_number)
+                        refuse(query, str(error))
+                        return
+                    number = getattr(request, "request", 0)
+                    try:
+                        reply = encode(handler(request))
                     except CoAdaptError as error:
-                        refuse(query, str(error), request_number)
-                    except zenoh.ZError:
-                        raise
+                        refuse(query, str(error), number)
                     except Exception as error:
                         self._log.error("handler_failed", key=key, exc_info=True)
-                        refuse(query, f"internal error: {type(error).__name__}", request_number)
+                        refuse(query, f"internal error: {type(error).__name__}", number)
+                    else:
+                        query.reply(key, reply)
             except zenoh.ZError as error:
                 self._log.warning("reply_failed", key=key, error=str(error))
             finally:
@@ -212,7 +212,9 @@ class Session:
             settle(Answer(message, len(data), time.perf_counter() - begun))
 
         def finished() -> None:
-            settle(TransportError(f"no answer on {key} within {timeout_s:g} s"))
+            waited = time.perf_counter() - begun
+            why = "nobody serves it" if waited < timeout_s / 2 else "none came in time"
+            settle(TransportError(f"no answer on {key} after {waited:.3f} s: {why}"))
 
         try:
             self._zenoh.get(

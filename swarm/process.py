@@ -1,0 +1,66 @@
+"""What every process of a swarm shares: common settings, and a stop event set by signals."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from typing import Annotated, Literal
+
+import msgspec
+
+from swarm.settings import Name, Port
+
+
+class ProcessSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """Settings that all processes of one swarm have in common."""
+
+    swarm: Name = "local"
+    router: str = "tcp/127.0.0.1:7447"
+    metrics_host: str = "127.0.0.1"
+    metrics_port: Port = 9100
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+    world: Literal["factory", "opv2v"] = "factory"
+    world_data: str = ""
+    """Directory of recorded data; needed by `opv2v`."""
+    world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6
+    world_seed: Annotated[int, msgspec.Meta(ge=0)] = 1
+    world_rings: Literal[16, 32, 64] = 32
+    world_scenario: str = "floor"
+    world_cache: str = ""
+    """Directory for simulated or parsed scans; empty keeps none."""
+    epoch_ns: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """When frame 0 was captured, nanoseconds since the Unix epoch; one value for the swarm."""
+
+
+def frame_now(epoch_ns: int, rate_hz: float, now_ns: int) -> int:
+    """The newest frame captured at or before `now_ns`; 0 before the epoch."""
+    return max(0, int((now_ns - epoch_ns) * rate_hz // 1_000_000_000))
+
+
+def capture_ns(epoch_ns: int, rate_hz: float, frame: int) -> int:
+    """When a frame is captured, nanoseconds since the Unix epoch."""
+    return epoch_ns + round(frame * 1_000_000_000 / rate_hz)
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that SIGTERM and SIGINT set. Call it once, on the main thread."""
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+class Clock:
+    """The time of day of one process, which a test may put off.
+
+    `offset_s` shifts this process's clock, as a robot's bad clock would be.
+    """
+
+    def __init__(self, offset_s: float = 0.0) -> None:
+        self._offset_ns = round(offset_s * 1e9)
+
+    def now_ns(self) -> int:
+        """Nanoseconds since the Unix epoch on this process's clock."""
+        return time.time_ns() + self._offset_ns
