@@ -1,0 +1,90 @@
+"""The values that pass between the stages of a control cycle.
+
+Monitor makes a `Snapshot`; Analyze makes a `UnifiedScene` of it; a policy makes a `Proposal` of
+that; validation makes the `messages.Decision` that Execute carries out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm.geometry import Pose
+from swarm.messages import Algorithm, Beacon, SceneDescription, Source
+
+
+@dataclass(frozen=True, slots=True)
+class RobotView:
+    """What the ego knows of one robot at the start of a cycle. Ages are measured on the ego's
+    own clock from the moment of receipt, so that a robot's bad clock does not matter."""
+
+    robot: str
+    alive: bool
+    """Its liveliness token is present."""
+    beacon: Beacon | None
+    beacon_age_s: float
+    scene: SceneDescription | None
+    scene_age_s: float
+    round_trip_s: float | None
+    """Smoothed time from query to answer; None before the first answer."""
+    clock_offset_s: float
+    """Robot's clock minus the ego's, estimated from beacons (includes the one-way delay)."""
+    duplicate: bool
+    """Two processes use this id at the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Everything Monitor knows at the start of one cycle. The ego itself is one of `robots`."""
+
+    ego: str
+    cycle: int
+    now_ns: int
+    robots: Mapping[str, RobotView]
+    capacity_bps: float
+    """C(t), the estimate of what the ego's link delivers."""
+    capacity_source: str
+    """`measured`, `net/state` or `prior`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A robot that may take part: known, alive, fresh, unique and in range."""
+
+    robot: str
+    pose: Pose
+    distance_m: float
+    sizes: Mapping[Algorithm, int]
+    """Bytes of one observation by algorithm, of those that this swarm can fuse."""
+    area: NDArray[np.bool_]
+    """(G, G) cells of the unified grid that the robot sees."""
+    evidence: NDArray[np.float32]
+    """(K,) how well the robot sees each unified object, in [0, 1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnifiedScene:
+    """One scene from all robots' descriptions, on a square grid centred on the ego."""
+
+    ego: Candidate
+    candidates: tuple[Candidate, ...]
+    """Without the ego, nearest first."""
+    excluded: Mapping[str, str]
+    """Robots that may not take part, and why."""
+    objects: NDArray[np.float32]
+    """(K, 3) merged object centroids, world frame, metres."""
+    cell_m: float
+    capacity_bps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What a policy wants; nothing in it is trusted until it has been validated."""
+
+    participants: tuple[str, ...]
+    algorithm: str
+    reason: str
+    source: Source
