@@ -19,6 +19,13 @@ def data_root() -> Path | None:
     return None
 
 
+def missing(feature: str, reason: str) -> None:
+    """Skips the test, or fails it where $COADAPT_REQUIRE names the feature (as CI does)."""
+    if feature in os.environ.get("COADAPT_REQUIRE", "").split(","):
+        pytest.fail(f"{feature} is required here: {reason}")
+    pytest.skip(reason)
+
+
 @pytest.fixture(scope="session")
 def opv2v_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The unpacked OPV2V sample scenario (a folder with data_protocol.yaml)."""

@@ -1,0 +1,62 @@
+# CoAdapt Edge. `make help` lists the targets; each is a thin door to `coadapt ...`.
+ROBOTS ?= 6
+WORLD ?= factory
+DATA ?=
+RUNTIME ?= auto
+POLICY ?= coverage
+SWARM ?= local
+ROBOT ?=
+ARGS ?=
+
+COADAPT = .venv/bin/coadapt
+PYTHON_ENV = .venv/bin/python
+BENCHMARKS = sam codec roundtrip cycle
+
+.DEFAULT_GOAL := help
+.PHONY: help setup up down status logs metrics test check lint types bench lock clean
+
+help: ## Show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|opv2v DATA=dir RUNTIME=auto|docker|netns"
+	@echo "             POLICY=$(POLICY) SWARM=$(SWARM) ARGS='more options of coadapt up'"
+
+setup: ## Make .venv and install what the swarm needs
+	@sh deploy/setup.sh
+
+up: setup ## Start a swarm: router, robots, ego, Prometheus
+	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \
+		--policy $(POLICY) $(if $(DATA),--data $(DATA)) $(ARGS)
+
+down: setup ## Stop it and leave nothing behind
+	@$(COADAPT) down --swarm $(SWARM)
+
+status: setup ## Show robots, decision, bytes and link
+	@$(COADAPT) status --swarm $(SWARM) $(ARGS)
+
+logs: setup ## Show the processes' logs (ARGS='ego-R1 --follow')
+	@$(COADAPT) logs --swarm $(SWARM) $(ARGS)
+
+metrics: setup ## Show Prometheus' targets and key figures
+	@$(COADAPT) metrics --swarm $(SWARM)
+
+test: setup ## Run all tests
+	@$(PYTHON_ENV) -m pytest $(ARGS)
+
+lint: setup ## Check style and formatting
+	@$(PYTHON_ENV) -m ruff check .
+	@$(PYTHON_ENV) -m ruff format --check .
+
+types: setup ## Check types
+	@$(PYTHON_ENV) -m mypy
+
+check: lint types test ## Everything that must be green before a commit
+
+bench: setup ## Run the benchmarks; each writes build/bench/<name>.json
+	@for name in $(BENCHMARKS); do \
+		echo "bench $$name" >&2; $(PYTHON_ENV) -m benchmarks.$$name || exit 1; done
+
+lock: setup ## Pin the newest versions that pyproject.toml allows
+	@sh deploy/lock.sh
+
+clean: ## Remove what was built (not var/)
+	@rm -rf build .pytest_cache .mypy_cache .ruff_cache

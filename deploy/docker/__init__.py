@@ -1,0 +1,1 @@
+"""The Docker image and the compose project of a swarm."""

@@ -1,0 +1,144 @@
+"""Builds the swarm's Docker image; works without a registry and without network in the build.
+
+The wheels are downloaded on the host, so that a site without network can carry them, and a build
+never meets a proxy's certificates.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from swarm.errors import DeployError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PACKAGES = (
+    "benchmarks",
+    "coadapt",
+    "deploy",
+    "ego_agent",
+    "perception",
+    "robot_agent",
+    "swarm",
+    "worlds",
+)
+PUBLIC_BASE = "python:3.11-slim-bookworm"
+LOCAL_BASE = "coadapt-base:bookworm"
+PYTHON_VERSION = "3.11"
+PLATFORMS = ("manylinux_2_34", "manylinux_2_28", "manylinux_2_17", "manylinux2014", "manylinux1")
+
+Say = Callable[[str], None]
+
+
+def ensure_image(say: Say) -> str:
+    """The tag of an image with this source and these pinned wheels; builds it when it is missing.
+
+    Raises DeployError when the base, the wheels or the build fail.
+    """
+    tag = f"coadapt-edge:{_fingerprint()}"
+    if _docker("image", "inspect", tag).returncode == 0:
+        return tag
+    base = _ensure_base(say)
+    wheelhouse = _ensure_wheelhouse(say)
+    context = REPOSITORY / "build" / "image"
+    shutil.rmtree(context, ignore_errors=True)
+    source = context / "source"
+    source.mkdir(parents=True)
+    for package in PACKAGES:
+        shutil.copytree(
+            REPOSITORY / package, source / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    shutil.copytree(wheelhouse, context / "wheelhouse", copy_function=os.link)
+    shutil.copy(REPOSITORY / "requirements.lock", context)
+    shutil.copy(REPOSITORY / "deploy" / "docker" / "Dockerfile", context)
+    say(f"building image {tag} on {base}")
+    built = _docker(
+        "build", "--quiet", "--tag", tag, "--build-arg", f"BASE={base}", str(context), timeout_s=1800
+    )
+    if built.returncode != 0:
+        raise DeployError(f"docker build failed:\n{_tail(built)}")
+    shutil.rmtree(context, ignore_errors=True)
+    return tag
+
+
+def _fingerprint() -> str:
+    """Names the content of everything that goes into the image."""
+    digest = hashlib.sha256()
+    files = [REPOSITORY / "requirements.lock", REPOSITORY / "deploy" / "docker" / "Dockerfile"]
+    for package in PACKAGES:
+        files += (p for p in (REPOSITORY / package).rglob("*") if p.is_file())
+    for path in sorted(files):
+        if "__pycache__" not in path.parts:
+            digest.update(str(path.relative_to(REPOSITORY)).encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _ensure_base(say: Say) -> str:
+    """COADAPT_BASE_IMAGE, else the public image, else one made with debootstrap."""
+    wanted = os.environ.get("COADAPT_BASE_IMAGE")
+    for image in (wanted,) if wanted else (PUBLIC_BASE, LOCAL_BASE):
+        if _docker("image", "inspect", image).returncode == 0:
+            return image
+    pulled = _docker("pull", wanted or PUBLIC_BASE, timeout_s=900)
+    if pulled.returncode == 0:
+        return wanted or PUBLIC_BASE
+    if wanted:
+        raise DeployError(f"COADAPT_BASE_IMAGE = {wanted!r} cannot be pulled: {_tail(pulled)}")
+    say(f"{PUBLIC_BASE} cannot be pulled; making {LOCAL_BASE} with debootstrap (about a minute)")
+    script = REPOSITORY / "deploy" / "docker" / "base.sh"
+    made = subprocess.run(
+        ["sh", str(script), LOCAL_BASE], capture_output=True, text=True, timeout=900, check=False
+    )
+    if made.returncode != 0:
+        raise DeployError(
+            f"no base image: pulling {PUBLIC_BASE} failed ({_tail(pulled, 1)}), and debootstrap "
+            f"failed:\n{_tail(made)}\nSet COADAPT_BASE_IMAGE to an image with Python 3.11."
+        )
+    return LOCAL_BASE
+
+
+def _ensure_wheelhouse(say: Say) -> Path:
+    """A folder with a wheel for every line of requirements.lock, downloaded once a lock."""
+    lock = REPOSITORY / "requirements.lock"
+    name = hashlib.sha256(lock.read_bytes()).hexdigest()[:12]
+    wheelhouse = REPOSITORY / "build" / "wheelhouse" / name
+    if wheelhouse.is_dir():
+        return wheelhouse
+    say("downloading the pinned wheels")
+    partial = wheelhouse.with_name(f"{name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    pip = [sys.executable, "-m", "pip"]
+    pinned = ["--quiet", "--no-deps", "--requirement", str(lock)]
+    if f"{sys.version_info.major}.{sys.version_info.minor}" == PYTHON_VERSION:
+        command = [*pip, "wheel", *pinned, "--wheel-dir", str(partial)]
+    else:
+        command = [*pip, "download", *pinned, "--dest", str(partial)]
+        command += ["--python-version", PYTHON_VERSION, "--implementation", "cp"]
+        command += ["--only-binary", ":all:"]
+        for platform in PLATFORMS:
+            command += ["--platform", f"{platform}_{os.uname().machine}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False)
+    if done.returncode != 0:
+        raise DeployError(f"the wheels of requirements.lock cannot be downloaded:\n{_tail(done)}")
+    partial.rename(wheelhouse)
+    return wheelhouse
+
+
+def _docker(*arguments: str, timeout_s: float = 60) -> subprocess.CompletedProcess[str]:
+    try:
+        return subprocess.run(
+            ["docker", *arguments], capture_output=True, text=True, timeout=timeout_s, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise DeployError(f"docker {arguments[0]} did not run: {error}") from error
+
+
+def _tail(done: subprocess.CompletedProcess[str], lines: int = 15) -> str:
+    return "\n".join((done.stderr or done.stdout).strip().splitlines()[-lines:])

@@ -1,0 +1,71 @@
+#!/bin/sh
+# Makes .venv with the pinned packages, and installs the Debian packages that the swarm needs.
+# Safe to run again: does nothing when nothing changed. SKIP_SYSTEM=1 leaves the system alone.
+set -eu
+cd "$(dirname "$0")/.."
+
+venv=.venv
+stamp=$venv/.setup-done
+inputs="requirements.lock requirements-dev.lock pyproject.toml deploy/setup.sh"
+
+say() { echo "setup: $*" >&2; }
+
+missing_packages() {
+    command -v ip >/dev/null 2>&1 || echo iproute2
+    command -v prometheus >/dev/null 2>&1 || echo prometheus
+    for pair in libGL.so.1=libgl1 libgomp.so.1=libgomp1 libusb-1.0.so.0=libusb-1.0-0 \
+        libX11.so.6=libx11-6; do
+        ldconfig -p 2>/dev/null | grep -q "${pair%%=*}" || echo "${pair#*=}"
+    done
+    python3 -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv
+}
+
+install_system() {
+    packages=$(PATH=$PATH:/usr/sbin:/sbin missing_packages | tr '\n' ' ')
+    [ -n "$packages" ] || return 0
+    if [ "$(id -u)" = 0 ]; then
+        as_root=
+    elif sudo -n true 2>/dev/null; then
+        as_root="sudo -n"
+    else
+        say "these Debian packages are missing: $packages"
+        say "install them as root: apt-get install --no-install-recommends $packages"
+        return 0
+    fi
+    command -v apt-get >/dev/null || { say "no apt-get here; install by hand: $packages"; return 0; }
+    say "installing Debian packages: $packages"
+    $as_root apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq --no-install-recommends \
+        $packages >/dev/null
+    # Only the program is wanted, not Debian's own Prometheus service on port 9090.
+    if [ -d /run/systemd/system ] && echo "$packages" | grep -q prometheus; then
+        $as_root systemctl disable --quiet --now prometheus || true
+    fi
+}
+
+find_python() {
+    for candidate in ${PYTHON:-} python3.11 python3 python3.12 python3.13; do
+        if "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
+            2>/dev/null; then
+            echo "$candidate"
+            return 0
+        fi
+    done
+    say "no Python 3.11 to 3.13 found; set PYTHON to one"
+    return 1
+}
+
+if [ -e "$stamp" ]; then
+    changed=$(find $inputs -newer "$stamp")
+    [ -n "$changed" ] || exit 0
+fi
+[ "${SKIP_SYSTEM:-0}" = 1 ] || install_system
+python=$(find_python)
+[ -x $venv/bin/python ] || "$python" -m venv $venv
+say "installing the pinned Python packages into $venv"
+$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+    --requirement requirements.lock --requirement requirements-dev.lock
+$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+    --no-build-isolation --editable .
+touch "$stamp"
+say "done: $venv/bin/coadapt"
