@@ -1,0 +1,71 @@
+"""The layout of docs/architecture.md, held against the code's own imports."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+PROCESSES = {"robot_agent", "ego_agent", "network_controller", "llm_gateway"}
+PURE = {"swarm.geometry", "swarm.errors"}
+
+
+def imported(package: str) -> set[tuple[str, str]]:
+    """(file, module) for every import statement of a package, also those inside functions."""
+    found = set()
+    for path in (REPOSITORY / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {(str(path.relative_to(REPOSITORY)), name.name) for name in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                modules = (
+                    [f"swarm.{name.name}" for name in node.names]
+                    if node.module == "swarm"
+                    else [node.module]
+                )
+                found |= {(str(path.relative_to(REPOSITORY)), module) for module in modules}
+    return found
+
+
+def top(module: str) -> str:
+    return module.split(".")[0]
+
+
+@pytest.mark.parametrize("package", ["perception", "worlds"])
+def test_perception_and_worlds_know_only_geometry_and_errors_of_the_swarm(package: str) -> None:
+    allowed = {"perception": {"perception"}, "worlds": {"perception", "worlds"}}[package]
+    ours = PROCESSES | {"perception", "worlds", "deploy", "coadapt", "benchmarks"}
+    for path, module in imported(package):
+        assert top(module) != "zenoh", path
+        if top(module) == "swarm":
+            assert module in PURE, f"{path} imports {module}"
+        elif top(module) in ours:
+            assert top(module) in allowed, f"{path} imports {module}"
+
+
+@pytest.mark.parametrize("process", sorted(PROCESSES))
+def test_processes_never_import_each_other(process: str) -> None:
+    for path, module in imported(process):
+        assert top(module) not in PROCESSES - {process}, f"{path} imports {module}"
+        assert top(module) not in {"deploy", "coadapt", "benchmarks"}, f"{path} imports {module}"
+
+
+def test_the_contract_imports_nothing_of_ours() -> None:
+    for path, module in imported("swarm"):
+        ours = PROCESSES | {"perception", "worlds", "deploy", "coadapt", "benchmarks"}
+        assert top(module) not in ours, f"{path} imports {module}"
+
+
+def test_using_perception_and_a_world_loads_neither_zenoh_nor_open3d() -> None:
+    code = (
+        "import sys, perception.scene, perception.fusion.registry, worlds.registry\n"
+        "print([m for m in ('zenoh', 'open3d') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=REPOSITORY, check=True
+    )
+    assert done.stdout.strip() == "[]"
