@@ -1,0 +1,165 @@
+"""The processes of a swarm, as every runtime starts them, and what Prometheus scrapes of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import yaml
+
+from deploy.spec import SwarmSpec
+
+Role = Literal["router", "robot", "ego", "prometheus"]
+INFRA = "infra"
+ROUTER_METRICS_PORT = 9100
+ROBOT_METRICS_PORT = 9101
+EGO_METRICS_PORT = 9102
+PROMETHEUS_PORT = 9090
+SCRAPE_S = 2
+RETENTION = "512MB"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What differs between runtimes: programs, addresses and paths as the processes see them."""
+
+    listen_host: str
+    """Address that the router listens on."""
+    router_host: str
+    """Address by which the other processes reach the router."""
+    var_dir: str
+    """Holds `journal/` (the ego's) and `prometheus/` (its data); the runtime makes both."""
+    prometheus_config: str
+    """Path of the file with `prometheus_config`."""
+    unix_socket: str = ""
+    """Socket that the router listens on as well, for tools on the host; empty for none."""
+    data: str = ""
+    """The recorded world's directory; empty for a simulated one."""
+    cache: str = ""
+    python: str = "python3"
+    prometheus: str = "prometheus"
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One process. Services with the same host share a network namespace and an address."""
+
+    name: str
+    role: Role
+    host: str
+    """`infra` or a robot id."""
+    argv: tuple[str, ...]
+    env: dict[str, str] = field(default_factory=dict)
+    metrics_port: int | None = None
+    """Where it serves /metrics on its host's address."""
+    robot: str = ""
+    restart: Literal["always", "no"] = "always"
+
+
+def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
+    """The router, the robots, the ego and Prometheus, in the order in which to start them."""
+    router = Service(
+        name="router",
+        role="router",
+        host=INFRA,
+        argv=(
+            *(place.python, "-m", "swarm.router"),
+            *("--host", place.listen_host, "--port", str(spec.router_port)),
+            *("--metrics-port", str(ROUTER_METRICS_PORT)),
+            *(("--unix-socket", place.unix_socket) if place.unix_socket else ()),
+        ),
+        metrics_port=ROUTER_METRICS_PORT,
+    )
+    robots = [
+        Service(
+            name=f"robot-{robot}",
+            role="robot",
+            host=robot,
+            argv=(place.python, "-m", "robot_agent"),
+            env=_environment(spec, place, ROBOT_METRICS_PORT) | {"COADAPT_ROBOT": robot},
+            metrics_port=ROBOT_METRICS_PORT,
+            robot=robot,
+        )
+        for robot in spec.robots
+    ]
+    ego = Service(
+        name=f"ego-{spec.ego}",
+        role="ego",
+        host=spec.ego,
+        argv=(place.python, "-m", "ego_agent"),
+        env=_environment(spec, place, EGO_METRICS_PORT)
+        | {
+            "COADAPT_EGO": spec.ego,
+            "COADAPT_POLICY": spec.policy,
+            "COADAPT_PERIOD_S": str(spec.period_s),
+            "COADAPT_Q_MIN": str(spec.q_min),
+            "COADAPT_JOURNAL_DIR": f"{place.var_dir}/journal",
+        },
+        metrics_port=EGO_METRICS_PORT,
+        robot=spec.ego,
+    )
+    prometheus = Service(
+        name="prometheus",
+        role="prometheus",
+        host=INFRA,
+        argv=(
+            place.prometheus,
+            f"--config.file={place.prometheus_config}",
+            f"--storage.tsdb.path={place.var_dir}/prometheus",
+            f"--storage.tsdb.retention.size={RETENTION}",
+            f"--web.listen-address=0.0.0.0:{PROMETHEUS_PORT}",
+        ),
+        metrics_port=PROMETHEUS_PORT,
+    )
+    return (router, *robots, ego, *([prometheus] if spec.prometheus else []))
+
+
+def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
+    """The settings that all of the swarm's own processes share (`swarm.process`)."""
+    return {
+        "COADAPT_SWARM": spec.swarm,
+        "COADAPT_ROUTER": f"tcp/{place.router_host}:{spec.router_port}",
+        "COADAPT_METRICS_HOST": "0.0.0.0",
+        "COADAPT_METRICS_PORT": str(metrics_port),
+        "COADAPT_WORLD": spec.world,
+        "COADAPT_WORLD_DATA": place.data,
+        "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),
+        "COADAPT_WORLD_SEED": str(spec.seed),
+        "COADAPT_WORLD_RINGS": str(spec.rings),
+        "COADAPT_WORLD_SCENARIO": spec.scenario,
+        "COADAPT_WORLD_CACHE": place.cache,
+        "COADAPT_EPOCH_NS": str(spec.epoch_ns),
+        # A machine runs many of these processes: one numerical thread each.
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+
+
+def prometheus_config(members: Iterable[Service], address: Callable[[Service], str]) -> str:
+    """Prometheus' configuration (YAML): every service that serves metrics, one job a role.
+
+    `address` gives the name or IP address at which Prometheus reaches a service. Targets carry
+    the labels `role`, `robot` (of robots and egos) and `instance`, the service's name.
+    """
+    jobs: dict[str, list[dict[str, object]]] = {}
+    for service in members:
+        if service.metrics_port is None:
+            continue
+        labels = {"role": service.role, "instance": service.name}
+        if service.robot:
+            labels["robot"] = service.robot
+        target = f"{address(service)}:{service.metrics_port}"
+        jobs.setdefault(service.role, []).append({"targets": [target], "labels": labels})
+    config = {
+        "global": {
+            "scrape_interval": f"{SCRAPE_S}s",
+            "scrape_timeout": f"{math.ceil(SCRAPE_S * 0.9)}s",
+        },
+        "scrape_configs": [
+            {"job_name": role, "static_configs": targets} for role, targets in jobs.items()
+        ],
+    }
+    text: str = yaml.safe_dump(config, sort_keys=False)
+    return text

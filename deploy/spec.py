@@ -1,0 +1,132 @@
+"""What a swarm consists of: one validated description that every runtime starts from."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from swarm.errors import DeployError
+from swarm.settings import Name
+
+RuntimeName = Literal["docker", "netns"]
+WorldName = Literal["factory", "opv2v"]
+HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
+MIN_ROBOTS, MAX_ROBOTS = 2, 100
+
+_NAME_RULE = "1 to 32 letters, digits, '_' or '-'"
+_PORT_RULE = "a port from 1 to 65532"
+_ALLOWED = {
+    "swarm": _NAME_RULE,
+    "runtime": "docker or netns",
+    "robots": f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {_NAME_RULE}",
+    "ego": "one of the robots",
+    "world": "factory or opv2v",
+    "data": "the directory of a recorded scenario (needed by opv2v)",
+    "seed": "a whole number >= 0",
+    "rings": "16, 32 or 64",
+    "policy": "the name of a policy: lower-case letters, digits and '-'",
+    "period_s": "seconds > 0 and <= 60",
+    "q_min": "a number from 0 to 1",
+    "prometheus_port": _PORT_RULE,
+    "ego_metrics_port": _PORT_RULE,
+    "router_port": _PORT_RULE,
+    "link_bps": "bit/s >= 100000, or unset",
+}
+
+
+class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """One swarm as it is to run. Make it with `make_spec`, which checks every field.
+
+    Paths are absolute and belong to the host; a runtime that shows processes other paths (a
+    container's volumes) says so in its `services.Place`.
+    """
+
+    swarm: Name = "local"
+    runtime: RuntimeName = "netns"
+    robots: Annotated[tuple[Name, ...], msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS)]
+    ego: Name
+    world: WorldName = "factory"
+    data: str = ""
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 1
+    rings: Literal[16, 32, 64] = 32
+    scenario: str = "floor"
+    cache: str = ""
+    """Directory for scans shared by the swarm's processes; empty keeps none."""
+    policy: Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9-]{1,32}$")] = "coverage"
+    period_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 1.0
+    q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
+    epoch_ns: int = 0
+    """When frame 0 was captured, nanoseconds since the Unix epoch."""
+    prometheus: bool = True
+    prometheus_port: HostPort = 9090
+    """Where Prometheus answers on the host's 127.0.0.1."""
+    ego_metrics_port: HostPort = 9102
+    """Where the ego's metrics answer on the host's 127.0.0.1."""
+    router_port: HostPort = 7447
+    """First of three ports of the router, one a traffic class."""
+    link_bps: Annotated[int, msgspec.Meta(ge=100_000)] | None = None
+    """Rate of the cell towards the ego; None leaves it unshaped."""
+    run_dir: str
+    """Sockets and state of the running swarm; removed by `down`."""
+    var_dir: str
+    """Journals, logs and Prometheus' data; kept by `down`."""
+
+    def same_as(self, other: SwarmSpec) -> bool:
+        """Whether both describe the same swarm, started at whatever time."""
+        return msgspec.structs.replace(self, epoch_ns=other.epoch_ns) == other
+
+
+def factory_robots(count: int) -> tuple[str, ...]:
+    """The robot ids of a simulated factory: R1 to Rn."""
+    return tuple(f"R{number}" for number in range(1, count + 1))
+
+
+def make_spec(**values: Any) -> SwarmSpec:
+    """A checked specification; `ego` defaults to the first robot, `epoch_ns` to now, and the
+    directories to `run_dir_of` and `var/<swarm>` in the current directory.
+
+    Raises DeployError that names the field, its value and what is allowed.
+    """
+    fields = {field.name: field for field in msgspec.structs.fields(SwarmSpec)}
+    for name, value in values.items():
+        if name not in fields:
+            raise DeployError(f"{name} is not a property of a swarm; allowed: {sorted(fields)}")
+        try:
+            msgspec.convert(value, fields[name].type)
+        except msgspec.ValidationError as error:
+            raise _invalid(name, value) from error
+    robots = tuple(values.get("robots", ()))
+    if len(set(robots)) != len(robots) or not robots:
+        raise _invalid("robots", robots)
+    swarm = values.get("swarm", "local")
+    values.setdefault("ego", robots[0])
+    values.setdefault("epoch_ns", time.time_ns())
+    values.setdefault("run_dir", str(run_dir_of(swarm)))
+    values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))
+    if values["ego"] not in robots:
+        raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
+    if values.get("world") == "opv2v" and not Path(values.get("data") or "?").is_dir():
+        raise _invalid("data", values.get("data", ""))
+    spec: SwarmSpec = msgspec.convert(values, SwarmSpec)
+    return spec
+
+
+def run_base() -> Path:
+    """The directory that holds the run directories of this user's swarms: `$COADAPT_RUN_DIR`, or
+    `/tmp/coadapt-<uid>` (short, as the paths of Unix sockets have to be)."""
+    return Path(os.environ.get("COADAPT_RUN_DIR") or f"/tmp/coadapt-{os.getuid()}").absolute()
+
+
+def run_dir_of(swarm: str) -> Path:
+    """The run directory of one of this user's swarms."""
+    return run_base() / swarm
+
+
+def _invalid(name: str, value: object) -> DeployError:
+    return DeployError(
+        f"{name} = {value!r} is not valid; it must be {_ALLOWED.get(name, 'a text without limits')}"
+    )

@@ -1,0 +1,107 @@
+"""The record of a running swarm in its run directory, by which later commands find it."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+
+from deploy.spec import RuntimeName, SwarmSpec, run_base, run_dir_of
+from swarm.errors import DeployError
+
+STATE_FILE = "state.json"
+
+
+class ProcessMark(msgspec.Struct, frozen=True):
+    """A process of this machine, told apart from a later one with the same id."""
+
+    pid: int
+    started_ticks: int
+    """Field 22 of /proc/PID/stat: clock ticks after boot."""
+
+
+class State(msgspec.Struct, frozen=True, kw_only=True):
+    """What `up` leaves for the other commands."""
+
+    runtime: RuntimeName
+    spec: SwarmSpec
+    router: str
+    """The router's address for tools on the host, as `swarm.transport.client_config` takes it."""
+    prometheus_url: str = ""
+    """Prometheus on the host; empty when the swarm has none."""
+    ego_metrics_url: str = ""
+    processes: dict[str, ProcessMark] = {}
+    """Processes on the host that belong to the swarm, by what they do."""
+
+
+def read_state(swarm: str) -> State | None:
+    """The record of a swarm, or None when there is none.
+
+    Raises DeployError when the record cannot be read.
+    """
+    path = run_dir_of(swarm) / STATE_FILE
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=State)
+    except FileNotFoundError:
+        return None
+    except (OSError, msgspec.DecodeError) as error:
+        raise DeployError(
+            f"record {path} of swarm {swarm!r} cannot be read: {error}; run `coadapt down`"
+        ) from error
+
+
+def need_state(swarm: str) -> State:
+    """The record of a swarm. Raises DeployError when no such swarm runs."""
+    state = read_state(swarm)
+    if state is None:
+        raise DeployError(f"no swarm {swarm!r} is running; start one with `make up`")
+    return state
+
+
+def write_state(state: State) -> None:
+    """Writes the record in one step, so that a reader sees all of it or none."""
+    path = Path(state.spec.run_dir) / STATE_FILE
+    draft = path.with_suffix(".new")
+    draft.write_bytes(msgspec.json.format(msgspec.json.encode(state)))
+    draft.replace(path)
+
+
+def make_run_dir(spec: SwarmSpec) -> Path:
+    """The run directory, made for its owner alone.
+
+    Raises DeployError when it cannot be made or belongs to someone else.
+    """
+    path = Path(spec.run_dir)
+    try:
+        for directory in (path.parent, path):
+            directory.mkdir(mode=0o700, exist_ok=True)
+            facts = directory.lstat()
+            if directory.is_symlink() or facts.st_uid != os.getuid():
+                raise DeployError(f"run directory {directory} belongs to someone else; remove it")
+    except OSError as error:
+        raise DeployError(
+            f"run directory {path} cannot be made: {error}; set COADAPT_RUN_DIR to another place"
+        ) from error
+    return path
+
+
+@contextlib.contextmanager
+def exclusive() -> Iterator[None]:
+    """Keeps other `up` and `down` commands of this user waiting."""
+    base = run_base()
+    try:
+        base.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor = os.open(base, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise DeployError(
+            f"run directory {base} cannot be used: {error}; set COADAPT_RUN_DIR to another place"
+        ) from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
