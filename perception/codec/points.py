@@ -1,0 +1,48 @@
+"""Points on the wire: quantised, with a bound on the error of every point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.codec import generic
+from perception.codec.envelope import seal, unseal
+from perception.types import Points, clean_points
+from swarm.errors import PayloadError, ScanError
+
+MAX_POINTS = 12_000_000
+MAX_RANGE_M = 1000.0
+"""A coordinate beyond this is no LiDAR return, but a cloud in the wrong unit or frame."""
+ERROR_LIMITS_M = (0.001, 1.0)
+KIND_GENERIC = 1
+
+
+def encode_points(points: NDArray[np.floating], max_error_m: float = 0.1) -> bytes:
+    """The payload of a cloud, float32 (N, 3), metres, in the sensor's frame.
+
+    The Euclidean error of every decoded point is at most `max_error_m` (0.001 to 1). Points with
+    NaN or infinity are dropped; the order of the others may change.
+    Raises ScanError when the array is not (N, 3), has more than 12 million points, or a
+    coordinate beyond 1000 m: a clipped point would break the error bound silently.
+    """
+    low, high = ERROR_LIMITS_M
+    if not low <= max_error_m <= high:
+        raise ScanError(f"max_error_m must be from {low} to {high}, is {max_error_m}")
+    cloud = clean_points(points)
+    if len(cloud) > MAX_POINTS:
+        raise ScanError(f"a cloud may have {MAX_POINTS} points, this one has {len(cloud)}")
+    reach = float(np.abs(cloud).max(initial=0.0))
+    if reach > MAX_RANGE_M:
+        raise ScanError(f"a coordinate is {reach:.6g} m, allowed are {MAX_RANGE_M:.0f} m")
+    return seal(KIND_GENERIC, generic.encode(cloud, max_error_m))
+
+
+def decode_points(payload: bytes) -> Points:
+    """The cloud of a payload, float32 (N, 3), metres, in the frame it was encoded in.
+
+    Raises PayloadError when the payload is corrupt, truncated or of another version.
+    """
+    kind, body = unseal(payload)
+    if kind != KIND_GENERIC:
+        raise PayloadError(f"payload kind {kind} is not points ({KIND_GENERIC})")
+    return generic.decode(body, MAX_POINTS)
