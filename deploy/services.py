@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -155,7 +154,7 @@ def prometheus_config(members: Iterable[Service], address: Callable[[Service], s
     config = {
         "global": {
             "scrape_interval": f"{SCRAPE_S}s",
-            "scrape_timeout": f"{math.ceil(SCRAPE_S * 0.9)}s",
+            "scrape_timeout": f"{SCRAPE_S}s",
         },
         "scrape_configs": [
             {"job_name": role, "static_configs": targets} for role, targets in jobs.items()

@@ -12,9 +12,13 @@ import sys
 import threading
 from pathlib import Path
 
+import zenoh
+from prometheus_client import CollectorRegistry, Gauge
+
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
+from swarm.metrics import MetricsServer
 
 
 def read_config(path: Path) -> dict[str, object]:
@@ -28,12 +32,25 @@ def read_config(path: Path) -> dict[str, object]:
     return config
 
 
+def serve_metrics(session: zenoh.Session, host: str, port: int) -> MetricsServer:
+    """Serves how many sessions and links the router has. Raises SettingError for a taken port."""
+    registry = CollectorRegistry()
+    sessions = Gauge("coadapt_router_sessions", "Processes connected.", registry=registry)
+    sessions.set_function(lambda: len(list(session.info.transports())))
+    links = Gauge("coadapt_router_links", "Transport links of all sessions.", registry=registry)
+    links.set_function(lambda: len(list(session.info.links())))
+    return MetricsServer(registry, port, host)
+
+
 def main() -> int:
     """Runs a router until SIGTERM or SIGINT."""
     parser = argparse.ArgumentParser(prog="python -m swarm.router", description=__doc__)
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
     parser.add_argument("--port", type=int, default=7447, help="first of three ports, one a class")
     parser.add_argument("--unix-socket", help="also listen on this Unix socket")
+    parser.add_argument(
+        "--metrics-port", type=int, help="serve /metrics on this port of the same address"
+    )
     parser.add_argument("--config", type=Path, help="a configuration file instead of the above")
     parser.add_argument("--print-config", action="store_true", help="print the file and exit")
     args = parser.parse_args()
@@ -53,11 +70,18 @@ def main() -> int:
         if args.unix_socket:
             Path(args.unix_socket).unlink(missing_ok=True)
         session = transport.open_zenoh({"mode": "router", **config})
+        metrics = (
+            serve_metrics(session, args.host, args.metrics_port)
+            if args.metrics_port is not None
+            else None
+        )
     except CoAdaptError as error:
         print(f"swarm.router: {error}", file=sys.stderr)
         return 1
     log.info("router_up", zid=str(session.info.zid()), port=args.port)
     stop.wait()
+    if metrics is not None:
+        metrics.close()
     session.close()  # type: ignore[no-untyped-call]
     log.info("router_down")
     return 0
