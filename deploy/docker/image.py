@@ -58,7 +58,14 @@ def ensure_image(say: Say) -> str:
     shutil.copy(REPOSITORY / "deploy" / "docker" / "Dockerfile", context)
     say(f"building image {tag} on {base}")
     built = _docker(
-        "build", "--quiet", "--tag", tag, "--build-arg", f"BASE={base}", str(context), timeout_s=1800
+        "build",
+        "--quiet",
+        "--tag",
+        tag,
+        "--build-arg",
+        f"BASE={base}",
+        str(context),
+        timeout_s=1800,
     )
     if built.returncode != 0:
         raise DeployError(f"docker build failed:\n{_tail(built)}")

@@ -1,0 +1,140 @@
+"""The compose project of a swarm: one container a process, all on one bridge network."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import zlib
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from deploy import services as roster
+from deploy.services import Place, Service
+from deploy.spec import SwarmSpec
+from swarm.errors import DeployError
+
+LABEL = "coadapt.swarm"
+SERVICE_LABEL = "coadapt.service"
+PLACE = Place(
+    listen_host="0.0.0.0",
+    router_host="router",
+    var_dir="/var/coadapt",
+    prometheus_config="/etc/coadapt/prometheus.yml",
+)
+DATA, CACHE = "/data", "/cache"
+
+
+def place_of(spec: SwarmSpec) -> Place:
+    """Where the processes of this swarm find things inside their containers."""
+    return Place(
+        listen_host=PLACE.listen_host,
+        router_host=PLACE.router_host,
+        var_dir=PLACE.var_dir,
+        prometheus_config=PLACE.prometheus_config,
+        data=DATA if spec.data else "",
+        cache=CACHE if spec.cache else "",
+    )
+
+
+def project_of(swarm: str) -> str:
+    """The compose project's name; compose allows no capitals, swarms do."""
+    lower = re.sub(r"[^a-z0-9_-]", "", swarm.lower())
+    return (
+        f"coadapt-{lower}" if lower == swarm else f"coadapt-{lower}-{zlib.crc32(swarm.encode()):x}"
+    )
+
+
+def compose_file(spec: SwarmSpec, image: str) -> str:
+    """The compose file (YAML) of a swarm that runs from `image`."""
+    members = roster.services(spec, place_of(spec))
+    document = {
+        "services": {m.name: _container(spec, m, image) for m in members},
+        "networks": {"swarm": {"driver": "bridge", "labels": {LABEL: spec.swarm}}},
+    }
+    text: str = yaml.safe_dump(document, sort_keys=False)
+    return text
+
+
+def prometheus_file(spec: SwarmSpec) -> str:
+    """Prometheus' configuration; it reaches each container by its name."""
+    return roster.prometheus_config(
+        roster.services(spec, place_of(spec)), lambda service: service.name
+    )
+
+
+def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
+    container: dict[str, Any] = {
+        "image": image,
+        "command": list(service.argv),
+        "environment": {**service.env, "HOME": "/tmp"},
+        "user": f"{os.getuid()}:{os.getgid()}",
+        "init": True,
+        "networks": ["swarm"],
+        "labels": {LABEL: spec.swarm, SERVICE_LABEL: service.name},
+        "restart": "unless-stopped" if service.restart == "always" else "no",
+        "stop_grace_period": "5s",
+        "volumes": _volumes(spec, service),
+    }
+    published = _published(spec, service)
+    if published:
+        container["ports"] = published
+    if service.role != "router":
+        container["depends_on"] = ["router"]
+    return container
+
+
+def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
+    volumes = []
+    if service.role in ("ego", "prometheus"):
+        volumes.append(f"{spec.var_dir}:{PLACE.var_dir}")
+    if service.role == "prometheus":
+        volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
+    if service.role in ("ego", "robot") and spec.data:
+        volumes.append(f"{spec.data}:{DATA}:ro")
+    if service.role in ("ego", "robot") and spec.cache:
+        volumes.append(f"{spec.cache}:{CACHE}")
+    return volumes
+
+
+def _published(spec: SwarmSpec, service: Service) -> list[str]:
+    """Ports on the host's loopback: the router's, the ego's metrics and Prometheus."""
+    if service.role == "router":
+        ports = range(spec.router_port, spec.router_port + 3)
+        return [f"127.0.0.1:{port}:{port}" for port in ports]
+    if service.role == "ego":
+        return [f"127.0.0.1:{spec.ego_metrics_port}:{service.metrics_port}"]
+    if service.role == "prometheus":
+        return [f"127.0.0.1:{spec.prometheus_port}:{service.metrics_port}"]
+    return []
+
+
+def compose_command() -> list[str] | None:
+    """`docker compose` (v2) or `docker-compose` (v1), whichever is there, else None."""
+    if shutil.which("docker"):
+        probe = subprocess.run(
+            ["docker", "compose", "version"], capture_output=True, timeout=30, check=False
+        )
+        if probe.returncode == 0:
+            return ["docker", "compose"]
+    return ["docker-compose"] if shutil.which("docker-compose") else None
+
+
+def start(spec: SwarmSpec, file: Path) -> None:
+    """Creates and starts the project's containers. Raises DeployError with compose's words."""
+    command = compose_command()
+    if command is None:
+        raise DeployError("compose is missing: install docker-compose or Docker's compose plugin")
+    done = subprocess.run(
+        [*command, "--project-name", project_of(spec.swarm), "--file", str(file), "up", "--detach"],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    if done.returncode != 0:
+        tail = "\n".join(done.stderr.strip().splitlines()[-10:])
+        raise DeployError(f"compose could not start the swarm:\n{tail}")

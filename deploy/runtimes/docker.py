@@ -1,0 +1,158 @@
+"""The Docker runtime: one container a process, started by compose."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from deploy import services as roster
+from deploy import state as record
+from deploy.docker import compose
+from deploy.docker.image import ensure_image
+from deploy.ports import check_free
+from deploy.progress import say
+from deploy.runtimes.base import ProcessStatus
+from deploy.spec import RuntimeName, SwarmSpec
+from swarm.errors import DeployError
+
+PING_S = 5
+STOP_S = 5
+
+
+class DockerRuntime:
+    """Runs a swarm's processes as containers of one compose project."""
+
+    name: RuntimeName = "docker"
+
+    def available(self) -> str | None:
+        """None when an engine answers and compose is there, else what is missing."""
+        try:
+            _engine().ping()
+        except DeployError as error:
+            return str(error)
+        if compose.compose_command() is None:
+            return "compose is missing: install docker-compose or Docker's compose plugin"
+        return None
+
+    def up(self, spec: SwarmSpec) -> bool:
+        """Starts the containers; see `base.Runtime.up`."""
+        running = record.read_state(spec.swarm)
+        if running is not None and self._containers(spec.swarm):
+            if running.spec.same_as(spec):
+                return False
+            raise DeployError(
+                f"swarm {spec.swarm!r} already runs with other settings; run `make down` first"
+            )
+        self.down(spec.swarm)
+        check_free(spec)
+        image = ensure_image(say)
+        run_dir = record.make_run_dir(spec)
+        for folder in ("journal", "prometheus"):
+            Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
+        (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
+        file = run_dir / "compose.yml"
+        file.write_text(compose.compose_file(spec, image))
+        record.write_state(
+            record.State(
+                runtime="docker",
+                spec=spec,
+                router=f"tcp/127.0.0.1:{spec.router_port}",
+                prometheus_url=(
+                    f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else ""
+                ),
+                ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
+            )
+        )
+        try:
+            compose.start(spec, file)
+        except DeployError:
+            self.down(spec.swarm)
+            raise
+        return True
+
+    def down(self, swarm: str) -> bool:
+        """Removes every container and network that carries the swarm's label, and its record."""
+        found = False
+        try:
+            engine = _engine()
+        except DeployError:
+            if record.run_dir_of(swarm).exists():
+                raise
+            return False
+        containers = self._containers(swarm)
+        if containers:
+            found = True
+            with ThreadPoolExecutor(len(containers)) as pool:
+                list(pool.map(_remove, containers))
+        for network in engine.networks.list(filters={"label": f"{compose.LABEL}={swarm}"}):
+            network.remove()
+            found = True
+        return record.remove_run_dir(swarm) or found
+
+    def status(self, swarm: str) -> tuple[ProcessStatus, ...]:
+        """The containers' states in the order of the services."""
+        state = record.need_state(swarm)
+        by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
+        members = roster.services(state.spec, compose.place_of(state.spec))
+        return tuple(_status(member.name, by_name.get(member.name)) for member in members)
+
+    def logs(self, swarm: str, service: str, follow: bool) -> Iterator[str]:
+        """The lines of one container's standard output and error."""
+        by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
+        if service not in by_name:
+            raise DeployError(
+                f"service {service!r} is not part of swarm {swarm!r}; it has {sorted(by_name)}"
+            )
+        rest = b""
+        for chunk in by_name[service].logs(stream=True, follow=follow):
+            *lines, rest = (rest + chunk).split(b"\n")
+            yield from (line.decode(errors="replace") for line in lines)
+        if rest:
+            yield rest.decode(errors="replace")
+
+    def _containers(self, swarm: str) -> list[Any]:
+        label = f"{compose.LABEL}={swarm}"
+        found: list[Any] = _engine().containers.list(all=True, filters={"label": label})
+        return found
+
+
+def _engine() -> Any:
+    """A client of the local engine. Raises DeployError when none answers."""
+    import docker
+    import docker.errors
+    import requests
+
+    try:
+        engine = docker.from_env(timeout=60)
+        engine.ping()
+    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+        raise DeployError(f"no Docker engine answers: {error}") from error
+    return engine
+
+
+def _remove(container: Any) -> None:
+    import docker.errors
+
+    # Another `down`, or the engine itself, may remove it at the same moment.
+    with contextlib.suppress(docker.errors.NotFound):
+        container.stop(timeout=STOP_S)
+        container.remove(force=True, v=True)
+
+
+def _status(service: str, container: Any | None) -> ProcessStatus:
+    if container is None:
+        return ProcessStatus(service, "stopped", 0, 0.0, "its container is gone")
+    facts = container.attrs
+    state = facts["State"]
+    restarts = int(facts.get("RestartCount", 0))
+    if state["Status"] == "running":
+        begun = datetime.datetime.fromisoformat(state["StartedAt"][:19] + "+00:00")
+        uptime = (datetime.datetime.now(datetime.UTC) - begun).total_seconds()
+        return ProcessStatus(service, "running", restarts, max(0.0, uptime))
+    detail = f"exit code {state.get('ExitCode')} {state.get('Error', '')}".strip()
+    kind = "restarting" if state["Status"] == "restarting" else "stopped"
+    return ProcessStatus(service, kind, restarts, 0.0, detail)
