@@ -97,8 +97,8 @@ def clean_points(points: NDArray[np.floating]) -> Points:
     if points.ndim != 2 or points.shape[1] != 3:
         raise ScanError(f"a cloud must have shape (N, 3), this one has {points.shape}")
     cloud = np.asarray(points, dtype=np.float32)
-    finite = np.isfinite(cloud).all(axis=1)
-    return cloud if finite.all() else cloud[finite]
+    finite = np.isfinite(cloud)
+    return cloud if finite.all() else cloud[finite.all(axis=1)]
 
 
 __all__ = ["Boxes", "Points", "Scene", "SceneObject", "clean_points", "transform"]
