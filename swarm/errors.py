@@ -5,11 +5,13 @@
     ├── MessageError          bytes from the network are not a valid message
     ├── KeyspaceError         a swarm name or robot id cannot be part of a key
     ├── TransportError        the Zenoh session could not be opened or used
+    │   └── RefusedError      a process answered a request with a refusal
     ├── WorldError            scans or ground truth cannot be read or simulated
     ├── PerceptionError       a scan or payload cannot be processed
     │   ├── ScanError         the points are not a usable cloud
     │   └── PayloadError      an encoded payload is corrupt, truncated or of another version
     ├── DecisionError         a policy or a decision cannot be used
+    ├── JournalError          a journal cannot be opened, read or written
     └── DeployError           a runtime cannot be started, read or stopped
 
 The command line prints the message and exits with 1; a message therefore names the thing, the
@@ -37,6 +39,10 @@ class TransportError(CoAdaptError):
     """The Zenoh session could not be opened or used."""
 
 
+class RefusedError(TransportError):
+    """A process answered a request with a refusal, whose reason the message gives."""
+
+
 class WorldError(CoAdaptError):
     """Scans or ground truth cannot be read or simulated."""
 
@@ -55,6 +61,10 @@ class PayloadError(PerceptionError):
 
 class DecisionError(CoAdaptError):
     """A policy or a decision cannot be used."""
+
+
+class JournalError(CoAdaptError):
+    """A journal cannot be opened, read or written."""
 
 
 class DeployError(CoAdaptError):

@@ -18,7 +18,7 @@ import zenoh
 from prometheus_client import CollectorRegistry, Counter
 
 from swarm import keyspace, transport
-from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
+from swarm.errors import CoAdaptError, KeyspaceError, MessageError, RefusedError, TransportError
 from swarm.log import Logger, make_logger
 from swarm.messages import Message, Refusal, decode, encode
 from swarm.traffic import TrafficClass
@@ -292,10 +292,10 @@ class Session:
             self._log.warning("message_invalid", key=sender, error=str(error)[:300])
 
 
-def _refused(key: str, reply: zenoh.ReplyError | None) -> TransportError:
+def _refused(key: str, reply: zenoh.ReplyError | None) -> RefusedError:
     data = reply.payload.to_bytes() if reply is not None else b""
     try:
         reason = decode(data, Refusal).reason
     except MessageError:
         reason = f"error reply of {len(data)} bytes"
-    return TransportError(f"{key} refused: {reason}")
+    return RefusedError(f"{key} refused: {reason}")
