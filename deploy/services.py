@@ -18,6 +18,7 @@ EGO_METRICS_PORT = 9102
 PROMETHEUS_PORT = 9090
 SCRAPE_S = 2
 RETENTION = "512MB"
+JOURNAL = "journal"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,9 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             "COADAPT_POLICY": spec.policy,
             "COADAPT_PERIOD_S": str(spec.period_s),
             "COADAPT_Q_MIN": str(spec.q_min),
-            "COADAPT_JOURNAL_DIR": f"{place.var_dir}/journal",
+            "COADAPT_JOURNAL": f"{place.var_dir}/{JOURNAL}/{spec.ego}.jsonl",
+            # What the operator sets is known before anything has been measured.
+            **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
         },
         metrics_port=EGO_METRICS_PORT,
         robot=spec.ego,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from pathlib import Path
@@ -75,9 +76,19 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     var_dir: str
     """Journals, logs and Prometheus' data; kept by `down`."""
 
+    def differences(self, other: SwarmSpec) -> tuple[str, ...]:
+        """The names of the properties in which two specifications differ, but for when they were
+        started."""
+        names = (field.name for field in msgspec.structs.fields(SwarmSpec))
+        return tuple(
+            name
+            for name in names
+            if name != "epoch_ns" and getattr(self, name) != getattr(other, name)
+        )
+
     def same_as(self, other: SwarmSpec) -> bool:
         """Whether both describe the same swarm, started at whatever time."""
-        return msgspec.structs.replace(self, epoch_ns=other.epoch_ns) == other
+        return not self.differences(other)
 
 
 def factory_robots(count: int) -> tuple[str, ...]:
@@ -95,6 +106,8 @@ def make_spec(**values: Any) -> SwarmSpec:
     for name, value in values.items():
         if name not in fields:
             raise DeployError(f"{name} is not a property of a swarm; allowed: {sorted(fields)}")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise _invalid(name, value)
         try:
             msgspec.convert(value, fields[name].type)
         except msgspec.ValidationError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -87,6 +88,18 @@ def make_run_dir(spec: SwarmSpec) -> Path:
             f"run directory {path} cannot be made: {error}; set COADAPT_RUN_DIR to another place"
         ) from error
     return path
+
+
+def remove_run_dir(swarm: str) -> bool:
+    """Removes a swarm's run directory. Returns False when there is none."""
+    path = run_dir_of(swarm)
+    if not path.exists():
+        return False
+    try:
+        shutil.rmtree(path)
+    except OSError as error:
+        raise DeployError(f"run directory {path} cannot be removed: {error}") from error
+    return True
 
 
 @contextlib.contextmanager

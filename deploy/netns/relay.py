@@ -1,0 +1,89 @@
+"""Byte relays between the host's 127.0.0.1 and the swarm's network, which share no network.
+
+A Unix socket in the run directory crosses network namespaces: the supervisor listens on it and
+connects to the service inside; `python -m deploy.netns.relay RUN_DIR FD=SOCKET ...` runs on the
+host, accepts on the inherited listening socket FD and connects to SOCKET. It ends with the
+supervisor, whose control socket it holds a connection to.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from deploy.netns import control
+
+Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+CHUNK = 64 * 1024
+
+
+def forwarder(
+    connect: Callable[[], Awaitable[Streams]],
+) -> Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]:
+    """A connection handler that copies bytes both ways to what `connect` opens, and passes on the
+    end of either direction while the other still flows."""
+
+    async def forward(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            far_reader, far_writer = await connect()
+        except OSError:
+            writer.close()
+            return
+        try:
+            await asyncio.gather(_copy(reader, far_writer), _copy(far_reader, writer))
+        finally:
+            for end in (writer, far_writer):
+                end.close()
+
+    return forward
+
+
+async def _copy(source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(OSError):
+        while data := await source.read(CHUNK):
+            target.write(data)
+            await target.drain()
+        if target.can_write_eof():
+            target.write_eof()
+
+
+async def serve_unix(path: Path, host: str, port: int) -> asyncio.Server:
+    """Listens on a Unix socket and forwards to an address in this network namespace."""
+    return await asyncio.start_unix_server(
+        forwarder(lambda: asyncio.open_connection(host, port)), path=path
+    )
+
+
+async def _run(run_dir: Path, doors: list[tuple[int, Path]]) -> None:
+    alive, _ = await asyncio.open_unix_connection(run_dir / control.SOCKET)
+    servers = []
+    for descriptor, path in doors:
+        listener = socket.socket(fileno=descriptor)
+
+        def connect(path: Path = path) -> Awaitable[Streams]:
+            return asyncio.open_unix_connection(path)
+
+        servers.append(await asyncio.start_server(forwarder(connect), sock=listener))
+    await alive.read()
+    for server in servers:
+        server.close()
+
+
+def main() -> int:
+    """Relays until the supervisor ends."""
+    run_dir, *pairs = sys.argv[1:]
+    doors = [(int(left), Path(right)) for left, _, right in (pair.partition("=") for pair in pairs)]
+    try:
+        asyncio.run(_run(Path(run_dir), doors))
+    except OSError as error:
+        print(f"deploy.netns.relay: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
