@@ -42,10 +42,11 @@ def ground_mask(points: NDArray[np.floating]) -> NDArray[np.bool_]:
     Raises ScanError for another shape.
     """
     finite = clean_points(points)
-    usable = np.isfinite(np.asarray(points, dtype=np.float32)).all(axis=1)
-    usable[usable] = fast.in_range(finite)
-    usable[usable] = fast.segment(finite).ground
-    return usable
+    used = np.flatnonzero(np.isfinite(np.asarray(points, dtype=np.float32)).all(axis=1))
+    used = used[fast.in_range(finite)]
+    mask = np.zeros(len(points), dtype=np.bool_)
+    mask[used] = fast.segment(finite).ground
+    return mask
 
 
 def describe(
@@ -79,7 +80,7 @@ def _objects(found: Segmentation, own_body_m: float) -> tuple[SceneObject, ...]:
     if not found.count:
         return ()
     groups = Groups.of(found.labels, found.count)
-    columns = np.ascontiguousarray(found.points[found.members[groups.order]].T)
+    columns = np.ascontiguousarray(found.points.take(found.members[groups.order], axis=0).T)
     counts = np.diff(groups.starts, append=len(found.members))
     # Sums in float64: thousands of float32 terms would cost centimetres far from the origin.
     centroids = np.add.reduceat(columns, groups.starts, axis=1, dtype=np.float64) / counts
