@@ -1,0 +1,242 @@
+"""Recorded OPV2V scenarios, in the data set's own layout.
+
+    <scenario>/data_protocol.yaml
+    <scenario>/<vehicle>/<frame>.pcd     points in the sensor's frame
+    <scenario>/<vehicle>/<frame>.yaml    lidar_pose, vehicles
+
+OPV2V was recorded in CARLA, whose frames are left-handed: y points right, yaw turns clockwise.
+Everything that leaves this module is right-handed: y is negated, and so are yaw and pitch.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import yaml
+
+from perception.types import Boxes, clean_points
+from swarm.errors import WorldError
+from swarm.geometry import Points, Pose, invert, transform, wrap_heading
+from worlds.base import GroundTruth, Scan
+from worlds.pcd import read_pcd
+
+RATE_HZ = 10.0
+RANGE_M = 120.0
+MAX_CACHED = 64
+BOX_MARGIN_M = 0.1
+"""Points this far outside a box still count as the vehicle's: range noise and box rounding."""
+
+T = TypeVar("T")
+
+
+class Opv2vWorld:
+    """One recorded scenario; every vehicle folder is a robot. Scans are cached in memory."""
+
+    name = "opv2v"
+    rate_hz = RATE_HZ
+    range_m = RANGE_M
+    detector = "road"
+
+    def __init__(self, data: Path) -> None:
+        """Opens a scenario directory, or a directory that holds exactly one.
+
+        Raises WorldError when there is none, or when its vehicles share no frame.
+        """
+        self._directory = _find_scenario(Path(data))
+        frames: dict[str, set[str]] = {}
+        for folder in sorted(p for p in self._directory.iterdir() if p.is_dir()):
+            names = {p.stem for p in folder.glob("*.pcd")} & {p.stem for p in folder.glob("*.yaml")}
+            if names and not folder.name.startswith("-"):
+                frames[folder.name] = names
+        if not frames:
+            raise WorldError(f"scenario {self._directory} has no <vehicle>/<frame>.pcd and .yaml")
+        self.robots = tuple(frames)
+        self.frame_names = tuple(sorted(set.intersection(*frames.values())))
+        if not self.frame_names:
+            raise WorldError(
+                f"the vehicles {', '.join(frames)} of {self._directory} share no frame"
+            )
+        self.frame_count = len(self.frame_names)
+        self._lock = threading.Lock()
+        self._cache: OrderedDict[tuple[str, str, int], Any] = OrderedDict()
+
+    def frame_index(self, name: str) -> int:
+        """The index of a frame by its name in the data set (`006220`) or its own number.
+
+        Raises WorldError for a frame that is not there.
+        """
+        if name in self.frame_names:
+            return self.frame_names.index(name)
+        if name.isdigit() and int(name) < self.frame_count and len(name) < 6:
+            return int(name)
+        raise WorldError(
+            f"frame {name!r} is not in {self._directory}; it has {self.frame_names[0]} to "
+            f"{self.frame_names[-1]}, or 0 to {self.frame_count - 1}"
+        )
+
+    def pose(self, robot: str, frame: int) -> Pose:
+        """The vehicle's sensor in the world frame."""
+        facts = self._facts(robot, frame)
+        try:
+            return _pose(*(float(value) for value in facts["lidar_pose"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise WorldError(
+                f"{self._path(robot, frame, 'yaml')} has no valid lidar_pose: {error!r}"
+            ) from error
+
+    def scan(self, robot: str, frame: int) -> Scan:
+        """One recorded scan in the right-handed sensor frame."""
+        frame %= self.frame_count
+        points = self._remember(
+            ("points", robot, frame),
+            lambda: _flip(clean_points(read_pcd(self._path(robot, frame, "pcd")))),
+        )
+        return Scan(
+            robot=robot,
+            frame=frame,
+            points=points,
+            pose=self.pose(robot, frame),
+            velocity=self._velocity(robot, frame),
+        )
+
+    def ground_truth(self, frame: int) -> GroundTruth:
+        """Boxes of all vehicles that any recording vehicle lists in this frame."""
+        frame %= self.frame_count
+        truth: GroundTruth = self._remember(("truth", "", frame), lambda: self._truth(frame))
+        return truth
+
+    def _velocity(self, robot: str, frame: int) -> tuple[float, float, float]:
+        """Difference to the next recorded pose (to the previous one in the last frame)."""
+        if self.frame_count < 2:
+            return (0.0, 0.0, 0.0)
+        frame = min(frame, self.frame_count - 2)
+        a, b = self.pose(robot, frame), self.pose(robot, frame + 1)
+        return ((b.x - a.x) * RATE_HZ, (b.y - a.y) * RATE_HZ, (b.z - a.z) * RATE_HZ)
+
+    def _truth(self, frame: int) -> GroundTruth:
+        listed: dict[str, dict[str, Any]] = {}
+        for robot in self.robots:
+            for identity, vehicle in (self._facts(robot, frame).get("vehicles") or {}).items():
+                listed.setdefault(str(identity), vehicle)
+        identities = tuple(sorted(listed))
+        try:
+            boxes = _boxes([listed[identity] for identity in identities])
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise WorldError(
+                f"frame {self.frame_names[frame]} of {self._directory} has a malformed vehicle: "
+                f"{error!r}"
+            ) from error
+        visible = np.zeros(len(boxes), dtype=np.int64)
+        for robot in self.robots:
+            scan = self.scan(robot, frame)
+            points = transform(scan.pose.matrix(), scan.points)
+            visible += [int(points_in_box(points, boxes, i).sum()) for i in range(len(boxes))]
+        return GroundTruth(boxes=boxes, ids=identities, visible_points=visible)
+
+    def _facts(self, robot: str, frame: int) -> dict[str, Any]:
+        frame %= self.frame_count
+        facts: dict[str, Any] = self._remember(
+            ("facts", robot, frame), lambda: _read_yaml(self._path(robot, frame, "yaml"))
+        )
+        return facts
+
+    def _path(self, robot: str, frame: int, suffix: str) -> Path:
+        if robot not in self.robots:
+            raise WorldError(
+                f"robot {robot!r} is not in {self._directory}; it has {', '.join(self.robots)}"
+            )
+        return self._directory / robot / f"{self.frame_names[frame % self.frame_count]}.{suffix}"
+
+    def _remember(self, key: tuple[str, str, int], make: Callable[[], T]) -> T:
+        with self._lock:
+            if key in self._cache:
+                self._cache.move_to_end(key)
+                found: T = self._cache[key]
+                return found
+        made = make()
+        with self._lock:
+            self._cache[key] = made
+            while len(self._cache) > MAX_CACHED * 2:
+                self._cache.popitem(last=False)
+        return made
+
+
+def points_in_box(points: Points, boxes: Boxes, index: int) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """(N,) whether points (N, 3) lie in one box (same frame), with `BOX_MARGIN_M` around it."""
+    center, size = boxes.centers[index], boxes.sizes[index] / 2 + BOX_MARGIN_M
+    offset = points - center.astype(np.float32)
+    near = np.flatnonzero((np.abs(offset) <= np.hypot(size[0], size[1]) + size[2]).all(axis=1))
+    inside = np.zeros(len(points), dtype=np.bool_)
+    turned = transform(
+        invert(Pose(0, 0, 0, yaw=float(boxes.headings[index])).matrix()), offset[near]
+    )
+    inside[near] = (np.abs(turned) <= size).all(axis=1)
+    return inside
+
+
+def _find_scenario(data: Path) -> Path:
+    if not data.is_dir():
+        raise WorldError(f"data directory {data} is not a readable directory")
+    try:
+        if (data / "data_protocol.yaml").is_file():
+            return data
+        found = sorted(p.parent for p in data.glob("*/data_protocol.yaml")) or sorted(
+            p.parent for p in data.glob("*/*/data_protocol.yaml")
+        )
+    except OSError as error:
+        raise WorldError(f"data directory {data} cannot be read: {error}") from error
+    if len(found) != 1:
+        raise WorldError(
+            f"data directory {data} holds {len(found)} OPV2V scenarios (folders with "
+            "data_protocol.yaml); name one of them"
+        )
+    return found[0]
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        facts = yaml.load(path.read_text(), Loader=loader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise WorldError(f"frame description {path} cannot be read: {error}") from error
+    if not isinstance(facts, dict):
+        raise WorldError(f"frame description {path} is not a mapping")
+    return facts
+
+
+def _pose(x: float, y: float, z: float, roll: float, yaw: float, pitch: float) -> Pose:
+    """A CARLA pose (metres, degrees, left-handed) as ours."""
+    return Pose(x, -y, z, math.radians(roll), -math.radians(pitch), -math.radians(yaw))
+
+
+def _flip(points: Points) -> Points:
+    flipped = points * np.array([1.0, -1.0, 1.0], dtype=np.float32)
+    flipped.setflags(write=False)
+    return flipped
+
+
+def _boxes(vehicles: list[dict[str, Any]]) -> Boxes:
+    """Vehicles of a frame description: `location` is the actor's origin, `center` the box's offset
+    from it in the actor's frame, `extent` half sizes, `angle` roll, yaw, pitch in degrees."""
+    if not vehicles:
+        return Boxes.empty()
+    centers, sizes, headings = [], [], []
+    for vehicle in vehicles:
+        actor = _pose(*vehicle["location"], *vehicle["angle"])
+        x, y, z = vehicle["center"]
+        centers.append((actor.matrix() @ np.array([x, -y, z, 1.0]))[:3])
+        sizes.append([2.0 * float(half) for half in vehicle["extent"]])
+        headings.append(wrap_heading(actor.yaw))
+    return Boxes(
+        centers=np.array(centers, dtype=np.float64),
+        sizes=np.array(sizes, dtype=np.float64),
+        headings=np.array(headings, dtype=np.float64),
+        scores=np.ones(len(vehicles)),
+        labels=("vehicle",) * len(vehicles),
+    )

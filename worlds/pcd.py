@@ -1,0 +1,112 @@
+"""Reads the points of PCD files (Point Cloud Library format 0.7), ascii or binary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm.errors import WorldError
+from swarm.geometry import Points
+
+MAX_HEADER_BYTES = 4096
+MAX_POINTS = 12_000_000
+_TYPES = {("F", 4): "<f4", ("F", 8): "<f8"} | {
+    (kind, size): f"{'<' if size > 1 else '|'}{code}{size}"
+    for kind, code in (("I", "i"), ("U", "u"))
+    for size in (1, 2, 4, 8)
+}
+
+
+def read_pcd(path: Path) -> Points:
+    """The points of a file as float32 (N, 3) in the sensor's frame as stored, NaN included.
+
+    Raises WorldError that names the file and what is wrong with it.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise WorldError(f"point cloud {path} cannot be read: {error}") from error
+    header, body = _split_header(path, data)
+    count = _positive(path, header, "POINTS")
+    fields = header.get("FIELDS", [])
+    missing = [name for name in ("x", "y", "z") if name not in fields]
+    if missing:
+        raise WorldError(f"point cloud {path} has fields {fields}; x, y and z are needed")
+    kind = header["DATA"][0]
+    if kind == "ascii":
+        return _read_ascii(path, body, fields, count)
+    if kind == "binary":
+        return _read_binary(path, body, header, count)
+    raise WorldError(f"point cloud {path} has DATA {kind}; allowed: ascii, binary")
+
+
+def _split_header(path: Path, data: bytes) -> tuple[dict[str, list[str]], bytes]:
+    header: dict[str, list[str]] = {}
+    start = 0
+    while start < min(len(data), MAX_HEADER_BYTES):
+        end = data.find(b"\n", start)
+        if end < 0:
+            break
+        words = data[start:end].decode("ascii", errors="replace").split()
+        start = end + 1
+        if words and not words[0].startswith("#"):
+            header[words[0].upper()] = words[1:]
+            if words[0].upper() == "DATA":
+                if len(words) != 2:
+                    break
+                return header, data[start:]
+    raise WorldError(f"point cloud {path} has no PCD header that ends with a DATA line")
+
+
+def _positive(path: Path, header: dict[str, list[str]], name: str) -> int:
+    words = header.get(name, [])
+    if len(words) != 1 or not words[0].isdigit() or int(words[0]) > MAX_POINTS:
+        raise WorldError(
+            f"point cloud {path} has {name} {' '.join(words)!r}; it must be 0 to {MAX_POINTS}"
+        )
+    return int(words[0])
+
+
+def _read_ascii(path: Path, body: bytes, fields: list[str], count: int) -> Points:
+    try:
+        values = np.array(body.split(), dtype=np.float32)
+    except ValueError as error:
+        raise WorldError(f"point cloud {path} holds something that is no number: {error}") from None
+    if len(values) != count * len(fields):
+        raise WorldError(
+            f"point cloud {path} announces {count} points of {len(fields)} numbers, "
+            f"holds {len(values)} numbers"
+        )
+    return _xyz(values.reshape(count, len(fields)), fields)
+
+
+def _read_binary(path: Path, body: bytes, header: dict[str, list[str]], count: int) -> Points:
+    fields = header["FIELDS"]
+    sizes, types = header.get("SIZE", []), header.get("TYPE", [])
+    counts = header.get("COUNT", ["1"] * len(fields))
+    try:
+        layout = np.dtype(
+            [
+                (f"{i}", _TYPES[kind, int(size)], (int(many),))
+                for i, (size, kind, many) in enumerate(zip(sizes, types, counts, strict=True))
+            ]
+        )
+        columns = [fields.index(name) for name in ("x", "y", "z")]
+        if len(layout.names or ()) != len(fields):
+            raise ValueError("FIELDS, SIZE, TYPE and COUNT differ in length")
+    except (KeyError, ValueError) as error:
+        raise WorldError(f"point cloud {path} has a malformed header: {error}") from error
+    if len(body) < count * layout.itemsize:
+        raise WorldError(
+            f"point cloud {path} announces {count} points of {layout.itemsize} bytes, "
+            f"holds {len(body)} bytes"
+        )
+    records = np.frombuffer(body, dtype=layout, count=count)
+    return np.stack([records[f"{c}"][:, 0].astype(np.float32) for c in columns], axis=1)
+
+
+def _xyz(values: NDArray[np.float32], fields: list[str]) -> Points:
+    columns = [fields.index(name) for name in ("x", "y", "z")]
+    return np.ascontiguousarray(values[:, columns])

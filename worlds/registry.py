@@ -1,0 +1,46 @@
+"""Worlds by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from swarm.errors import WorldError
+from worlds.base import World
+
+WORLDS = ("factory", "opv2v")
+
+
+def open_world(
+    name: str,
+    *,
+    data: Path | None = None,
+    robots: int = 6,
+    seed: int = 1,
+    rings: int = 32,
+    scenario: str = "floor",
+    cache: Path | None = None,
+) -> World:
+    """The world of that name.
+
+    Args:
+        name: `factory` or `opv2v`.
+        data: directory of a recorded scenario; needed by `opv2v`.
+        robots: number of simulated robots.
+        seed: of everything random in a simulated world.
+        rings: of the simulated LiDAR.
+        scenario: of the simulated world.
+        cache: directory in which scans are kept between runs; None keeps none.
+
+    Raises WorldError for an unknown name, missing data or a value that the world does not allow.
+    """
+    if name == "opv2v":
+        from worlds.opv2v import Opv2vWorld
+
+        if data is None:
+            raise WorldError("world 'opv2v' needs the directory of a recorded scenario (DATA=...)")
+        return Opv2vWorld(data)
+    if name == "factory":
+        from worlds.factory import FactoryWorld
+
+        return FactoryWorld(robots=robots, seed=seed, rings=rings, scenario=scenario, cache=cache)
+    raise WorldError(f"world {name!r} is not known; allowed: {', '.join(WORLDS)}")
