@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -95,7 +96,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             "COADAPT_POLICY": spec.policy,
             "COADAPT_PERIOD_S": str(spec.period_s),
             "COADAPT_Q_MIN": str(spec.q_min),
-            "COADAPT_JOURNAL": f"{place.var_dir}/{JOURNAL}/{spec.ego}.jsonl",
+            "COADAPT_JOURNAL": journal_path(spec, place.var_dir),
             # What the operator sets is known before anything has been measured.
             **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
         },
@@ -116,6 +117,12 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         metrics_port=PROMETHEUS_PORT,
     )
     return (router, *robots, ego, *([prometheus] if spec.prometheus else []))
+
+
+def journal_path(spec: SwarmSpec, var_dir: str) -> str:
+    """The ego's journal: one file for each time that the swarm is started, named by when."""
+    begun = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(spec.epoch_ns // 1_000_000_000))
+    return f"{var_dir}/{JOURNAL}/{spec.ego}-{begun}.jsonl"
 
 
 def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:

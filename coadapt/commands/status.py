@@ -1,0 +1,111 @@
+"""`coadapt status`: who is there, who takes part and why, and what the processes do."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+
+import msgspec
+
+from deploy import runtimes
+from deploy.observe import SwarmView, Watch
+from deploy.rates import format_rate
+from deploy.runtimes.base import ProcessStatus
+from deploy.state import State, need_state
+
+WINDOW_S = 1.2
+REDRAW_S = 1.0
+_CLEAR = "\x1b[H\x1b[2J"
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds `status` to the command line."""
+    parser = subparsers.add_parser("status", help="show a swarm", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="one object on standard output")
+    parser.add_argument("--watch", action="store_true", help="draw again every second")
+    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Listens for a moment and prints what came; with `--watch` until interrupted."""
+    state = need_state(args.swarm)
+    runtime = runtimes.get(state.runtime)
+    processes = runtime.status(args.swarm)
+    with Watch(state) as watch:
+        _listen(watch, state)
+        while True:
+            view = watch.view()
+            if args.json:
+                print(_json(view, processes), flush=True)
+            else:
+                print((_CLEAR if args.watch else "") + render(view, processes), flush=True)
+            if not args.watch:
+                return 0
+            time.sleep(REDRAW_S)
+            processes = runtime.status(args.swarm)
+
+
+def _listen(watch: Watch, state: State) -> None:
+    """Long enough for the rates, and for one decision when the ego decides rarely."""
+    begun = time.monotonic()
+    while (waited := time.monotonic() - begun) < WINDOW_S or (
+        not watch.decided() and waited < WINDOW_S + state.spec.period_s
+    ):
+        watch.wait(0.1)
+
+
+def _json(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
+    table = msgspec.to_builtins(view) | {"processes": msgspec.to_builtins(processes)}
+    return msgspec.json.encode(table).decode()
+
+
+def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
+    """The table for people."""
+    lines = [f"swarm {view.swarm} ({view.runtime}), ego {view.ego}", ""]
+    lines += _columns(
+        [("robot", "alive", "age", "position", "distance", "selected", "bytes/s")]
+        + [
+            (
+                row.robot,
+                "yes" if row.alive else "NO",
+                "-" if row.age_s is None else f"{row.age_s:.1f} s",
+                "-" if row.position is None else f"{row.position[0]:.1f}, {row.position[1]:.1f}",
+                "-" if row.distance_m is None else f"{row.distance_m:.1f} m",
+                "ego" if row.robot == view.ego else "yes" if row.selected else "",
+                f"{row.bytes_per_s:,.0f}",
+            )
+            for row in view.robots
+        ]
+    )
+    lines += ["", *_decision(view), ""]
+    lines += _columns(
+        [("process", "state", "restarts", "up", "")]
+        + [
+            (p.service, p.state, str(p.restarts), f"{p.uptime_s:.0f} s", p.detail)
+            for p in processes
+        ]
+    )
+    return "\n".join(lines)
+
+
+def _decision(view: SwarmView) -> list[str]:
+    if view.selected is None or view.capacity_bps is None:
+        return ["decision   none came while listening"]
+    valid = "" if view.valid else " (NOT VALID)"
+    return [
+        f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
+        f"by         {view.policy} (source: {view.source})",
+        f"reason     {view.reason}",
+        f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = {format_rate(view.capacity_bps)}; "
+        f"{view.frames_per_s:.1f} frames/s",
+    ]
+
+
+def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

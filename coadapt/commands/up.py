@@ -1,0 +1,121 @@
+"""`coadapt up`: start a swarm on this machine and wait until it works."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from deploy import ready, runtimes
+from deploy.progress import say
+from deploy.rates import parse_rate
+from deploy.runtimes.base import Runtime
+from deploy.services import journal_path
+from deploy.spec import SwarmSpec, factory_robots, make_spec
+from deploy.state import State, need_state, read_state
+from swarm.errors import DeployError
+
+WAIT_S = 60.0
+WAIT_S_A_ROBOT = 3.0
+"""Importing Open3D takes seconds, and a small machine starts many robots at once."""
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds `up` to the command line."""
+    parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
+    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
+    parser.add_argument("--world", choices=("factory", "opv2v"), default="factory")
+    parser.add_argument("--data", default="", help="directory of recorded data, for opv2v")
+    parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
+    parser.add_argument("--policy", default="coverage", help="how the ego decides")
+    parser.add_argument("--period", type=float, default=1.0, help="seconds between decisions")
+    parser.add_argument("--q-min", type=float, default=0.7, help="least quality, 0 to 1")
+    parser.add_argument("--rings", type=int, choices=(16, 32, 64), default=32, help="of the LiDARs")
+    parser.add_argument("--scenario", default="floor", help="of the factory")
+    parser.add_argument("--seed", type=int, default=1, help="of the factory")
+    parser.add_argument("--ego", help="which robot fuses (default: the first)")
+    parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
+    parser.add_argument("--no-prometheus", action="store_true", help="go without Prometheus")
+    parser.add_argument("--prometheus-port", type=int, default=9090, help="on 127.0.0.1")
+    parser.add_argument("--ego-metrics-port", type=int, default=9102, help="on 127.0.0.1")
+    parser.add_argument("--router-port", type=int, default=7447, help="first of three")
+    parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Starts the swarm, unless it runs already; a swarm that does not start is removed again."""
+    runtime, why = _runtime(args)
+    say(why)
+    spec = _spec(args, runtime)
+    if not runtime.up(spec):
+        say(f"swarm {spec.swarm!r} runs already")
+        _print_where(need_state(spec.swarm))
+        return 0
+    wait_s = args.wait if args.wait is not None else WAIT_S + WAIT_S_A_ROBOT * len(spec.robots)
+    try:
+        state = need_state(spec.swarm)
+        ready.wait_ready(runtime, state, wait_s)
+    except BaseException:
+        say("taking it down again ...")
+        runtime.down(spec.swarm)
+        raise
+    _print_where(state)
+    return 0
+
+
+def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
+    state = read_state(args.swarm)
+    if state is None:
+        return runtimes.choose(args.runtime)
+    if args.runtime not in ("auto", state.runtime):
+        raise DeployError(
+            f"swarm {args.swarm!r} already exists in runtime {state.runtime}; run `make down` first"
+        )
+    return runtimes.get(state.runtime), f"runtime {state.runtime}: the swarm already exists in it"
+
+
+def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
+    robots = factory_robots(args.robots)
+    if args.world == "opv2v":
+        if not args.data:
+            raise DeployError("world opv2v needs --data DIR (make up WORLD=opv2v DATA=DIR)")
+        robots = _recorded(Path(args.data))[: args.robots]
+        say(f"{args.data} has the vehicles {', '.join(robots)}")
+    optional = {} if args.ego is None else {"ego": args.ego}
+    return make_spec(
+        swarm=args.swarm,
+        runtime=runtime.name,
+        robots=robots,
+        world=args.world,
+        data=str(Path(args.data).absolute()) if args.data else "",
+        seed=args.seed,
+        rings=args.rings,
+        scenario=args.scenario,
+        policy=args.policy,
+        period_s=args.period,
+        q_min=args.q_min,
+        prometheus=not args.no_prometheus,
+        prometheus_port=args.prometheus_port,
+        ego_metrics_port=args.ego_metrics_port,
+        router_port=args.router_port,
+        link_bps=parse_rate(args.link) if args.link else None,
+        **optional,
+    )
+
+
+def _recorded(data: Path) -> tuple[str, ...]:
+    # Imported here: the other commands need no arrays.
+    from worlds.registry import open_world
+
+    return open_world("opv2v", data=data).robots
+
+
+def _print_where(state: State) -> None:
+    spec = state.spec
+    print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
+    print(f"prometheus  {state.prometheus_url or 'none'}")
+    print(f"ego metrics {state.ego_metrics_url}")
+    print(f"router      {state.router}")
+    print(f"journal     {journal_path(spec, spec.var_dir)}")
+    print("next        make status, make logs, make metrics, make down")

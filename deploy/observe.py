@@ -1,0 +1,193 @@
+"""What a running swarm says about itself over Zenoh, gathered for the console."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from types import TracebackType
+
+import msgspec
+
+from deploy.state import State
+from swarm import keyspace
+from swarm.messages import Beacon, Decision, Detections
+from swarm.session import Session
+
+CONNECT_S = 5.0
+
+
+class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot, as seen from the host."""
+
+    robot: str
+    alive: bool
+    """Its liveliness token is present."""
+    age_s: float | None
+    """Since its last beacon came; None when none has come yet."""
+    position: tuple[float, float, float] | None
+    """Its sensor in the world frame, metres."""
+    distance_m: float | None
+    """To the ego, in the ground plane."""
+    selected: bool
+    """The last decision has it take part."""
+    bytes_per_s: float
+    """Observations that the ego received from it."""
+
+
+class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
+    """The swarm over the last moments. Fields about the decision are None before the first."""
+
+    swarm: str
+    runtime: str
+    ego: str
+    cycle: int | None
+    selected: tuple[str, ...] | None
+    algorithm: str | None
+    source: str | None
+    policy: str | None
+    valid: bool | None
+    reason: str | None
+    capacity_bps: float | None
+    """C(t) that the last decision was checked against."""
+    quality: float | None
+    bytes_per_s: float
+    frames_per_s: float
+    """Fused frames that the ego published."""
+    robots: tuple[RobotRow, ...]
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What has come so far; written by Zenoh's threads, so only under the watch's lock."""
+
+    beacons: dict[str, tuple[Beacon, float]]
+    alive: set[str]
+    decision: Decision | None = None
+    detections: int = 0
+    bytes: dict[str, int] | None = None
+
+
+class Watch:
+    """Listens to one swarm through its router. Use as a context manager."""
+
+    def __init__(self, state: State, timeout_s: float = CONNECT_S) -> None:
+        """Raises TransportError when the router cannot be reached in time."""
+        self._state = state
+        swarm = state.spec.swarm
+        self._heard = _Heard({}, set())
+        self._changed = threading.Condition()
+        self._since = time.monotonic()
+        self._session = Session(state.router, swarm, timeout_s=timeout_s)
+        self._session.watch_alive(self._on_join, self._on_leave)
+        self._session.subscribe(keyspace.beacon(swarm, keyspace.ANY), Beacon, self._on_beacon)
+        self._session.subscribe(
+            keyspace.decision(swarm, state.spec.ego), Decision, self._on_decision
+        )
+        self._session.subscribe(
+            keyspace.detections(swarm, state.spec.ego), Detections, self._on_detections
+        )
+
+    def __enter__(self) -> Watch:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._session.close()
+
+    def alive(self) -> frozenset[str]:
+        """The robots whose liveliness token is present."""
+        with self._changed:
+            return frozenset(self._heard.alive)
+
+    def decided(self) -> bool:
+        """Whether a valid decision has come."""
+        with self._changed:
+            return self._heard.decision is not None and self._heard.decision.valid
+
+    def wait(self, timeout_s: float) -> None:
+        """Returns when a robot has joined or left or a decision has come, or after the time."""
+        with self._changed:
+            self._changed.wait(timeout_s)
+
+    def view(self) -> SwarmView:
+        """What has come since the last view, and starts to count anew."""
+        spec = self._state.spec
+        with self._changed:
+            now = time.monotonic()
+            span_s = max(now - self._since, 1e-3)
+            heard, decision = self._heard, self._heard.decision
+            received = heard.bytes or {}
+            rows = tuple(
+                self._row(robot, now, received.get(robot, 0) / span_s) for robot in self._ids()
+            )
+            view = SwarmView(
+                swarm=spec.swarm,
+                runtime=self._state.runtime,
+                ego=spec.ego,
+                cycle=decision.cycle if decision else None,
+                selected=decision.participants if decision else None,
+                algorithm=decision.algorithm if decision else None,
+                source=decision.source if decision else None,
+                policy=decision.policy if decision else None,
+                valid=decision.valid if decision else None,
+                reason=decision.reason if decision else None,
+                capacity_bps=decision.capacity_bps if decision else None,
+                quality=decision.quality if decision else None,
+                bytes_per_s=round(sum(received.values()) / span_s, 1),
+                frames_per_s=round(heard.detections / span_s, 2),
+                robots=rows,
+            )
+            heard.detections, heard.bytes = 0, None
+            self._since = now
+        return view
+
+    def _ids(self) -> list[str]:
+        """The swarm's robots in their order, then those that joined from elsewhere."""
+        known = self._state.spec.robots
+        return [*known, *sorted((self._heard.alive | self._heard.beacons.keys()) - set(known))]
+
+    def _row(self, robot: str, now: float, bytes_per_s: float) -> RobotRow:
+        beacons, decision = self._heard.beacons, self._heard.decision
+        beacon, came = beacons.get(robot, (None, 0.0))
+        ego = beacons.get(self._state.spec.ego)
+        pose = beacon.sensor_pose() if beacon else None
+        return RobotRow(
+            robot=robot,
+            alive=robot in self._heard.alive,
+            age_s=round(now - came, 3) if beacon else None,
+            position=tuple(round(v, 3) for v in beacon.pose[:3]) if beacon else None,  # type: ignore[arg-type]
+            distance_m=round(pose.distance_to(ego[0].sensor_pose()), 3) if pose and ego else None,
+            selected=decision is not None and robot in decision.participants,
+            bytes_per_s=round(bytes_per_s, 1),
+        )
+
+    def _on_join(self, robot: str) -> None:
+        with self._changed:
+            self._heard.alive.add(robot)
+            self._changed.notify_all()
+
+    def _on_leave(self, robot: str) -> None:
+        with self._changed:
+            self._heard.alive.discard(robot)
+            self._changed.notify_all()
+
+    def _on_beacon(self, beacon: Beacon, _: str) -> None:
+        with self._changed:
+            self._heard.beacons[beacon.robot] = (beacon, time.monotonic())
+
+    def _on_decision(self, decision: Decision, _: str) -> None:
+        with self._changed:
+            self._heard.decision = decision
+            self._changed.notify_all()
+
+    def _on_detections(self, detections: Detections, _: str) -> None:
+        with self._changed:
+            self._heard.detections += 1
+            received = self._heard.bytes = self._heard.bytes or {}
+            for robot, count in detections.bytes.items():
+                received[robot] = received.get(robot, 0) + count

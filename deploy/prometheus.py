@@ -1,0 +1,72 @@
+"""Questions to the swarm's Prometheus, over its own HTTP API."""
+
+from __future__ import annotations
+
+import json
+import urllib.error
+import urllib.parse
+import urllib.request
+from dataclasses import dataclass
+from typing import Any
+
+from swarm.errors import DeployError
+
+TIMEOUT_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One process that Prometheus scrapes."""
+
+    job: str
+    instance: str
+    health: str
+    """`up`, `down` or `unknown` (not scraped yet)."""
+    error: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One value of an instant query."""
+
+    labels: dict[str, str]
+    value: float
+
+
+class Prometheus:
+    """The server at a base URL, such as http://127.0.0.1:9090."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+
+    def targets(self) -> tuple[Target, ...]:
+        """All targets that it is configured to scrape. Raises DeployError when it does not
+        answer."""
+        found = self._get("targets", {"state": "active"})["activeTargets"]
+        return tuple(
+            Target(
+                job=t["labels"]["job"],
+                instance=t["labels"]["instance"],
+                health=t["health"],
+                error=t["lastError"],
+            )
+            for t in found
+        )
+
+    def query(self, expression: str) -> tuple[Sample, ...]:
+        """The values of a PromQL expression now. Raises DeployError when it does not answer or
+        refuses the expression."""
+        found = self._get("query", {"query": expression})["result"]
+        return tuple(Sample(labels=s["metric"], value=float(s["value"][1])) for s in found)
+
+    def _get(self, path: str, parameters: dict[str, str]) -> Any:
+        url = f"{self._url}/api/v1/{path}?{urllib.parse.urlencode(parameters)}"
+        try:
+            with urllib.request.urlopen(url, timeout=TIMEOUT_S) as reply:
+                return json.load(reply)["data"]
+        except urllib.error.HTTPError as error:
+            with error:
+                words = error.read(500).decode(errors="replace")
+            raise DeployError(f"Prometheus refused {url}: {words}") from error
+        except (OSError, ValueError, KeyError) as error:
+            raise DeployError(f"Prometheus at {self._url} does not answer: {error}") from error

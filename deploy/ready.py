@@ -1,0 +1,91 @@
+"""Waiting until a swarm that has been started does its work."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import deque
+
+from deploy.observe import Watch
+from deploy.progress import say
+from deploy.runtimes.base import ProcessStatus, Runtime
+from deploy.state import State
+from swarm.errors import CoAdaptError, DeployError
+
+TAIL_LINES = 15
+MAX_RESTARTS = 2
+POLL_S = 0.5
+
+
+def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
+    """Returns once every robot is alive and the ego has published a valid decision.
+
+    Raises DeployError with the end of the log of a process that keeps ending, or that what was
+    awaited did not come in time.
+    """
+    deadline = time.monotonic() + timeout_s
+    robots = frozenset(state.spec.robots)
+    say(f"waiting for {len(robots)} robots and the first decision of {state.spec.ego} ...")
+    told = -1
+    with _watch(runtime, state, deadline) as watch:
+        while True:
+            alive = watch.alive() & robots
+            if len(alive) != told:
+                told = len(alive)
+                say(f"  {told} of {len(robots)} robots are alive")
+            if alive == robots and watch.decided():
+                say(f"  {state.spec.ego} decides")
+                return
+            _check(runtime, state)
+            if time.monotonic() > deadline:
+                raise _too_late(runtime, state, robots - alive, timeout_s)
+            watch.wait(POLL_S)
+
+
+def _watch(runtime: Runtime, state: State, deadline: float) -> Watch:
+    """A connection to the router, which may need a moment to listen."""
+    while True:
+        try:
+            return Watch(state, timeout_s=POLL_S)
+        except CoAdaptError as error:
+            _check(runtime, state)
+            if time.monotonic() > deadline:
+                raise DeployError(
+                    f"the router did not answer: {error}\n{_tail(runtime, state, 'router')}"
+                ) from error
+
+
+def _check(runtime: Runtime, state: State) -> None:
+    """Raises DeployError when a process keeps ending."""
+    for process in runtime.status(state.spec.swarm):
+        if process.restarts >= MAX_RESTARTS or process.state == "stopped":
+            raise DeployError(_failed(runtime, state, process))
+
+
+def _failed(runtime: Runtime, state: State, process: ProcessStatus) -> str:
+    return (
+        f"{process.service} does not keep running: {process.detail}\n"
+        f"{_tail(runtime, state, process.service)}"
+    )
+
+
+def _too_late(
+    runtime: Runtime, state: State, missing: frozenset[str], timeout_s: float
+) -> DeployError:
+    if missing:
+        what = f"{', '.join(sorted(missing))} did not join"
+        service = f"robot-{min(missing)}"
+    else:
+        what = f"{state.spec.ego} published no valid decision"
+        service = f"ego-{state.spec.ego}"
+    tail = _tail(runtime, state, service)
+    return DeployError(f"{what} within {timeout_s:.0f} s\n{tail}")
+
+
+def _tail(runtime: Runtime, state: State, service: str) -> str:
+    try:
+        lines = deque(runtime.logs(state.spec.swarm, service, False), maxlen=TAIL_LINES)
+    except DeployError as error:
+        return f"(no log: {error})"
+    head = f"last lines of {service}'s log:" if lines else f"{service} logged nothing"
+    return "\n".join(itertools.chain([head], (f"  {line}" for line in lines)))
