@@ -79,7 +79,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             role="robot",
             host=robot,
             argv=(place.python, "-m", "robot_agent"),
-            env=_environment(spec, place, ROBOT_METRICS_PORT) | {"COADAPT_ROBOT": robot},
+            env=_environment(spec, place, ROBOT_METRICS_PORT) | {"COADAPT_ROBOTS": robot},
             metrics_port=ROBOT_METRICS_PORT,
             robot=robot,
         )
@@ -167,7 +167,9 @@ def prometheus_config(members: Iterable[Service], address: Callable[[Service], s
             "scrape_timeout": f"{SCRAPE_S}s",
         },
         "scrape_configs": [
-            {"job_name": role, "static_configs": targets} for role, targets in jobs.items()
+            # A robot process and the ego name robots in their own metrics: those labels count.
+            {"job_name": role, "honor_labels": True, "static_configs": targets}
+            for role, targets in jobs.items()
         ],
     }
     text: str = yaml.safe_dump(config, sort_keys=False)
