@@ -7,6 +7,7 @@ from `period_s` in the TOML file named by `COADAPT_CONFIG`, else its default hol
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -50,6 +51,9 @@ def load(kind: type[S], environment: Mapping[str, str] | None = None) -> S:
             raise SettingError(
                 f"{source} = {raw!r} is not valid: {error}; it must be {_allowed(field.type)}"
             ) from error
+        # Comparisons with NaN are false, so it passes any limit.
+        if isinstance(values[field.name], float) and not math.isfinite(values[field.name]):
+            raise SettingError(f"{source} = {raw!r} is not valid; it must be a finite number")
     return kind(**values)
 
 
@@ -64,6 +68,8 @@ def _read_toml(path: str | None) -> dict[str, Any]:
 
 def _split(raw: str, kind: Any) -> Any:
     """A comma-separated variable becomes a list where the field is a sequence."""
+    if get_origin(kind) is Annotated:
+        return _split(raw, get_args(kind)[0])
     if get_origin(kind) in (tuple, list):
         return [part.strip() for part in raw.split(",") if part.strip()]
     return raw

@@ -1,0 +1,112 @@
+"""The robot process: `python -m robot_agent`."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+import threading
+from pathlib import Path
+
+from prometheus_client import CollectorRegistry
+
+from robot_agent.agent import RobotAgent
+from robot_agent.encoder import Encoder
+from robot_agent.host import RobotHost
+from robot_agent.metrics import RobotMetrics
+from robot_agent.settings import RobotSettings, load_settings
+from swarm.errors import CoAdaptError, SettingError
+from swarm.log import make_logger
+from swarm.metrics import MetricsServer
+from swarm.process import Clock, leave, stop_on_signals
+from swarm.session import Session
+from swarm.settings import PREFIX
+from worlds.base import World
+from worlds.registry import open_world
+
+
+def main() -> int:
+    """Runs the robots of the settings until SIGTERM or SIGINT."""
+    stop = stop_on_signals()
+    try:
+        settings = load_settings()
+        world = _open(settings)
+        run(settings, world, stop)
+    except CoAdaptError as error:
+        if stop.is_set():
+            return 0
+        print(f"robot_agent: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
+    """Hosts the robots in a world until `stop` is set.
+
+    Raises SettingError for a metrics port that is taken and TransportError when `stop` was set
+    before the router could be reached.
+    """
+    instance = secrets.randbits(48)
+    log = make_logger(
+        "robot_agent", level=settings.log_level, swarm=settings.swarm, instance=instance
+    )
+    registry = CollectorRegistry()
+    metrics = RobotMetrics(registry)
+    encoder = Encoder(world.detector, metrics)
+    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    try:
+        log.info("robots_starting", robots=list(settings.robots), metrics_port=server.port)
+        agents = [
+            RobotAgent(
+                world,
+                robot,
+                instance=instance,
+                epoch_ns=settings.epoch_ns,
+                encoder=encoder,
+                clock=Clock(settings.clock_offset_s),
+                metrics=metrics,
+                log=log,
+                ring_frames=settings.ring_frames,
+            )
+            for robot in settings.robots
+        ]
+        with Session(
+            settings.router, settings.swarm, registry=registry, log=log, stop=stop
+        ) as session:
+            host = RobotHost(
+                agents,
+                session,
+                beacon_rate_hz=settings.beacon_rate_hz,
+                scene_rate_hz=settings.scene_rate_hz,
+                workers=settings.workers,
+                metrics=metrics,
+                log=log,
+            )
+            log.info("robots_up", robots=list(settings.robots))
+            stop.wait()
+            host.close()
+    finally:
+        server.close()
+    log.info("robots_down")
+
+
+def _open(settings: RobotSettings) -> World:
+    world = open_world(
+        settings.world,
+        data=Path(settings.world_data) if settings.world_data else None,
+        robots=settings.world_robots,
+        seed=settings.world_seed,
+        rings=settings.world_rings,
+        scenario=settings.world_scenario,
+        cache=Path(settings.world_cache) if settings.world_cache else None,
+    )
+    unknown = [robot for robot in settings.robots if robot not in world.robots]
+    if unknown:
+        raise SettingError(
+            f"{PREFIX}ROBOTS = {','.join(settings.robots)!r} names {', '.join(unknown)}, which "
+            f"world {world.name!r} does not have; allowed: {', '.join(world.robots)}"
+        )
+    return world
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,188 @@
+"""One robot: what it senses, tells the swarm, and answers."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from perception.fusion.base import EncodeOptions
+from perception.scene import describe, to_array, visible_range
+from robot_agent.encoder import Encoder
+from robot_agent.frames import Frame, Ring
+from robot_agent.metrics import RobotMetrics
+from robot_agent.sensor import Sensor
+from swarm.arrays import pack
+from swarm.errors import CoAdaptError, PerceptionError
+from swarm.log import Logger
+from swarm.messages import Beacon, Observation, ObservationRequest, SceneDescription
+from swarm.process import Clock
+from worlds.base import World
+
+SECTORS = 72
+"""Sectors of 5 degrees in a scene description."""
+MAX_GAP_S = 0.25
+"""A frame farther than this from the time asked for is no answer: at 2 m/s it is 0.5 m off."""
+
+
+class RobotAgent:
+    """One robot without its network: every method gives a message or changes the robot.
+
+    `sense`, `describe`, `beacon` and `observe` may run on threads of their own.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        robot: str,
+        *,
+        instance: int,
+        epoch_ns: int,
+        encoder: Encoder,
+        clock: Clock,
+        metrics: RobotMetrics,
+        log: Logger,
+        ring_frames: int = 10,
+    ) -> None:
+        self.robot = robot
+        self._range_m = world.range_m
+        self._instance = instance
+        self._encoder = encoder
+        self._clock = clock
+        self._metrics = metrics
+        self._log = log.bind(robot=robot)
+        self._ring = Ring(ring_frames)
+        self.sensor = Sensor(
+            world,
+            robot,
+            self._ring,
+            epoch_ns=epoch_ns,
+            clock=clock,
+            metrics=metrics,
+            log=self._log,
+        )
+        self._sizes: dict[str, int] = {}
+        self._options = EncodeOptions()
+        self._described: Frame | None = None
+        self._beacons = 0
+        self._scenes = 0
+
+    def beacon(self) -> Beacon | None:
+        """The robot's state at its newest frame; None before the first."""
+        frame = self._ring.newest()
+        if frame is None:
+            return None
+        self._beacons += 1
+        return Beacon(
+            robot=self.robot,
+            instance=self._instance,
+            seq=self._beacons,
+            sent_ns=self._clock.now_ns(),
+            capture_ns=frame.capture_ns,
+            frame=frame.number,
+            pose=frame.scan.pose.as_tuple(),
+            velocity=frame.scan.velocity,
+            range_m=self._range_m,
+            sizes=dict(self._sizes),
+        )
+
+    def describe(self) -> SceneDescription | None:
+        """The newest frame's scene, None when it was described already.
+
+        Raises PerceptionError when the scan cannot be described.
+        """
+        frame = self._ring.newest()
+        if frame is None or frame is self._described:
+            return None
+        self._described = frame
+        begun = time.perf_counter()
+        points, pose = frame.scan.points, frame.scan.pose
+        scene = describe(points)
+        seen = visible_range(points, SECTORS, pose.heading)
+        elapsed_s = time.perf_counter() - begun
+        self._metrics.scene_seconds.observe(elapsed_s)
+        self._scenes += 1
+        return SceneDescription(
+            robot=self.robot,
+            instance=self._instance,
+            seq=self._scenes,
+            sent_ns=self._clock.now_ns(),
+            capture_ns=frame.capture_ns,
+            frame=frame.number,
+            pose=pose.as_tuple(),
+            objects=pack(to_array(scene, pose.matrix())),
+            visible_m=pack(np.asarray(seen, dtype=np.float32).reshape(-1, 1)),
+            ground_points=scene.ground_points,
+            elapsed_ms=elapsed_s * 1e3,
+        )
+
+    def measure(self) -> None:
+        """Encodes the newest frame for every algorithm, in the form that was last asked for, so
+        that beacons tell what an observation costs now.
+
+        An algorithm whose encoder fails has no size until it works again.
+        """
+        frame = self._ring.newest()
+        if frame is None:
+            return
+        sizes = {}
+        for algorithm in self._encoder.algorithms:
+            try:
+                sizes[algorithm] = len(self._encoder.encode(frame, algorithm, self._options))
+            except PerceptionError as error:
+                self._log.warning("encode_failed", algorithm=algorithm, error=str(error)[:300])
+                continue
+            self._metrics.payload_bytes.labels(self.robot, algorithm).set(sizes[algorithm])
+        self._sizes = sizes
+
+    def observe(self, request: ObservationRequest) -> Observation:
+        """Answers a request for one frame in one form.
+
+        Raises PerceptionError, whose text tells the asker why, when there is no frame near the
+        time asked for, the algorithm does not exist, or the payload is larger than asked for.
+        """
+        begun = time.perf_counter()
+        self._options = EncodeOptions(request.max_error_m, request.keep_ground)
+        frame = self._frame_for(request)
+        try:
+            payload = self._encoder.encode(frame, request.algorithm, self._options)
+        except CoAdaptError:
+            self._count(request, "failed")
+            raise
+        if len(payload) > request.max_bytes:
+            self._count(request, "too_large")
+            raise PerceptionError(
+                f"{request.algorithm} payload of frame {frame.number} has {len(payload)} "
+                f"bytes, at most {request.max_bytes} were asked for"
+            )
+        self._count(request, "sent")
+        self._metrics.sent_bytes.labels(self.robot, request.algorithm).inc(len(payload))
+        return Observation(
+            robot=self.robot,
+            instance=self._instance,
+            request=request.request,
+            algorithm=request.algorithm,
+            capture_ns=frame.capture_ns,
+            frame=frame.number,
+            pose=frame.scan.pose.as_tuple(),
+            payload=payload,
+            encode_ms=(time.perf_counter() - begun) * 1e3,
+        )
+
+    def _frame_for(self, request: ObservationRequest) -> Frame:
+        wanted_ns = request.capture_ns
+        frame = self._ring.nearest(wanted_ns) if wanted_ns else self._ring.newest()
+        if frame is None:
+            self._count(request, "no_frame")
+            raise PerceptionError(f"robot {self.robot} has no frame yet")
+        gap_s = (frame.capture_ns - wanted_ns) / 1e9
+        if wanted_ns and abs(gap_s) > MAX_GAP_S:
+            self._count(request, "too_old")
+            raise PerceptionError(
+                f"no frame near {wanted_ns} ns: the nearest, {frame.number}, was captured "
+                f"{abs(gap_s):.3f} s {'later' if gap_s > 0 else 'earlier'}; allowed: {MAX_GAP_S} s"
+            )
+        return frame
+
+    def _count(self, request: ObservationRequest, outcome: str) -> None:
+        self._metrics.requests.labels(self.robot, request.algorithm, outcome).inc()

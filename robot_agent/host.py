@@ -1,0 +1,111 @@
+"""The robots of one process on the network, and the threads that keep them going."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from robot_agent.agent import RobotAgent
+from robot_agent.metrics import RobotMetrics
+from swarm import keyspace
+from swarm.errors import CoAdaptError
+from swarm.log import Logger
+from swarm.messages import ObservationRequest
+from swarm.session import Session
+
+JOIN_S = 0.5
+IDLE_S = 0.005
+
+
+class RobotHost:
+    """Runs robots on one session until closed. A loop's failure is counted, and it goes on."""
+
+    def __init__(
+        self,
+        agents: Sequence[RobotAgent],
+        session: Session,
+        *,
+        beacon_rate_hz: float,
+        scene_rate_hz: float,
+        workers: int,
+        metrics: RobotMetrics,
+        log: Logger,
+    ) -> None:
+        self._session = session
+        self._metrics = metrics
+        self._log = log
+        self._stop = threading.Event()
+        self._faults: set[tuple[str, str]] = set()
+        self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
+        for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
+            self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
+            self._threads.append(
+                threading.Thread(target=self._sense, args=(part,), name="sense", daemon=True)
+            )
+        for thread in self._threads:
+            thread.start()
+        for agent in agents:
+            key = keyspace.observation(session.swarm, agent.robot)
+            session.serve(key, ObservationRequest, agent.observe)
+            # The token comes last: who sees it may ask at once.
+            session.declare_alive(agent.robot)
+
+    def close(self) -> None:
+        """Stops the loops. Does not wait for one that is stuck in a scan."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(JOIN_S)
+
+    def _thread(
+        self,
+        name: str,
+        period_s: float,
+        agents: Sequence[RobotAgent],
+        work: Callable[[RobotAgent], None],
+    ) -> threading.Thread:
+        def loop() -> None:
+            due = time.monotonic()
+            while not self._stop.wait(max(0.0, due - time.monotonic())):
+                for agent in agents:
+                    self._guarded(name, work, agent)
+                # A late loop leaves turns out rather than catching up.
+                due = max(due + period_s, time.monotonic())
+
+        return threading.Thread(target=loop, name=name, daemon=True)
+
+    def _sense(self, agents: Sequence[RobotAgent]) -> None:
+        while not self._stop.is_set():
+            for agent in agents:
+                self._guarded("sense", lambda agent: agent.sensor.sense(), agent)
+            self._stop.wait(max(IDLE_S, min(a.sensor.next_frame_in_s() for a in agents)))
+
+    def _beacon(self, agent: RobotAgent) -> None:
+        beacon = agent.beacon()
+        if beacon is not None:
+            self._session.put(keyspace.beacon(self._session.swarm, agent.robot), beacon)
+
+    def _scene(self, agent: RobotAgent) -> None:
+        scene = agent.describe()
+        if scene is not None:
+            self._session.put(keyspace.scene(self._session.swarm, agent.robot), scene)
+            agent.measure()
+
+    def _guarded(self, loop: str, work: Callable[[RobotAgent], object], agent: RobotAgent) -> None:
+        if self._stop.is_set():
+            return
+        try:
+            work(agent)
+        except Exception as error:
+            self._metrics.faults.labels(loop).inc()
+            kind = (loop, type(error).__name__)
+            if kind not in self._faults:
+                self._faults.add(kind)
+                known = isinstance(error, CoAdaptError)
+                self._log.error(
+                    "loop_fault",
+                    loop=loop,
+                    robot=agent.robot,
+                    error=str(error)[:300],
+                    exc_info=not known,
+                )

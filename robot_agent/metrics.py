@@ -1,0 +1,71 @@
+"""What a robot process counts. Labels are bounded: hosted robots, algorithms, outcomes."""
+
+from __future__ import annotations
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+
+_SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
+
+
+class RobotMetrics:
+    """The metrics of one robot process, on the registry it was given."""
+
+    def __init__(self, registry: CollectorRegistry) -> None:
+        self.scans = Counter(
+            "coadapt_robot_scans_total", "Scans taken.", ["robot"], registry=registry
+        )
+        self.skipped = Counter(
+            "coadapt_robot_frames_skipped_total",
+            "Frames left out because sensing was late.",
+            ["robot"],
+            registry=registry,
+        )
+        self.unreadable = Counter(
+            "coadapt_robot_scans_unreadable_total",
+            "Frames that the world could not give.",
+            ["robot"],
+            registry=registry,
+        )
+        self.scan_seconds = Histogram(
+            "coadapt_robot_scan_seconds",
+            "Time to get one scan.",
+            buckets=_SECONDS,
+            registry=registry,
+        )
+        self.scene_seconds = Histogram(
+            "coadapt_robot_scene_seconds",
+            "Time to describe one scan.",
+            buckets=_SECONDS,
+            registry=registry,
+        )
+        self.encode_seconds = Histogram(
+            "coadapt_robot_encode_seconds",
+            "Time to encode one payload.",
+            ["algorithm"],
+            buckets=_SECONDS,
+            registry=registry,
+        )
+        self.payload_bytes = Gauge(
+            "coadapt_robot_payload_bytes",
+            "Encoded size of the newest measured frame.",
+            ["robot", "algorithm"],
+            registry=registry,
+        )
+        self.sent_bytes = Counter(
+            "coadapt_robot_observation_bytes_total",
+            "Payload bytes of observations handed to the network.",
+            ["robot", "algorithm"],
+            registry=registry,
+        )
+        self.requests = Counter(
+            "coadapt_robot_requests_total",
+            "Requests for an observation: sent, no_frame, too_old, too_large or failed.",
+            ["robot", "algorithm", "outcome"],
+            registry=registry,
+        )
+        self.faults = Counter(
+            "coadapt_robot_faults_total",
+            "Failures within a loop, which went on.",
+            ["loop"],
+            registry=registry,
+        )
