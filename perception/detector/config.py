@@ -1,0 +1,69 @@
+"""Detector configurations by name: which classes of object exist, and how large they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from swarm.errors import PerceptionError
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectClass:
+    """Usual dimensions of one class and the range in which a cluster can be one, metres."""
+
+    label: str
+    size: tuple[float, float, float]
+    """Usual length, width, height."""
+    max_size: tuple[float, float, float]
+    min_height: float
+    """A cluster lower than this above the ground is not one."""
+    min_length: float
+    """Longest visible side that a partly hidden one still shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorConfig:
+    """What `detect` looks for."""
+
+    name: str
+    classes: tuple[ObjectClass, ...]
+    min_points: int
+    sure_points: int
+    """From this many points on, the number of points no longer lowers the score."""
+    own_body_m: float
+    """Boxes with their centre this close to the sensor, seen from above, are the robot itself."""
+
+
+_ROAD = DetectorConfig(
+    name="road",
+    # Passenger cars: median of the EuroNCAP "large family" and "supermini" classes is about
+    # 4.5 x 1.85 x 1.5 m; vans and small trucks reach the maximum.
+    classes=(
+        ObjectClass("vehicle", (4.5, 1.95, 1.55), (7.5, 2.9, 3.2), min_height=0.6, min_length=0.7),
+    ),
+    min_points=8,
+    sure_points=80,
+    own_body_m=2.1,
+)
+_FACTORY = DetectorConfig(
+    name="factory",
+    # Sizes of the simulated actors, worlds/factory/.
+    classes=(
+        ObjectClass("person", (0.5, 0.5, 1.75), (0.95, 0.95, 2.1), min_height=1.35, min_length=0.2),
+        ObjectClass("robot", (0.9, 0.6, 1.2), (1.4, 1.2, 1.45), min_height=0.35, min_length=0.3),
+        ObjectClass("forklift", (2.5, 1.2, 2.1), (3.3, 1.7, 2.6), min_height=1.5, min_length=0.9),
+    ),
+    min_points=8,
+    sure_points=60,
+    own_body_m=0.6,
+)
+_CONFIGURATIONS = {config.name: config for config in (_ROAD, _FACTORY)}
+
+
+def configuration(name: str) -> DetectorConfig:
+    """The configuration of that name. Raises PerceptionError for an unknown one."""
+    if name not in _CONFIGURATIONS:
+        raise PerceptionError(
+            f"detector configuration {name!r} is not known; allowed: {', '.join(_CONFIGURATIONS)}"
+        )
+    return _CONFIGURATIONS[name]
