@@ -73,7 +73,7 @@ class UnifiedScene:
     candidates: tuple[Candidate, ...]
     """Without the ego, nearest first."""
     excluded: Mapping[str, str]
-    """Robots that may not take part, and why."""
+    """Robots that may not take part, and why; the ego too where its own state is not known."""
     objects: NDArray[np.float32]
     """(K, 3) merged object centroids, world frame, metres."""
     cell_m: float
@@ -88,3 +88,5 @@ class Proposal:
     algorithm: str
     reason: str
     source: Source
+    made_ns: int | None = None
+    """When the scene that it was made from was taken, on the ego's clock; None: in this cycle."""

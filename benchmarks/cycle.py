@@ -1,0 +1,156 @@
+"""Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage`.
+
+The messages of a synthetic floor go through the real Monitor, encoded and decoded as on the wire;
+only the cycle itself is timed. Between two cycles every robot moves, sees other things, and C(t)
+changes, so that nothing can be carried over.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from benchmarks.report import write_report
+from ego_agent.analyze import analyze
+from ego_agent.knowledge import Knowledge
+from ego_agent.link import LinkEstimate
+from ego_agent.monitor import Monitor
+from ego_agent.plan import plan
+from ego_agent.policies.registry import make_policy
+from swarm.arrays import pack
+from swarm.messages import Beacon, Decision, Message, NetState, SceneDescription, decode, encode
+
+ROBOTS = (6, 12, 50)
+CYCLES = 400
+WARM_UP = 20
+OBJECTS_A_ROBOT = 60
+SECTORS = 72
+FLOOR_M = 40.0
+"""Half the side of the square in which robots and objects are: all are within 45 m or nearly."""
+
+
+class Floor:
+    """A floor of things and robots that move; `messages` is one period's traffic."""
+
+    def __init__(self, robots: int, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._ids = [f"R{i + 1}" for i in range(robots)]
+        self._things = self._rng.uniform(-FLOOR_M - 20, FLOOR_M + 20, (220, 2))
+        self._places = self._rng.uniform(-FLOOR_M * 0.7, FLOOR_M * 0.7, (robots, 2))
+        self._step = 0
+
+    def messages(self) -> Iterator[Message]:
+        """Beacons and scene descriptions of all robots after all have moved, and the link."""
+        self._step += 1
+        self._places += self._rng.normal(0.0, 0.5, self._places.shape)
+        np.clip(self._places, -FLOOR_M, FLOOR_M, out=self._places)
+        now_ns = time.time_ns()
+        for robot, place in zip(self._ids, self._places, strict=True):
+            pose = (float(place[0]), float(place[1]), 1.5, 0.0, 0.0, 0.0)
+            yield Beacon(
+                robot=robot,
+                instance=1,
+                seq=self._step,
+                sent_ns=now_ns,
+                capture_ns=now_ns,
+                frame=self._step,
+                pose=pose,
+                velocity=(0.0, 0.0, 0.0),
+                range_m=50.0,
+                sizes={
+                    "early": int(self._rng.integers(9_000, 16_000)),
+                    "late": int(self._rng.integers(300, 1_500)),
+                },
+            )
+            yield SceneDescription(
+                robot=robot,
+                instance=1,
+                seq=self._step,
+                sent_ns=now_ns,
+                capture_ns=now_ns,
+                frame=self._step,
+                pose=pose,
+                objects=pack(self._seen_from(place)),
+                visible_m=pack(self._rng.uniform(5, 50, (SECTORS, 1)).astype(np.float32)),
+                ground_points=20_000,
+                elapsed_ms=4.0,
+            )
+        yield NetState(sent_ns=now_ns, capacity_bps=float(self._rng.uniform(1e6, 20e6)))
+
+    def _seen_from(self, place: np.ndarray) -> np.ndarray:
+        """The nearest things, float32 (N, 9) as in a scene description, with noise."""
+        distance = np.hypot(*(self._things - place).T)
+        nearest = np.argsort(distance)[:OBJECTS_A_ROBOT]
+        objects = np.ones((OBJECTS_A_ROBOT, 9), dtype=np.float32)
+        objects[:, :2] = self._things[nearest] + self._rng.normal(0, 0.2, (OBJECTS_A_ROBOT, 2))
+        objects[:, 3] = distance[nearest]
+        objects[:, 7] = np.maximum(5, 20_000 / np.maximum(1, distance[nearest]) ** 2)
+        return objects
+
+
+def run(robots: int, cycles: int = CYCLES) -> list[float]:
+    """Milliseconds of each cycle with that many robots, the ego included."""
+    floor = Floor(robots, seed=robots)
+    knowledge = Knowledge()
+    policy = make_policy("coverage", knowledge.algorithms)
+    monitor = Monitor("R1", LinkEstimate(20e6))
+    for number in range(robots):
+        monitor.on_join(f"R{number + 1}")
+    previous: Decision | None = None
+    taken: list[float] = []
+    for cycle in range(WARM_UP + cycles):
+        _feed(monitor, floor)
+        begun = time.perf_counter()
+        now_ns = time.time_ns()
+        snapshot = monitor.snapshot(cycle, now_ns)
+        scene = analyze(snapshot, knowledge)
+        previous = plan(snapshot, scene, policy, knowledge, previous, cycle, now_ns)
+        taken.append((time.perf_counter() - begun) * 1e3)
+        if not previous.valid or previous.source != "policy":
+            raise RuntimeError(f"cycle {cycle} was not decided by coverage: {previous}")
+    return taken[WARM_UP:]
+
+
+def _feed(monitor: Monitor, floor: Floor) -> None:
+    """One period's messages, as bytes off the wire; the ego's own come from its own sensor."""
+    own: Beacon | None = None
+    for message in floor.messages():
+        received = decode(encode(message), type(message))
+        if isinstance(received, Beacon):
+            own = received if received.robot == monitor.ego else own
+            monitor.on_beacon(received)
+        elif isinstance(received, SceneDescription):
+            if received.robot == monitor.ego and own is not None:
+                monitor.note_own(own, received)
+            monitor.on_scene(received)
+        elif isinstance(received, NetState):
+            monitor.on_net_state(received)
+
+
+def main() -> None:
+    """Measures and writes build/bench/cycle.json."""
+    figures: dict[str, object] = {}
+    rows = []
+    samples = {}
+    for robots in ROBOTS:
+        gc.collect()
+        taken = run(robots)
+        p50, p99 = (round(float(np.percentile(taken, q)), 3) for q in (50, 99))
+        figures[f"p99_ms_{robots}"] = p99
+        figures[f"p50_ms_{robots}"] = p50
+        rows.append(
+            {"robots": robots, "p50_ms": p50, "p99_ms": p99, "max_ms": round(max(taken), 3)}
+        )
+        samples[f"ms_{robots}"] = [round(t, 3) for t in taken]
+    figures["rows"] = rows
+    figures["objects_per_robot"] = OBJECTS_A_ROBOT
+    print(write_report("cycle", figures, samples))
+    for row in rows:
+        print(row)
+
+
+if __name__ == "__main__":
+    main()

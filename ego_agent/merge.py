@@ -1,0 +1,63 @@
+"""Merging what several robots see of the same thing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+BLOCK_SHARE = 3
+"""Blocks a merge distance: points in one block are merged at once, which bounds the pairs that
+remain however many robots see the same object."""
+
+
+def merge_nearby(
+    xy: NDArray[np.float64], weight: NDArray[np.float64], distance_m: float
+) -> NDArray[np.intp]:
+    """Groups of points (N, 2): the group number of each, int (N,), from 0 without gaps.
+
+    The heaviest point leads a group that takes all points within the distance; then the heaviest
+    of the rest, and so on. Unlike single linkage this does not chain a row of shelves into one
+    object. Points in one block of a third of the distance count as one with the sum of their
+    weights, at their weighted mean. Weights must be positive.
+    """
+    if not len(xy):
+        return np.zeros(0, dtype=np.intp)
+    block = np.floor(xy / (distance_m / BLOCK_SHARE)).astype(np.int64)
+    _, member = np.unique(block, axis=0, return_inverse=True)
+    member = member.reshape(-1)
+    total = np.bincount(member, weight).astype(np.float64)
+    middle = np.column_stack([np.bincount(member, weight * xy[:, i]) / total for i in range(2)])
+    leader = _leaders(middle, total, distance_m)
+    _, group = np.unique(leader, return_inverse=True)
+    merged: NDArray[np.intp] = group.reshape(-1)[member].astype(np.intp)
+    return merged
+
+
+def _leaders(
+    xy: NDArray[np.float64], weight: NDArray[np.float64], distance_m: float
+) -> NDArray[np.intp]:
+    """The index of each point's leader.
+
+    All points that outweigh their undecided neighbours become leaders at once, round by round;
+    the heaviest undecided point always does, so every round decides at least one.
+    """
+    rank = np.empty(len(xy), dtype=np.intp)
+    rank[np.lexsort((xy[:, 1], xy[:, 0], -weight))] = np.arange(len(xy))
+    pairs = cKDTree(xy).query_pairs(distance_m, output_type="ndarray")
+    first_leads = rank[pairs[:, 0]] < rank[pairs[:, 1]]
+    heavy = np.where(first_leads, pairs[:, 0], pairs[:, 1])
+    light = np.where(first_leads, pairs[:, 1], pairs[:, 0])
+    leader = np.full(len(xy), -1, dtype=np.intp)
+    while (undecided := leader < 0).any():
+        open_pairs = undecided[heavy] & undecided[light]
+        heavy, light = heavy[open_pairs], light[open_pairs]
+        leads = undecided.copy()
+        leads[light] = False
+        leader[leads] = np.flatnonzero(leads)
+        taken = leads[heavy]
+        best = np.full(len(xy), len(xy), dtype=np.intp)
+        np.minimum.at(best, light[taken], rank[heavy[taken]])
+        absorbed = best < len(xy)
+        leader[absorbed] = np.argsort(rank)[best[absorbed]]
+    return leader

@@ -1,0 +1,50 @@
+"""The objective of the swarm: maximise Q(P, a) - lambda C(P, a).
+
+Subject to Q(P, a) >= Q_min and C(P, a) * rate <= headroom * C(t). docs/decision.md has the
+formulas.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+BYTES_A_MEGABYTE = 1e6
+
+
+class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Weights and limits of a decision."""
+
+    lambda_cost: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
+    """lambda: quality that one megabyte a fused frame must bring."""
+    q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
+    """Smallest predicted quality that is good enough."""
+    rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
+    """Fused frames a second, each of which costs C(P, a)."""
+    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=1e5)] = 45.0
+    """Farthest participant, in the ground plane; the paper's com_range_m in most scenes."""
+    headroom: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
+    """Share of C(t) that observations may fill: the rest is for beacons, scenes and errors."""
+    alpha: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
+    """Weight of area in Q; the rest weighs objects."""
+    area_half_m: Annotated[float, msgspec.Meta(ge=1, le=500)] = 70.0
+    """Half the side of the square around the ego that counts."""
+    beacon_max_age_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 1.0
+    """An older beacon disqualifies its robot: ten beacon periods."""
+    scene_max_age_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 5.0
+    """An older scene description counts as none: ten scene periods."""
+    proposal_max_age_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 10.0
+    """An older proposal is refused."""
+    switch_gain: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.02
+    """A new decision must be better by this much than the one in force."""
+    upgrade_reserve: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.1
+    """Share of the budget that a change to a more costly decision must leave free."""
+
+    def budget_bytes(self, capacity_bps: float) -> int:
+        """Bytes that one fused frame may cost on a link of that capacity."""
+        return int(capacity_bps * self.headroom / (8.0 * self.rate_hz))
+
+    def value(self, quality: float, cost_bytes: int) -> float:
+        """Q - lambda C."""
+        return quality - self.lambda_cost * cost_bytes / BYTES_A_MEGABYTE

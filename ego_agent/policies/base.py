@@ -1,0 +1,38 @@
+"""The interface of a policy: it looks at one scene and says who should take part, and how."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from ego_agent.knowledge import Knowledge
+from ego_agent.model import Proposal, UnifiedScene
+from swarm.messages import Algorithm, Decision
+
+
+class Policy(Protocol):
+    """A policy. It never has to be right: whatever it proposes is validated."""
+
+    @property
+    def name(self) -> str:
+        """How the policy is called on the command line."""
+        ...
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        """Participants (with or without the ego) and an algorithm for this scene.
+
+        `previous` is the decision in force. The call must return quickly; an exception makes this
+        cycle's decision the fallback's.
+        """
+        ...
+
+
+@runtime_checkable
+class Requiring(Protocol):
+    """A policy that makes no sense without a certain fusion algorithm."""
+
+    @property
+    def requires(self) -> Algorithm:
+        """The algorithm that must be available."""
+        ...

@@ -1,0 +1,48 @@
+"""Policies by name: every module of this package that has `POLICIES` adds them.
+
+To add a policy, add one file here with a class and `POLICIES = (MyPolicy(),)`; no list needs to
+be changed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+
+from ego_agent import policies
+from ego_agent.policies.base import Policy, Requiring
+from swarm.errors import DecisionError
+
+
+def _all_policies() -> dict[str, Policy]:
+    found: dict[str, Policy] = {}
+    for module in sorted(m.name for m in pkgutil.iter_modules(policies.__path__)):
+        loaded = importlib.import_module(f"{policies.__name__}.{module}")
+        for policy in getattr(loaded, "POLICIES", ()):
+            if policy.name in found:
+                raise DecisionError(f"two policies are called {policy.name!r}")
+            found[policy.name] = policy
+    return found
+
+
+def policy_names() -> tuple[str, ...]:
+    """The names of all policies, sorted."""
+    return tuple(sorted(_all_policies()))
+
+
+def make_policy(name: str, algorithms: Sequence[str]) -> Policy:
+    """The policy of that name, for a swarm that can fuse with the given algorithms.
+
+    Raises DecisionError for an unknown name, and for a policy whose algorithm is not available.
+    """
+    found = _all_policies()
+    if name not in found:
+        raise DecisionError(f"policy {name!r} is unknown; allowed: {', '.join(sorted(found))}")
+    policy = found[name]
+    if isinstance(policy, Requiring) and policy.requires not in algorithms:
+        raise DecisionError(
+            f"policy {name!r} needs {policy.requires} fusion, which is not available; "
+            f"available: {', '.join(algorithms)}"
+        )
+    return policy

@@ -1,0 +1,35 @@
+"""Baselines that always take everyone in range, with one algorithm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ego_agent.knowledge import Knowledge
+from ego_agent.model import Proposal, UnifiedScene
+from swarm.messages import ALGORITHMS, Algorithm, Decision
+
+
+@dataclass(frozen=True)
+class Static:
+    """Everyone in range, always with the same algorithm; blind to the link."""
+
+    requires: Algorithm
+
+    @property
+    def name(self) -> str:
+        """`static-` and the algorithm."""
+        return f"static-{self.requires}"
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        """All candidates."""
+        return Proposal(
+            participants=(scene.ego.robot, *(c.robot for c in scene.candidates)),
+            algorithm=self.requires,
+            reason=f"Static: all {len(scene.candidates)} robots in range, {self.requires} fusion.",
+            source="policy",
+        )
+
+
+POLICIES = tuple(Static(algorithm) for algorithm in ALGORITHMS)
