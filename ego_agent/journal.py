@@ -1,0 +1,299 @@
+"""The journal: what the ego saw, decided and received, one JSON line a completed cycle.
+
+A line is on the disk (fsync) before its cycle counts as completed, so `kill -9` loses no completed
+cycle. A line that a crash tore is moved to `<path>.torn` at the next start. The format is described
+in docs/journal.md.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+
+from swarm.errors import JournalError
+from swarm.messages import Algorithm, Source
+
+VERSION = 1
+MAX_PENDING = 600
+"""Lines kept in memory while the disk refuses them; the oldest go first."""
+_PROBE = b" " * 4096
+
+
+class RobotInput(msgspec.Struct, frozen=True, kw_only=True):
+    """What the ego knew of one robot; a value that it did not know is null."""
+
+    alive: bool
+    distance_m: float | None
+    beacon_age_s: float | None
+    scene_age_s: float | None
+    round_trip_s: float | None
+    clock_offset_s: float
+    sizes: Mapping[str, int]
+    """Bytes of one observation by algorithm."""
+
+
+class Inputs(msgspec.Struct, frozen=True, kw_only=True):
+    """What the decision was made from."""
+
+    robots: Mapping[str, RobotInput]
+    excluded: Mapping[str, str]
+    """Robots that could not take part, and why."""
+    capacity_bps: float
+    capacity_source: str
+
+
+class Decided(msgspec.Struct, frozen=True, kw_only=True):
+    """The decision, without what the line says elsewhere."""
+
+    participants: tuple[str, ...]
+    algorithm: Algorithm
+    reason: str
+    source: Source
+    policy: str
+    valid: bool
+    repairs: tuple[str, ...]
+    quality: float
+    cost_bytes: int
+
+
+class Frames(msgspec.Struct, frozen=True, kw_only=True):
+    """Counts of frames (fused, skipped, failed) and of answers that came too late."""
+
+    fused: int
+    skipped: int
+    failed: int
+    late_answers: int
+    boxes: int
+    """Boxes of the cycle's last fused frame."""
+
+
+class Latency(msgspec.Struct, frozen=True, kw_only=True):
+    """Milliseconds; the frame figures are null when no frame was fused."""
+
+    cycle_ms: float
+    """From the snapshot to the published decision."""
+    frame_p50_ms: float | None
+    frame_max_ms: float | None
+
+
+class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One completed control cycle: one line of the journal."""
+
+    v: int = VERSION
+    ego: str
+    cycle: int
+    started_ns: int
+    inputs: Inputs
+    decision: Decided
+    published: bool
+    """The decision reached the router's link."""
+    bytes: Mapping[str, Mapping[str, int]]
+    """Payload bytes received in this cycle, by robot and algorithm."""
+    frames: Frames
+    missing: Mapping[str, Mapping[str, int]]
+    """Frames without a chosen robot's contribution, by robot and reason."""
+    latency: Latency
+    outcome: str
+    """`complete`, `partial` (someone was missing), `alone` or `no frames`."""
+
+
+ByteTotals = Counter[tuple[str, str]]
+"""Bytes by (robot, algorithm)."""
+
+
+def byte_totals(record: CycleRecord) -> ByteTotals:
+    """The bytes of one line by (robot, algorithm)."""
+    return Counter(
+        {(robot, name): n for robot, by_name in record.bytes.items() for name, n in by_name.items()}
+    )
+
+
+class Journal:
+    """The writing end of a journal file, locked against a second writer."""
+
+    def __init__(self, path: Path) -> None:
+        """Opens or makes the file and cuts a torn last line off into `<path>.torn`.
+
+        Raises JournalError when the file cannot be written, another process writes it, or a line
+        before the last cannot be read.
+        """
+        self.path = path
+        self.totals: ByteTotals = Counter()
+        """Bytes of all committed lines, by (robot, algorithm)."""
+        self.last_cycle: int | None = None
+        self.torn_bytes = 0
+        """Size of the torn line that was cut off at this start."""
+        self.dropped = 0
+        """Lines that were given up because the disk refused too many."""
+        self._pending: deque[CycleRecord] = deque()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise JournalError(f"journal {str(path)!r} cannot be opened: {error}") from error
+        try:
+            self._lock()
+            self._size = self._recover()
+            os.lseek(self._fd, self._size, os.SEEK_SET)
+            self._probe()
+        except OSError as error:
+            os.close(self._fd)
+            raise JournalError(f"journal {str(path)!r} cannot be written: {error}") from error
+        except JournalError:
+            os.close(self._fd)
+            raise
+
+    @property
+    def next_cycle(self) -> int:
+        """The number that the next cycle takes: journals go on across restarts."""
+        return 1 if self.last_cycle is None else self.last_cycle + 1
+
+    @property
+    def pending(self) -> int:
+        """Lines that wait for a disk that refused them."""
+        return len(self._pending)
+
+    def commit(self, record: CycleRecord) -> list[CycleRecord]:
+        """Appends a line and returns all lines that are now on the disk and were not before.
+
+        While the disk refuses, lines wait in memory, at most MAX_PENDING of them. Raises
+        JournalError when nothing could be written; the record is then kept for the next call.
+        """
+        self._pending.append(record)
+        if len(self._pending) > MAX_PENDING:
+            self._pending.popleft()
+            self.dropped += 1
+        lines = b"".join(msgspec.json.encode(waiting) + b"\n" for waiting in self._pending)
+        try:
+            # Anything that a failed attempt left behind the last good line goes first.
+            os.ftruncate(self._fd, self._size)
+            os.lseek(self._fd, self._size, os.SEEK_SET)
+            _write_all(self._fd, lines)
+            os.fsync(self._fd)
+        except OSError as error:
+            raise JournalError(
+                f"journal {str(self.path)!r} refused a line: {error}; "
+                f"{len(self._pending)} lines wait in memory"
+            ) from error
+        self._size += len(lines)
+        written = list(self._pending)
+        self._pending.clear()
+        for done in written:
+            self._note(done)
+        return written
+
+    def close(self) -> None:
+        """Closes the file and lets go of the lock."""
+        os.close(self._fd)
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EACCES):
+                raise
+            raise JournalError(
+                f"journal {str(self.path)!r} is being written by another ego; "
+                "give each ego a file of its own with COADAPT_JOURNAL"
+            ) from error
+
+    def _recover(self) -> int:
+        """Reads all lines; returns the size without a torn last one, which is moved away."""
+        size = 0
+        with open(self.path, "rb") as source:
+            for number, line in enumerate(source, start=1):
+                record = _parse(self.path, number, line)
+                if record is None:
+                    # Nothing may follow a torn line; a blank tail of a probe counts as torn too.
+                    if source.read(1):
+                        raise JournalError(
+                            f"journal {str(self.path)!r} line {number} cannot be read and is not "
+                            "the last; move the file away to start a new one"
+                        )
+                    self._cut(size, line)
+                    break
+                size += len(line)
+                self._note(record)
+        _sync_directory(self.path)
+        return size
+
+    def _cut(self, size: int, torn: bytes) -> None:
+        with open(self.path.with_name(self.path.name + ".torn"), "ab") as aside:
+            aside.write(torn + b"\n")
+            aside.flush()
+            os.fsync(aside.fileno())
+        os.ftruncate(self._fd, size)
+        os.fsync(self._fd)
+        self.torn_bytes = len(torn)
+
+    def _probe(self) -> None:
+        """Finds out now, not in an hour, that the disk is full."""
+        try:
+            _write_all(self._fd, _PROBE)
+            os.fsync(self._fd)
+        finally:
+            os.ftruncate(self._fd, self._size)
+
+    def _note(self, record: CycleRecord) -> None:
+        self.totals.update(byte_totals(record))
+        self.last_cycle = record.cycle
+
+
+def read_journal(path: Path) -> Iterator[CycleRecord]:
+    """The lines of a journal, also of one that is being written (a torn last line is left out).
+
+    Raises JournalError when the file or a line before the last cannot be read.
+    """
+    try:
+        source: BinaryIO = open(path, "rb")  # noqa: SIM115
+    except OSError as error:
+        raise JournalError(f"journal {str(path)!r} cannot be read: {error}") from error
+    with source:
+        for number, line in enumerate(source, start=1):
+            record = _parse(path, number, line)
+            if record is None:
+                if source.read(1):
+                    raise JournalError(f"journal {str(path)!r} line {number} cannot be read")
+                return
+            yield record
+
+
+_DECODER = msgspec.json.Decoder(CycleRecord)
+
+
+def _parse(path: Path, number: int, line: bytes) -> CycleRecord | None:
+    """The record in a line, or None when the line is torn."""
+    if not line.endswith(b"\n"):
+        return None
+    try:
+        record = _DECODER.decode(line)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    if record.v != VERSION:
+        raise JournalError(
+            f"journal {str(path)!r} line {number} has version {record.v}; "
+            f"this program reads version {VERSION}"
+        )
+    return record
+
+
+def _write_all(fd: int, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[os.write(fd, view) :]
+
+
+def _sync_directory(path: Path) -> None:
+    """Makes the file's name durable, not only its contents."""
+    directory = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)

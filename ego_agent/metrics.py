@@ -1,0 +1,133 @@
+"""The ego's Prometheus metrics. All labels are bounded: robots by Monitor's limit, the rest by
+fixed sets.
+
+What the journal says too (bytes, frames, decisions) is counted only when a cycle's line has been
+committed, with exactly the numbers of the line: the two agree at any time.
+"""
+
+from __future__ import annotations
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+
+from ego_agent.journal import ByteTotals, CycleRecord, byte_totals
+
+_BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
+
+
+class EgoMetrics:
+    """All metrics of one ego, on the registry of its process."""
+
+    def __init__(self, registry: CollectorRegistry) -> None:
+        self.cycle_seconds = Histogram(
+            "coadapt_ego_cycle_seconds",
+            "From the snapshot to the published decision.",
+            buckets=_BUCKETS,
+            registry=registry,
+        )
+        self.frame_seconds = Histogram(
+            "coadapt_ego_frame_seconds",
+            "Median time a cycle from the first query to the fused boxes.",
+            buckets=_BUCKETS,
+            registry=registry,
+        )
+        self.decisions = Counter(
+            "coadapt_ego_decisions_total",
+            "Decisions of committed cycles.",
+            ["source", "algorithm"],
+            registry=registry,
+        )
+        self.received_bytes = Counter(
+            "coadapt_ego_received_bytes_total",
+            "Payload bytes received in committed cycles; equals the sum over the journal's lines.",
+            ["robot", "algorithm"],
+            registry=registry,
+        )
+        self.frames = Counter(
+            "coadapt_ego_frames_total",
+            "Frames that were fused, skipped for want of time, or could not be fused.",
+            ["result"],
+            registry=registry,
+        )
+        self.late_answers = Counter(
+            "coadapt_ego_late_answers_total",
+            "Observations that came after their frame's deadline.",
+            registry=registry,
+        )
+        self.missing = Counter(
+            "coadapt_ego_missing_total",
+            "Frames without a chosen robot's contribution.",
+            ["robot", "reason"],
+            registry=registry,
+        )
+        self.participants = Gauge(
+            "coadapt_ego_participants",
+            "Robots in the decision in force, the ego included.",
+            registry=registry,
+        )
+        self.capacity_bps = Gauge(
+            "coadapt_ego_capacity_bps",
+            "C(t): what the ego takes its link to deliver, bit/s.",
+            registry=registry,
+        )
+        self.quality = Gauge(
+            "coadapt_ego_predicted_quality",
+            "Q(P, a) that the decision in force predicts.",
+            registry=registry,
+        )
+        self.predicted_bytes = Gauge(
+            "coadapt_ego_predicted_frame_bytes",
+            "C(P, a): bytes a fused frame that the decision in force predicts.",
+            registry=registry,
+        )
+        self.journal_failures = Counter(
+            "coadapt_ego_journal_failures_total",
+            "Cycles whose line the disk refused at first.",
+            registry=registry,
+        )
+        self.journal_pending = Gauge(
+            "coadapt_ego_journal_pending",
+            "Journal lines that wait in memory.",
+            registry=registry,
+        )
+        self.publish_failures = Counter(
+            "coadapt_ego_publish_failures_total",
+            "Messages that could not be published.",
+            ["message"],
+            registry=registry,
+        )
+        self.cycle_faults = Counter(
+            "coadapt_ego_cycle_faults_total",
+            "Cycles that failed within and went on with the ego alone.",
+            registry=registry,
+        )
+        self.cycles_missed = Counter(
+            "coadapt_ego_cycles_missed_total",
+            "Cycles that were left out because an earlier one took too long.",
+            registry=registry,
+        )
+        self.messages_ignored = Counter(
+            "coadapt_ego_messages_ignored_total",
+            "Valid messages that were not taken: old ones, and robots beyond the limit.",
+            ["reason"],
+            registry=registry,
+        )
+
+    def restore(self, totals: ByteTotals) -> None:
+        """Takes over the sums of a journal that goes on, so that both stay equal."""
+        for (robot, algorithm), size in totals.items():
+            self.received_bytes.labels(robot, algorithm).inc(size)
+
+    def committed(self, record: CycleRecord) -> None:
+        """Counts a cycle whose journal line is on the disk."""
+        self.cycle_seconds.observe(record.latency.cycle_ms * 1e-3)
+        if record.latency.frame_p50_ms is not None:
+            self.frame_seconds.observe(record.latency.frame_p50_ms * 1e-3)
+        self.decisions.labels(record.decision.source, record.decision.algorithm).inc()
+        for (robot, algorithm), size in byte_totals(record).items():
+            self.received_bytes.labels(robot, algorithm).inc(size)
+        for result in ("fused", "skipped", "failed"):
+            self.frames.labels(result).inc(getattr(record.frames, result))
+        self.late_answers.inc(record.frames.late_answers)
+        for robot, reasons in record.missing.items():
+            for reason, count in reasons.items():
+                self.missing.labels(robot, reason).inc(count)

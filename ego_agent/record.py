@@ -1,0 +1,96 @@
+"""The journal's line of one control cycle, put together from what the stages leave behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ego_agent.journal import CycleRecord, Decided, Frames, Inputs, Latency, RobotInput
+from ego_agent.model import Snapshot, UnifiedScene
+from ego_agent.tally import Tally
+from swarm.messages import Decision
+
+
+def cycle_record(
+    snapshot: Snapshot,
+    scene: UnifiedScene | None,
+    decision: Decision,
+    tally: Tally,
+    *,
+    published: bool,
+    cycle_ms: float,
+) -> CycleRecord:
+    """The line of a cycle from what it saw, decided and received."""
+    distances = {c.robot: c.distance_m for c in scene.candidates} if scene else {}
+    own = snapshot.robots[snapshot.ego].beacon
+    robots = {}
+    for robot, view in snapshot.robots.items():
+        distance = distances.get(robot)
+        if distance is None and view.beacon is not None and own is not None:
+            distance = view.beacon.sensor_pose().distance_to(own.sensor_pose())
+        robots[robot] = RobotInput(
+            alive=view.alive,
+            distance_m=_rounded(distance, 2),
+            beacon_age_s=_rounded(view.beacon_age_s, 3) if view.beacon else None,
+            scene_age_s=_rounded(view.scene_age_s, 3) if view.scene else None,
+            round_trip_s=_rounded(view.round_trip_s, 4),
+            clock_offset_s=round(view.clock_offset_s, 4),
+            sizes=view.beacon.sizes if view.beacon else {},
+        )
+    return CycleRecord(
+        ego=snapshot.ego,
+        cycle=decision.cycle,
+        started_ns=snapshot.now_ns,
+        inputs=Inputs(
+            robots=robots,
+            excluded=dict(scene.excluded) if scene else {},
+            capacity_bps=round(snapshot.capacity_bps),
+            capacity_source=snapshot.capacity_source,
+        ),
+        decision=Decided(
+            participants=decision.participants,
+            algorithm=decision.algorithm,
+            reason=decision.reason,
+            source=decision.source,
+            policy=decision.policy,
+            valid=decision.valid,
+            repairs=decision.repairs,
+            quality=decision.quality,
+            cost_bytes=decision.cost_bytes,
+        ),
+        published=published,
+        bytes=_nested(tally.received),
+        frames=Frames(
+            fused=tally.fused,
+            skipped=tally.skipped,
+            failed=tally.failed,
+            late_answers=tally.late_answers,
+            boxes=tally.boxes,
+        ),
+        missing=_nested(tally.missing),
+        latency=Latency(
+            cycle_ms=round(cycle_ms, 3),
+            frame_p50_ms=_rounded(tally.frame_p50_ms(), 3),
+            frame_max_ms=_rounded(tally.frame_max_ms(), 3),
+        ),
+        outcome=_outcome(decision, tally),
+    )
+
+
+def _outcome(decision: Decision, tally: Tally) -> str:
+    if not tally.fused:
+        return "no frames"
+    if tally.missing:
+        return "partial"
+    return "alone" if len(decision.participants) == 1 else "complete"
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def _nested(counts: Mapping[tuple[str, str], int]) -> dict[str, dict[str, int]]:
+    """{(robot, name): n} as {robot: {name: n}}, sorted, for the journal."""
+    nested: dict[str, dict[str, int]] = {}
+    for (robot, name), count in sorted(counts.items()):
+        nested.setdefault(robot, {})[name] = count
+    return nested
