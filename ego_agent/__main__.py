@@ -1,0 +1,170 @@
+"""The ego process: `python -m ego_agent`."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+
+from prometheus_client import CollectorRegistry
+
+from ego_agent.agent import EgoAgent
+from ego_agent.ask import Asker
+from ego_agent.execute import FusionLoop
+from ego_agent.journal import Journal
+from ego_agent.knowledge import Knowledge
+from ego_agent.link import LinkEstimate
+from ego_agent.metrics import EgoMetrics
+from ego_agent.monitor import Monitor
+from ego_agent.objective import Objective
+from ego_agent.policies.base import Policy
+from ego_agent.policies.registry import make_policy
+from ego_agent.sense import OwnSensor
+from ego_agent.settings import EgoSettings, load_settings
+from ego_agent.tally import TallyKeeper
+from perception.fusion.registry import make_fusion
+from swarm import transport
+from swarm.errors import CoAdaptError, SettingError, TransportError
+from swarm.log import Logger, make_logger
+from swarm.metrics import MetricsServer
+from swarm.process import Clock, leave, stop_on_signals
+from swarm.session import Session
+from swarm.settings import PREFIX
+from worlds.base import World
+from worlds.registry import open_world
+
+
+def main() -> int:
+    """Runs one ego until SIGTERM or SIGINT; wrong settings end it at once with 1."""
+    stop = stop_on_signals()
+    try:
+        settings = load_settings()
+        transport.client_config(settings.router)  # a malformed address ends the process here
+        world = _open(settings)
+        run(settings, world, stop)
+    except CoAdaptError as error:
+        print(f"ego_agent: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
+    """Runs one ego in a world until `stop` is set.
+
+    Raises SettingError for a metrics port that is taken, DecisionError for a policy that is
+    unknown or cannot be used, and JournalError for a journal that cannot be written.
+    """
+    log = make_logger("ego_agent", level=settings.log_level, swarm=settings.swarm, ego=settings.ego)
+    registry = CollectorRegistry()
+    metrics = EgoMetrics(registry)
+    knowledge = Knowledge(_objective(settings))
+    policy = make_policy(settings.policy, knowledge.algorithms)
+    journal = Journal(Path(settings.journal)) if settings.journal else None
+    try:
+        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    except SettingError:
+        if journal is not None:
+            journal.close()
+        raise
+    if journal is not None:
+        metrics.restore(journal.totals)
+        if journal.torn_bytes:
+            log.warning("journal_torn", path=str(journal.path), bytes=journal.torn_bytes)
+    agent = _agent(settings, world, knowledge, policy, journal, metrics, log)
+
+    def connect() -> Session | None:
+        try:
+            return Session(settings.router, settings.swarm, registry=registry, log=log, stop=stop)
+        except TransportError:
+            return None  # stopped before the router could be reached
+
+    log.info("ego_up", policy=policy.name, period_s=settings.period_s, metrics_port=server.port)
+    try:
+        agent.run(settings.period_s, stop, connect)
+    finally:
+        server.close()
+        if journal is not None:
+            journal.close()
+        agent.close()
+    log.info("ego_down")
+
+
+def _agent(
+    settings: EgoSettings,
+    world: World,
+    knowledge: Knowledge,
+    policy: Policy,
+    journal: Journal | None,
+    metrics: EgoMetrics,
+    log: Logger,
+) -> EgoAgent:
+    clock = Clock()
+    link = LinkEstimate(settings.link_prior_bps)
+    monitor = Monitor(settings.ego, link, clock=clock)
+    tally = TallyKeeper()
+    sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
+    asker = Asker(
+        settings.ego,
+        monitor,
+        link,
+        knowledge,
+        tally,
+        clock,
+        1.0 / world.rate_hz,
+        max_error_m=settings.max_error_m,
+        keep_ground=settings.keep_ground,
+    )
+    fusion = FusionLoop(
+        settings.ego,
+        sensor,
+        asker,
+        {name: make_fusion(name, world.detector) for name in knowledge.algorithms},
+        tally,
+        log,
+        rate_hz=settings.fusion_rate_hz,
+        deadline_s=settings.deadline_s,
+    )
+    return EgoAgent(
+        monitor=monitor,
+        knowledge=knowledge,
+        policy=policy,
+        sensor=sensor,
+        fusion=fusion,
+        tally=tally,
+        journal=journal,
+        metrics=metrics,
+        clock=clock,
+        log=log,
+    )
+
+
+def _objective(settings: EgoSettings) -> Objective:
+    return Objective(
+        lambda_cost=settings.cost_weight,
+        q_min=settings.q_min,
+        rate_hz=settings.fusion_rate_hz,
+        comm_range_m=settings.comm_range_m,
+        headroom=settings.headroom,
+    )
+
+
+def _open(settings: EgoSettings) -> World:
+    world = open_world(
+        settings.world,
+        data=Path(settings.world_data) if settings.world_data else None,
+        robots=settings.world_robots,
+        seed=settings.world_seed,
+        rings=settings.world_rings,
+        scenario=settings.world_scenario,
+        cache=Path(settings.world_cache) if settings.world_cache else None,
+    )
+    if settings.ego not in world.robots:
+        raise SettingError(
+            f"{PREFIX}EGO = {settings.ego!r} is not in world {world.name!r}; "
+            f"allowed: {', '.join(world.robots)}"
+        )
+    return world
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,230 @@
+"""The control cycle: Monitor, Analyze, Plan, Execute, at a steady period, whatever happens.
+
+The cycle never waits for the network: it reads what has arrived, computes, publishes. A router that
+is away, an own scan that cannot be read, a policy that fails: each costs what it costs, and the
+next decision comes in time all the same.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ego_agent.analyze import analyze
+from ego_agent.execute import FusionLoop
+from ego_agent.journal import CycleRecord, Journal
+from ego_agent.knowledge import CycleResult, Knowledge
+from ego_agent.metrics import EgoMetrics
+from ego_agent.model import Snapshot, UnifiedScene
+from ego_agent.monitor import Monitor
+from ego_agent.plan import plan
+from ego_agent.policies.base import Policy
+from ego_agent.record import cycle_record
+from ego_agent.sense import OwnSensor
+from ego_agent.tally import Tally, TallyKeeper
+from swarm import keyspace
+from swarm.errors import JournalError, TransportError
+from swarm.log import Logger
+from swarm.messages import Decision
+from swarm.process import Clock
+from swarm.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """A cycle whose decision is in force and whose journal line is not written yet."""
+
+    snapshot: Snapshot
+    scene: UnifiedScene | None
+    decision: Decision
+    published: bool
+    cycle_ms: float
+
+
+class EgoAgent:
+    """One ego: its parts, and the loop that drives them."""
+
+    def __init__(
+        self,
+        *,
+        monitor: Monitor,
+        knowledge: Knowledge,
+        policy: Policy,
+        sensor: OwnSensor,
+        fusion: FusionLoop,
+        tally: TallyKeeper,
+        journal: Journal | None,
+        metrics: EgoMetrics,
+        clock: Clock,
+        log: Logger,
+    ) -> None:
+        self._monitor = monitor
+        self._knowledge = knowledge
+        self._policy = policy
+        self._sensor = sensor
+        self._fusion = fusion
+        self._tally = tally
+        self._journal = journal
+        self._metrics = metrics
+        self._clock = clock
+        self._log = log
+        self._session: Session | None = None
+        self._ego = monitor.ego
+        self._ignored: dict[str, int] = defaultdict(int)
+        self._detections_lost = 0
+
+    def run(
+        self, period_s: float, stop: threading.Event, connect: Callable[[], Session | None]
+    ) -> None:
+        """Runs cycles until `stop` is set; `connect` runs beside them until the router is there."""
+        connector = threading.Thread(target=self._connect, args=(connect,), daemon=True)
+        connector.start()
+        number = self._journal.next_cycle if self._journal else 1
+        previous: Decision | None = None
+        self._fusion.start()
+        due = time.monotonic()
+        while not stop.is_set():
+            running = self._begin(number, previous)
+            previous = running.decision
+            number += 1
+            due += period_s
+            late = int(max(0.0, time.monotonic() - due) / period_s)
+            if late:
+                self._metrics.cycles_missed.inc(late)
+                due += late * period_s
+            stop.wait(max(0.0, due - time.monotonic()))
+            self._complete(running)
+        self._fusion.stop()
+
+    def close(self) -> None:
+        """Closes the session, if there is one."""
+        if self._session is not None:
+            self._session.close()
+
+    def _connect(self, connect: Callable[[], Session | None]) -> None:
+        try:
+            session = connect()
+            if session is None:
+                return
+            self._monitor.attach(session)
+            self._fusion.connect(session)
+            self._session = session
+            self._log.info("router_reached")
+        except Exception:
+            # Without a thread that tries again the ego stays alone: say so, loudly, and go on.
+            self._log.error("connect_failed", exc_info=True)
+
+    def _begin(self, number: int, previous: Decision | None) -> _Running:
+        """One cycle up to its published decision."""
+        begun = time.perf_counter()
+        self._sensor.locate()
+        now_ns = self._clock.now_ns()
+        snapshot = self._monitor.snapshot(number, now_ns)
+        scene: UnifiedScene | None = None
+        try:
+            scene = analyze(snapshot, self._knowledge)
+            decision = plan(
+                snapshot, scene, self._policy, self._knowledge, previous, number, now_ns
+            )
+        except Exception as error:
+            self._metrics.cycle_faults.inc()
+            self._log.error("cycle_failed", cycle=number, exc_info=True)
+            decision = self._alone(snapshot, f"the cycle failed: {type(error).__name__}")
+        self._fusion.follow(decision)
+        published = self._publish(decision)
+        self._metrics.participants.set(len(decision.participants))
+        self._metrics.capacity_bps.set(snapshot.capacity_bps)
+        self._metrics.quality.set(decision.quality)
+        self._metrics.predicted_bytes.set(decision.cost_bytes)
+        return _Running(snapshot, scene, decision, published, (time.perf_counter() - begun) * 1e3)
+
+    def _alone(self, snapshot: Snapshot, reason: str) -> Decision:
+        """The decision that always holds: the ego alone costs nothing and needs nobody."""
+        return Decision(
+            ego=self._ego,
+            cycle=snapshot.cycle,
+            decided_ns=snapshot.now_ns,
+            participants=(self._ego,),
+            algorithm=self._knowledge.best_algorithm(),
+            reason=reason,
+            source="fallback",
+            policy=self._policy.name,
+            valid=snapshot.robots[self._ego].beacon is not None,
+            rate_hz=self._knowledge.objective.rate_hz,
+            capacity_bps=max(1.0, snapshot.capacity_bps),
+        )
+
+    def _publish(self, decision: Decision) -> bool:
+        session = self._session
+        try:
+            if session is None or session.links() == 0:
+                raise TransportError("no router")
+            session.put(keyspace.decision(session.swarm, self._ego), decision)
+        except TransportError as error:
+            self._metrics.publish_failures.labels("decision").inc()
+            self._log.debug("decision_unpublished", cycle=decision.cycle, error=str(error))
+            return False
+        return True
+
+    def _complete(self, running: _Running) -> None:
+        """Writes the cycle's line; only then does the cycle count as completed."""
+        tally = self._tally.take()
+        record = cycle_record(
+            running.snapshot,
+            running.scene,
+            running.decision,
+            tally,
+            published=running.published,
+            cycle_ms=running.cycle_ms,
+        )
+        self._knowledge.record_result(_result(running.decision, tally))
+        if self._journal is None:
+            self._metrics.committed(record)
+        else:
+            self._commit(self._journal, record)
+        lost = self._fusion.unpublished
+        self._metrics.publish_failures.labels("detections").inc(lost - self._detections_lost)
+        self._detections_lost = lost
+        counts = self._monitor.counts()
+        self._count_ignored("out_of_order", counts.out_of_order)
+        self._count_ignored("no_room", counts.no_room)
+        self._log.info(
+            "cycle",
+            cycle=record.cycle,
+            participants=list(record.decision.participants),
+            algorithm=record.decision.algorithm,
+            source=record.decision.source,
+            fused=record.frames.fused,
+            skipped=record.frames.skipped,
+            outcome=record.outcome,
+        )
+
+    def _commit(self, journal: Journal, record: CycleRecord) -> None:
+        try:
+            for done in journal.commit(record):
+                self._metrics.committed(done)
+        except JournalError as error:
+            self._metrics.journal_failures.inc()
+            self._log.error("journal_refused", cycle=record.cycle, error=str(error))
+        self._metrics.journal_pending.set(journal.pending)
+
+    def _count_ignored(self, reason: str, total: int) -> None:
+        self._metrics.messages_ignored.labels(reason).inc(total - self._ignored[reason])
+        self._ignored[reason] = total
+
+
+def _result(decision: Decision, tally: Tally) -> CycleResult:
+    return CycleResult(
+        cycle=decision.cycle,
+        algorithm=decision.algorithm,
+        participants=decision.participants,
+        source=decision.source,
+        quality=decision.quality,
+        predicted_bytes=decision.cost_bytes,
+        received_bytes=tally.received.total(),
+        frames=tally.fused,
+        latency_ms=tally.frame_p50_ms() or 0.0,
+    )

@@ -1,0 +1,285 @@
+"""Asking robots for one frame in parallel, with a deadline.
+
+Answers come in on Zenoh's threads and are taken up by the fusion thread through one queue, so that
+late answers of earlier frames are counted too. A robot that still owes an answer is not asked
+again: a slow one costs its own frames, never the link or the next frame.
+"""
+
+from __future__ import annotations
+
+import itertools
+import queue
+import time
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+from ego_agent.knowledge import Knowledge
+from ego_agent.link import LinkEstimate, Round
+from ego_agent.monitor import Monitor
+from ego_agent.tally import TallyKeeper
+from perception.fusion.base import Contribution
+from swarm import keyspace
+from swarm.errors import CoAdaptError, MessageError, RefusedError
+from swarm.messages import MAX_MESSAGE_BYTES, Algorithm, Observation, ObservationRequest
+from swarm.process import Clock
+from swarm.session import Answer, Session
+
+MAX_TRANSFER_S = 1.0
+"""No payload may take the link longer than this: Zenoh closes a transport blocked for 5 s."""
+MIN_PAYLOAD_BYTES = 2048
+"""Boxes must always fit."""
+ANSWER_TIMEOUT_S = 1.5
+"""How long an answer is waited for in all; after the deadline its bytes only count."""
+SMALL_OFFSET_NS = 50_000_000
+"""A smaller clock offset is taken for delay: frames are 100 ms apart."""
+MAX_SKEW_FRAMES = 1.5
+"""An answer farther off than this many frame periods shows another moment: a robot that reads its
+scan a little later than the ego gives the frame before."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Ask:
+    """One request under way."""
+
+    robot: str
+    request: ObservationRequest
+    round: FrameRound
+    asked_at: float
+    tries: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    """How a request ended, and when."""
+
+    ask: _Ask
+    outcome: Answer[Observation] | CoAdaptError
+    at: float
+
+
+@dataclass(slots=True, eq=False)
+class FrameRound:
+    """The requests of one fused frame."""
+
+    algorithm: Algorithm
+    begun_at: float
+    delivered_before: int
+    contributions: list[Contribution] = field(default_factory=list)
+    bytes: dict[str, int] = field(default_factory=dict)
+    """Payload bytes of the contributions that arrived in time, by robot."""
+    missing: dict[str, str] = field(default_factory=dict)
+    """Robots without a contribution: `kind: detail`."""
+    waiting: set[str] = field(default_factory=set)
+    encode_ms: dict[str, float] = field(default_factory=dict)
+    last_at: float = 0.0
+    asked: int = 0
+
+
+class Asker:
+    """Sends the requests of a frame and gathers the answers. Used by the fusion thread only."""
+
+    def __init__(
+        self,
+        ego: str,
+        monitor: Monitor,
+        link: LinkEstimate,
+        knowledge: Knowledge,
+        tally: TallyKeeper,
+        clock: Clock,
+        frame_period_s: float,
+        *,
+        max_error_m: float,
+        keep_ground: bool,
+    ) -> None:
+        self._ego = ego
+        self._monitor = monitor
+        self._link = link
+        self._knowledge = knowledge
+        self._tally = tally
+        self._clock = clock
+        self._max_skew_ns = round(MAX_SKEW_FRAMES * frame_period_s * 1e9)
+        self._max_error_m = max_error_m
+        self._keep_ground = keep_ground
+        self._numbers = itertools.count(1)
+        self._inbox: queue.SimpleQueue[_Arrival] = queue.SimpleQueue()
+        self._owing: dict[str, _Ask] = {}
+        self._delivered = 0
+
+    def ask(
+        self,
+        session: Session | None,
+        robots: tuple[str, ...],
+        algorithm: Algorithm,
+        capture_ns: int,
+    ) -> FrameRound:
+        """Asks the robots for the frame captured at `capture_ns` on the ego's clock."""
+        now = time.monotonic()
+        done = FrameRound(algorithm, begun_at=now, delivered_before=self._delivered, last_at=now)
+        asked: list[str] = []
+        for robot in robots:
+            owed = self._owing.get(robot)
+            if session is None:
+                done.missing[robot] = "offline: no router"
+            elif not self._monitor.is_alive(robot):
+                done.missing[robot] = "left: its liveliness token is gone"
+            elif owed is not None and now - owed.asked_at < ANSWER_TIMEOUT_S + 1.0:
+                done.missing[robot] = "busy: still owes the answer for an earlier frame"
+            else:
+                asked.append(robot)
+        if session is None or not asked:
+            return done
+        capacity_bps, _ = self._link.capacity(now)
+        share = int(capacity_bps / 8.0 * MAX_TRANSFER_S / len(asked))
+        max_bytes = max(MIN_PAYLOAD_BYTES, min(share, MAX_MESSAGE_BYTES - 4096))
+        done.asked = len(asked)
+        done.waiting.update(asked)
+        for robot in asked:
+            request = ObservationRequest(
+                ego=self._ego,
+                request=next(self._numbers),
+                algorithm=algorithm,
+                capture_ns=capture_ns + self._clock_offset_ns(robot),
+                max_error_m=self._max_error_m,
+                keep_ground=self._keep_ground,
+                max_bytes=max_bytes,
+            )
+            self._send(session, _Ask(robot, request, done, now, tries=1))
+        return done
+
+    def collect(self, session: Session | None, done: FrameRound, deadline_s: float) -> None:
+        """Waits until every robot of the frame has answered or the deadline has passed."""
+        until = done.begun_at + deadline_s
+        while done.waiting and (left := until - time.monotonic()) > 0:
+            try:
+                arrival = self._inbox.get(timeout=left)
+            except queue.Empty:
+                break
+            if not self._asked_again(session, arrival, until):
+                self._take(arrival)
+        complete = not done.waiting
+        for robot in sorted(done.waiting):
+            done.missing[robot] = f"deadline: no answer within {deadline_s:g} s"
+        done.waiting.clear()
+        if done.asked:
+            span_s = done.last_at - done.begun_at if complete else deadline_s
+            encode_ms = min(done.encode_ms.values(), default=0.0)
+            self._link.add_round(
+                Round(
+                    delivered_bytes=self._delivered - done.delivered_before,
+                    span_s=span_s,
+                    encode_s=encode_ms * 1e-3,
+                    complete=complete,
+                ),
+                time.monotonic(),
+            )
+
+    def wait(self, seconds: float) -> None:
+        """Takes up late answers for a while; returns early when one has come."""
+        try:
+            self._take(self._inbox.get(timeout=max(0.0, seconds)))
+        except queue.Empty:
+            return
+
+    def _send(self, session: Session, ask: _Ask) -> None:
+        self._owing[ask.robot] = ask
+
+        def finished(future: Future[Answer[Observation]]) -> None:
+            # On a Zenoh thread: note the time and hand over.
+            error = future.exception()
+            outcome = error if isinstance(error, CoAdaptError) else None
+            if error is not None and outcome is None:
+                outcome = MessageError(f"internal error: {error!r}")
+            at = time.monotonic()
+            self._inbox.put(_Arrival(ask, outcome if outcome is not None else future.result(), at))
+
+        session.ask(
+            keyspace.observation(session.swarm, ask.robot),
+            ask.request,
+            Observation,
+            timeout_s=ANSWER_TIMEOUT_S,
+        ).add_done_callback(finished)
+
+    def _asked_again(self, session: Session | None, arrival: _Arrival, until: float) -> bool:
+        """Asks once more when nobody answered although the robot is there: after a reconnect its
+        liveliness token may arrive before its queryable."""
+        ask = arrival.ask
+        unanswered = isinstance(arrival.outcome, CoAdaptError) and not isinstance(
+            arrival.outcome, RefusedError | MessageError
+        )
+        if not unanswered or ask.tries > 1 or session is None or arrival.at >= until:
+            return False
+        if not self._monitor.is_alive(ask.robot):
+            return False
+        self._send(session, _Ask(ask.robot, ask.request, ask.round, ask.asked_at, tries=2))
+        return True
+
+    def _take(self, arrival: _Arrival) -> None:
+        ask, done = arrival.ask, arrival.ask.round
+        if self._owing.get(ask.robot) is ask:
+            del self._owing[ask.robot]
+        late = ask.robot not in done.waiting
+        done.waiting.discard(ask.robot)
+        done.last_at = max(done.last_at, arrival.at)
+        if isinstance(arrival.outcome, CoAdaptError):
+            if not late:
+                done.missing[ask.robot] = _why(arrival.outcome)
+            return
+        answer = arrival.outcome
+        seen = answer.message
+        self._delivered += answer.wire_bytes
+        self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
+        self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
+        wrong = self._mismatch(ask, seen)
+        if wrong is None:
+            size, at_ns = len(seen.payload), self._clock.now_ns()
+            self._knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
+        if late:
+            return
+        if wrong is not None:
+            done.missing[ask.robot] = wrong
+            return
+        done.bytes[ask.robot] = len(seen.payload)
+        done.encode_ms[ask.robot] = seen.encode_ms
+        done.contributions.append(
+            Contribution(ask.robot, seen.payload, seen.sensor_pose().matrix())
+        )
+
+    def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
+        """Why an answer is not what was asked for."""
+        asked = ask.request
+        if (seen.robot, seen.request, seen.algorithm) != (
+            ask.robot,
+            asked.request,
+            asked.algorithm,
+        ):
+            return (
+                f"invalid: answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
+                f"{asked.request} to {ask.robot} ({asked.algorithm})"
+            )
+        skew_ns = seen.capture_ns - asked.capture_ns
+        if abs(skew_ns) > self._max_skew_ns:
+            return f"skew: its frame is {skew_ns * 1e-9:+.3f} s off"
+        return None
+
+    def _clock_offset_ns(self, robot: str) -> int:
+        offset_ns = self._monitor.clock_offset_ns(robot)
+        return offset_ns if abs(offset_ns) >= SMALL_OFFSET_NS else 0
+
+
+MISSING_KINDS = (
+    "offline", "left", "busy", "deadline", "refused", "invalid", "unanswered", "skew", "rejected",
+)  # fmt: skip
+"""Why a chosen robot is not in a fused frame: the part of a reason before its colon."""
+
+
+def kind_of(reason: str) -> str:
+    """The kind of a reason in `FrameRound.missing`: one of MISSING_KINDS."""
+    return reason.split(":", 1)[0]
+
+
+def _why(error: CoAdaptError) -> str:
+    if isinstance(error, RefusedError):
+        return f"refused: {error}"
+    if isinstance(error, MessageError):
+        return f"invalid: {error}"
+    return f"unanswered: {error}"

@@ -1,0 +1,55 @@
+"""Settings of the ego process."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated
+
+import msgspec
+
+from swarm.errors import SettingError
+from swarm.process import ProcessSettings
+from swarm.settings import PREFIX, Name, load
+
+
+class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
+    """How one ego decides, fetches and fuses. Field `q_min` is read from `COADAPT_Q_MIN`."""
+
+    ego: Name = "R1"
+    """The robot that fuses; its scans come from the world, never over the link."""
+    policy: Name = "coverage"
+    period_s: Annotated[float, msgspec.Meta(ge=0.05, le=3600)] = 1.0
+    """Time between two decisions; the paper uses 5 s."""
+    fusion_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 10.0
+    deadline_s: Annotated[float, msgspec.Meta(gt=0, le=4)] = 0.25
+    """How long a fused frame waits for the robots. Zenoh closes a transport that is blocked for
+    5 s, so it must stay below that."""
+    q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
+    cost_weight: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
+    """lambda of the objective Q - lambda * C: quality that one megabyte a frame must bring."""
+    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] = 45.0
+    headroom: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
+    """Share of C(t) that a decision may fill."""
+    link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
+    """C(t) before anything was measured."""
+    max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
+    """Bound on the position error of points that robots send."""
+    keep_ground: bool = False
+    """Ask for ground points too."""
+    journal: str = ""
+    """Path of the journal; empty keeps none."""
+
+
+def load_settings(environment: Mapping[str, str] | None = None) -> EgoSettings:
+    """The settings from the environment and the TOML file.
+
+    Raises SettingError that names the variable, its value and what is allowed.
+    """
+    settings = load(EgoSettings, environment)
+    for name in settings.__struct_fields__:
+        value = getattr(settings, name)
+        # Comparisons with NaN are false, so the limits above let it pass.
+        if isinstance(value, float) and not math.isfinite(value):
+            raise SettingError(f"{PREFIX}{name.upper()} = {value} must be a finite number")
+    return settings
