@@ -8,7 +8,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 python=${PYTHON:-.venv/bin/python}
 
-freeze() { "$work/venv/bin/pip" freeze --exclude coadapt-edge --exclude pip | grep -v '^-e' | sort -f; }
+freeze() { "$work/venv/bin/pip" freeze --exclude coadapt-edge --exclude pip | grep -v '^-e' | LC_ALL=C sort; }
 
 "$python" -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check .
@@ -16,4 +16,4 @@ freeze >"$work/run"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check '.[dev]' 'setuptools>=68' wheel
 freeze >"$work/all"
 cp "$work/run" requirements.lock
-comm -13 "$work/run" "$work/all" >requirements-dev.lock
+LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock

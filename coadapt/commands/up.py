@@ -34,6 +34,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--scenario", default="floor", help="of the factory")
     parser.add_argument("--seed", type=int, default=1, help="of the factory")
     parser.add_argument("--ego", help="which robot fuses (default: the first)")
+    parser.add_argument("--comm-range", type=float, metavar="M", help="metres around the ego")
     parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
     parser.add_argument("--no-prometheus", action="store_true", help="go without Prometheus")
     parser.add_argument("--prometheus-port", type=int, default=9090, help="on 127.0.0.1")
@@ -99,6 +100,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         prometheus_port=args.prometheus_port,
         ego_metrics_port=args.ego_metrics_port,
         router_port=args.router_port,
+        comm_range_m=args.comm_range,
         link_bps=parse_rate(args.link) if args.link else None,
         **optional,
     )

@@ -22,6 +22,7 @@ PACKAGES = (
     "coadapt",
     "deploy",
     "ego_agent",
+    "evaluation",
     "perception",
     "robot_agent",
     "swarm",

@@ -15,8 +15,8 @@ from deploy.docker import compose
 from deploy.docker.image import ensure_image
 from deploy.ports import check_free
 from deploy.progress import say
-from deploy.runtimes.base import ProcessStatus
-from deploy.spec import RuntimeName, SwarmSpec
+from deploy.runtimes.base import ProcessState, ProcessStatus
+from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 
 PING_S = 5
@@ -40,15 +40,22 @@ class DockerRuntime:
 
     def up(self, spec: SwarmSpec) -> bool:
         """Starts the containers; see `base.Runtime.up`."""
-        running = record.read_state(spec.swarm)
-        if running is not None and self._containers(spec.swarm):
-            if running.spec.same_as(spec):
+        with record.exclusive():
+            running = record.read_state(spec.swarm)
+            if running is not None and self._containers(spec.swarm):
+                different = running.spec.differences(spec)
+                if different:
+                    raise DeployError(
+                        f"swarm {spec.swarm!r} already runs with another {', '.join(different)}; "
+                        "run `make down` first"
+                    )
                 return False
-            raise DeployError(
-                f"swarm {spec.swarm!r} already runs with other settings; run `make down` first"
-            )
-        self.down(spec.swarm)
-        check_free(spec)
+            self._clear(spec.swarm)
+            check_free(spec)
+            self._start(spec)
+            return True
+
+    def _start(self, spec: SwarmSpec) -> None:
         image = ensure_image(say)
         run_dir = record.make_run_dir(spec)
         for folder in ("journal", "prometheus"):
@@ -70,17 +77,20 @@ class DockerRuntime:
         try:
             compose.start(spec, file)
         except DeployError:
-            self.down(spec.swarm)
+            self._clear(spec.swarm)
             raise
-        return True
 
     def down(self, swarm: str) -> bool:
         """Removes every container and network that carries the swarm's label, and its record."""
+        with record.exclusive():
+            return self._clear(swarm)
+
+    def _clear(self, swarm: str) -> bool:
         found = False
         try:
             engine = _engine()
         except DeployError:
-            if record.run_dir_of(swarm).exists():
+            if run_dir_of(swarm).exists():
                 raise
             return False
         containers = self._containers(swarm)
@@ -154,5 +164,5 @@ def _status(service: str, container: Any | None) -> ProcessStatus:
         uptime = (datetime.datetime.now(datetime.UTC) - begun).total_seconds()
         return ProcessStatus(service, "running", restarts, max(0.0, uptime))
     detail = f"exit code {state.get('ExitCode')} {state.get('Error', '')}".strip()
-    kind = "restarting" if state["Status"] == "restarting" else "stopped"
+    kind: ProcessState = "restarting" if state["Status"] == "restarting" else "stopped"
     return ProcessStatus(service, kind, restarts, 0.0, detail)

@@ -1,0 +1,57 @@
+"""`coadapt ap DIR`: average precision of a fusion algorithm on a recorded scenario."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from coadapt.arguments import at_least_zero
+
+
+def register(commands: Any) -> None:
+    """Adds `ap` to the subparsers of `coadapt`."""
+    parser = commands.add_parser(
+        "ap",
+        help="average precision on a recorded scenario",
+        description="Average precision of a fusion algorithm over all frames of a directory in "
+        "OPV2V's layout, all vehicles taking part.",
+    )
+    parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
+    parser.add_argument("--algorithm", required=True, help="early or late; single is the ego alone")
+    parser.add_argument("--ego", help="the robot that fuses (default: the first)")
+    parser.add_argument(
+        "--pose-noise",
+        type=at_least_zero,
+        default=0.0,
+        metavar="M",
+        help="standard deviation of the senders' poses, metres and degrees",
+    )
+    parser.add_argument(
+        "--delay", type=at_least_zero, default=0.0, metavar="S", help="age of contributions"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Prints the figures. Raises CoAdaptError for bad data or names."""
+    from evaluation.cooperative import Disturbance, evaluate
+    from worlds.opv2v import Opv2vWorld
+
+    world = Opv2vWorld(args.directory)
+    precision = evaluate(
+        world,
+        args.algorithm,
+        args.ego or world.robots[0],
+        Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
+    )
+    figures = {name: round(value, 4) for name, value in asdict(precision).items()}
+    if args.json:
+        print(json.dumps(figures))
+        return 0
+    for name, value in figures.items():
+        print(f"{name:22} {value}")
+    return 0

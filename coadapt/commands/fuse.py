@@ -1,0 +1,81 @@
+"""`coadapt fuse DIR`: one frame of a recorded scenario, fused."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from coadapt.arguments import at_least_zero
+from perception.types import Boxes
+
+
+def register(commands: Any) -> None:
+    """Adds `fuse` to the subparsers of `coadapt`."""
+    parser = commands.add_parser(
+        "fuse",
+        help="fuse one frame of a recorded scenario",
+        description="Fuse one frame of a directory in OPV2V's layout. Boxes are in the "
+        "right-handed world frame (y is minus CARLA's y).",
+    )
+    parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
+    parser.add_argument("--frame", required=True, help="a frame's name (006220) or index (0)")
+    parser.add_argument("--ego", help="the robot that fuses (default: the first)")
+    parser.add_argument(
+        "--participants", default="", help="robots that send, comma-separated (default: all)"
+    )
+    parser.add_argument("--algorithm", required=True, help="early or late; single is the ego alone")
+    parser.add_argument(
+        "--pose-noise",
+        type=at_least_zero,
+        default=0.0,
+        metavar="M",
+        help="standard deviation of the senders' poses, metres and degrees",
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Prints the fused boxes of one frame. Raises CoAdaptError for bad data or names."""
+    from evaluation.cooperative import Disturbance, fuse_frame
+    from worlds.opv2v import Opv2vWorld
+
+    world = Opv2vWorld(args.directory)
+    frame = world.frame_index(args.frame)
+    ego = args.ego or world.robots[0]
+    participants = [name for name in args.participants.split(",") if name] or world.robots
+    disturbance = Disturbance(pose_noise_m=args.pose_noise)
+    for robot in {ego, *participants} & set(world.robots):
+        world.scan(robot, frame)  # read the files first: they are not part of the time
+    started = time.perf_counter()
+    fused = fuse_frame(world, frame, ego, participants, args.algorithm, disturbance)
+    elapsed_ms = (time.perf_counter() - started) * 1e3
+    if args.json:
+        rows = [_row(fused.boxes, i) for i in range(len(fused.boxes))]
+        figures = {"boxes": rows, "bytes": fused.bytes, "elapsed_ms": round(elapsed_ms, 3)}
+        print(json.dumps(figures))
+        return 0
+    print(
+        "label       score  centre x, y, z (m)            length, width, height (m)  heading (rad)"
+    )
+    for i, label in enumerate(fused.boxes.labels):
+        center = " ".join(f"{v:9.2f}" for v in fused.boxes.centers[i])
+        size = " ".join(f"{v:7.2f}" for v in fused.boxes.sizes[i])
+        heading, score = fused.boxes.headings[i], fused.boxes.scores[i]
+        print(f"{label:10} {score:6.2f}  {center}  {size}    {heading:9.3f}")
+    sent = ", ".join(f"{robot} {size}" for robot, size in fused.bytes.items()) or "nothing"
+    print(f"{len(fused.boxes)} boxes; bytes: {sent}; {elapsed_ms:.1f} ms")
+    return 0
+
+
+def _row(boxes: Boxes, index: int) -> dict[str, Any]:
+    return {
+        "center": [round(float(v), 3) for v in boxes.centers[index]],
+        "size": [round(float(v), 3) for v in boxes.sizes[index]],
+        "heading": round(float(boxes.headings[index]), 4),
+        "score": round(float(boxes.scores[index]), 4),
+        "label": boxes.labels[index],
+    }

@@ -1,0 +1,1 @@
+"""Experiments on worlds without a network: precision of fusion algorithms and policies."""

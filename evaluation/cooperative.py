@@ -1,0 +1,148 @@
+"""Fuses single frames of a world as a swarm would, and scores the result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.detector import configuration, detect
+from perception.fusion.base import Contribution, EncodeOptions
+from perception.fusion.registry import make_fusion
+from perception.metrics import average_precision
+from perception.types import Boxes
+from swarm.errors import PerceptionError, WorldError
+from swarm.geometry import Matrix, Pose, invert
+from worlds.base import World
+
+SINGLE = "single"
+"""Not a fusion: the ego's own scan alone."""
+EVALUATION_RANGE_M = (140.0, 40.0)
+"""Boxes count within this of the ego along its own x and y: OPV2V's evaluation range."""
+MIN_VISIBLE_POINTS = 5
+"""True boxes with fewer points in all scans together cannot be found and do not count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """What real links and odometry do to a contribution."""
+
+    pose_noise_m: float = 0.0
+    """Standard deviation of x and y in metres, and of the heading in degrees."""
+    delay_s: float = 0.0
+    """How old a contribution is when the ego fuses it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fused:
+    """One fused frame in the world frame, and the payload bytes of each contribution."""
+
+    boxes: Boxes
+    bytes: dict[str, int]
+    rejected: dict[str, str]
+
+
+def fuse_frame(
+    world: World,
+    frame: int,
+    ego: str,
+    participants: Sequence[str],
+    algorithm: str,
+    disturbance: Disturbance | None = None,
+) -> Fused:
+    """Encodes the participants' scans, decodes and fuses them at the ego.
+
+    `participants` may or may not hold the ego, which always takes part. Noise is drawn from
+    (robot, frame) alone, so a run repeats exactly. Raises WorldError for an unknown robot and
+    PerceptionError for an unknown algorithm.
+    """
+    disturbance = disturbance or Disturbance()
+    senders = [robot for robot in dict.fromkeys(participants) if robot != ego]
+    unknown = [robot for robot in (ego, *senders) if robot not in world.robots]
+    if unknown:
+        raise WorldError(
+            f"robot {unknown[0]!r} is not in this world; it has {', '.join(world.robots)}"
+        )
+    own = world.scan(ego, frame)
+    world_from_own = own.pose.matrix()
+    if algorithm == SINGLE:
+        boxes = detect(own.points, configuration(world.detector))
+        return Fused(boxes.transformed(world_from_own), {}, {})
+    fusion = make_fusion(algorithm, world.detector)
+    sent_frame = max(0, frame - round(disturbance.delay_s * world.rate_hz))
+    contributions = []
+    for robot in senders:
+        scan = world.scan(robot, sent_frame)
+        payload = fusion.encode(scan.points, EncodeOptions())
+        pose = _disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
+        contributions.append(Contribution(robot, payload, pose))
+    result = fusion.fuse(own.points, world_from_own, contributions)
+    sizes = {item.robot: len(item.payload) for item in contributions}
+    return Fused(result.boxes, sizes, result.rejected)
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """Scores of one algorithm over all frames of a world."""
+
+    ap_30: float
+    ap_50: float
+    ap_70: float
+    bytes_per_robot_frame: float
+    frames: int
+    ground_truth: int
+
+
+def evaluate(
+    world: World,
+    algorithm: str,
+    ego: str,
+    disturbance: Disturbance | None = None,
+    frames: Sequence[int] | None = None,
+) -> Precision:
+    """AP of one algorithm with all robots taking part, seen from one ego.
+
+    Counts boxes within EVALUATION_RANGE_M of the ego, without the ego itself, and true boxes
+    with at least MIN_VISIBLE_POINTS points.
+    """
+    if algorithm not in (SINGLE, "early", "intermediate", "late"):
+        raise PerceptionError(
+            f"algorithm {algorithm!r} is not known; allowed: {SINGLE}, early, late"
+        )
+    pairs, sizes = [], []
+    for frame in range(world.frame_count) if frames is None else frames:
+        fused = fuse_frame(world, frame, ego, world.robots, algorithm, disturbance)
+        sizes += list(fused.bytes.values())
+        truth = world.ground_truth(frame)
+        counted = truth.boxes.take(
+            (truth.visible_points >= MIN_VISIBLE_POINTS)
+            & np.array([identity != ego for identity in truth.ids])
+        )
+        own_from_world = invert(world.pose(ego, frame).matrix())
+        pairs.append((_in_range(fused.boxes, own_from_world), _in_range(counted, own_from_world)))
+    return Precision(
+        ap_30=average_precision(pairs, 0.3),
+        ap_50=average_precision(pairs, 0.5),
+        ap_70=average_precision(pairs, 0.7),
+        bytes_per_robot_frame=float(np.mean(sizes)) if sizes else 0.0,
+        frames=len(pairs),
+        ground_truth=sum(len(truth) for _, truth in pairs),
+    )
+
+
+def _in_range(boxes: Boxes, own_from_world: Matrix) -> Boxes:
+    near = boxes.centers @ own_from_world[:3, :3].T + own_from_world[:3, 3]
+    inside: NDArray[np.bool_] = (np.abs(near[:, :2]) <= EVALUATION_RANGE_M).all(axis=1)
+    return boxes.take(inside)
+
+
+def _disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Matrix:
+    if sigma == 0.0:
+        return pose.matrix()
+    x, y, turn = np.random.default_rng([frame, *robot.encode()]).normal(0.0, sigma, 3)
+    return Pose(
+        pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + math.radians(turn)
+    ).matrix()
