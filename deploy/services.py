@@ -97,6 +97,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             "COADAPT_PERIOD_S": str(spec.period_s),
             "COADAPT_Q_MIN": str(spec.q_min),
             "COADAPT_JOURNAL": journal_path(spec, place.var_dir),
+            **({"COADAPT_COMM_RANGE_M": str(spec.comm_range_m)} if spec.comm_range_m else {}),
             # What the operator sets is known before anything has been measured.
             **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
         },

@@ -17,6 +17,8 @@ RuntimeName = Literal["docker", "netns"]
 WorldName = Literal["factory", "opv2v"]
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
+_COMM_RANGE_M = {"opv2v": 70.0}
+"""The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
 _NAME_RULE = "1 to 32 letters, digits, '_' or '-'"
 _PORT_RULE = "a port from 1 to 65532"
@@ -35,6 +37,7 @@ _ALLOWED = {
     "prometheus_port": _PORT_RULE,
     "ego_metrics_port": _PORT_RULE,
     "router_port": _PORT_RULE,
+    "comm_range_m": "metres > 0 and <= 10000, or unset",
     "link_bps": "bit/s >= 100000, or unset",
 }
 
@@ -69,6 +72,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the ego's metrics answer on the host's 127.0.0.1."""
     router_port: HostPort = 7447
     """First of three ports of the router, one a traffic class."""
+    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] | None = None
+    """How far from the ego a robot may take part; None leaves it to the ego's settings."""
     link_bps: Annotated[int, msgspec.Meta(ge=100_000)] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
     run_dir: str
@@ -97,8 +102,11 @@ def factory_robots(count: int) -> tuple[str, ...]:
 
 
 def make_spec(**values: Any) -> SwarmSpec:
-    """A checked specification; `ego` defaults to the first robot, `epoch_ns` to now, and the
-    directories to `run_dir_of` and `var/<swarm>` in the current directory.
+    """A checked specification.
+
+    `ego` defaults to the first robot, `epoch_ns` to now, `comm_range_m` to what the world's
+    recordings were evaluated with, `run_dir` to `run_dir_of`, and `var_dir` to `var/<swarm>` in
+    the current directory.
 
     Raises DeployError that names the field, its value and what is allowed.
     """
@@ -117,6 +125,8 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("robots", robots)
     swarm = values.get("swarm", "local")
     values.setdefault("ego", robots[0])
+    if values.get("comm_range_m") is None:
+        values["comm_range_m"] = _COMM_RANGE_M.get(values.get("world", "factory"))
     values.setdefault("epoch_ns", time.time_ns())
     values.setdefault("run_dir", str(run_dir_of(swarm)))
     values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))
