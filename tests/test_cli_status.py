@@ -1,0 +1,240 @@
+"""What `coadapt status` shows is what the swarm says over Zenoh."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coadapt.commands.status import render
+from coadapt.main import main
+from deploy.observe import RobotRow, SwarmView, Watch
+from deploy.runtimes.base import ProcessStatus
+from deploy.spec import make_spec
+from deploy.state import State
+from swarm import keyspace
+from swarm.arrays import pack
+from swarm.messages import Beacon, Decision, Detections
+from swarm.session import Session
+from swarm.transport import router_config, router_json5
+
+SWARM = "shown"
+WAIT_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def state() -> Iterator[State]:
+    """A running router, and the record of a swarm of two robots at it."""
+    directory = Path(tempfile.mkdtemp(prefix="ca-", dir="/tmp"))
+    path = directory / "router.sock"
+    config = router_config("127.0.0.1", 7447, str(path))
+    config["listen/endpoints"] = [f"unixsock-stream/{path}"]
+    (directory / "router.json5").write_text(router_json5(config))
+    router = subprocess.Popen(
+        [sys.executable, "-m", "swarm.router", "--config", str(directory / "router.json5")],
+        stderr=subprocess.DEVNULL,
+    )
+    spec = make_spec(
+        swarm=SWARM, robots=("R1", "R2"), run_dir=str(directory), var_dir=str(directory)
+    )
+    yield State(runtime="netns", spec=spec, router=f"unixsock-stream/{path}")
+    router.send_signal(signal.SIGTERM)
+    router.wait(WAIT_S)
+    shutil.rmtree(directory)
+
+
+@pytest.fixture
+def robots(state: State) -> Iterator[Session]:
+    """A session that plays the robots and the ego."""
+    with Session(state.router, SWARM, timeout_s=WAIT_S) as session:
+        yield session
+
+
+def beacon(robot: str, x: float, seq: int) -> Beacon:
+    return Beacon(
+        robot=robot,
+        instance=1,
+        seq=seq,
+        sent_ns=1,
+        capture_ns=1,
+        frame=seq,
+        pose=(x, 2.0, 0.5, 0.0, 0.0, 0.0),
+        velocity=(0.0, 0.0, 0.0),
+        range_m=30.0,
+        sizes={},
+    )
+
+
+def decision(cycle: int) -> Decision:
+    return Decision(
+        ego="R1",
+        cycle=cycle,
+        decided_ns=1,
+        participants=("R1", "R2"),
+        algorithm="late",
+        reason="two see more",
+        source="policy",
+        policy="coverage",
+        valid=True,
+        capacity_bps=5e6,
+    )
+
+
+def detections(frame: int) -> Detections:
+    return Detections(
+        ego="R1",
+        cycle=1,
+        frame=frame,
+        capture_ns=1,
+        algorithm="late",
+        participants=("R1", "R2"),
+        boxes=pack(np.zeros((0, 7), np.float32)),
+        scores=pack(np.zeros((0, 1), np.float32)),
+        labels=(),
+        bytes={"R2": 500},
+        latency_ms=1.0,
+    )
+
+
+def test_the_view_holds_robots_decision_and_received_bytes(state: State, robots: Session) -> None:
+    robots.declare_alive("R1")
+    robots.declare_alive("R2")
+    with Watch(state, timeout_s=WAIT_S) as watch:
+        deadline = time.monotonic() + WAIT_S
+        seq = 0
+        view = watch.view()
+        # Published again until the subscription has reached the publisher.
+        while time.monotonic() < deadline and not (
+            watch.decided()
+            and watch.alive() == {"R1", "R2"}
+            and view.frames_per_s > 0
+            and all(row.position for row in view.robots)
+        ):
+            seq += 1
+            robots.put(keyspace.beacon(SWARM, "R1"), beacon("R1", 0.0, seq))
+            robots.put(keyspace.beacon(SWARM, "R2"), beacon("R2", 3.0, seq))
+            robots.put(keyspace.decision(SWARM, "R1"), decision(seq))
+            robots.put(keyspace.detections(SWARM, "R1"), detections(seq))
+            watch.wait(0.05)
+            view = watch.view()
+    ego, other = view.robots
+    assert (ego.robot, ego.alive, ego.distance_m) == ("R1", True, 0.0)
+    assert (other.robot, other.alive, other.selected) == ("R2", True, True)
+    assert other.position == (3.0, 2.0, 0.5)
+    assert other.distance_m == 3.0
+    assert other.bytes_per_s == view.bytes_per_s > 0
+    assert other.bytes_per_s == pytest.approx(500 * view.frames_per_s, rel=0.02)
+    assert (view.algorithm, view.source, view.capacity_bps) == ("late", "policy", 5e6)
+    assert view.reason == "two see more"
+
+
+def test_a_robot_that_leaves_is_shown_as_gone(state: State) -> None:
+    with Watch(state, timeout_s=WAIT_S) as watch:
+        with Session(state.router, SWARM, timeout_s=WAIT_S) as session:
+            session.declare_alive("R2")
+            _await(watch, lambda: "R2" in watch.alive())
+            assert next(r for r in watch.view().robots if r.robot == "R2").alive
+        _await(watch, lambda: "R2" not in watch.alive())
+        assert not next(r for r in watch.view().robots if r.robot == "R2").alive
+
+
+def _await(watch: Watch, holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + WAIT_S
+    while not holds():
+        assert time.monotonic() < deadline
+        watch.wait(0.2)
+
+
+VIEW = SwarmView(
+    swarm="hall",
+    runtime="netns",
+    ego="R1",
+    cycle=7,
+    selected=("R1", "R2"),
+    algorithm="early",
+    source="policy",
+    policy="coverage",
+    valid=True,
+    reason="because",
+    capacity_bps=5e6,
+    quality=0.9,
+    bytes_per_s=1234.0,
+    frames_per_s=9.5,
+    robots=(
+        RobotRow(
+            robot="R1",
+            alive=True,
+            age_s=0.1,
+            position=(1.0, 2.0, 0.0),
+            distance_m=0.0,
+            selected=True,
+            bytes_per_s=0.0,
+        ),
+        RobotRow(
+            robot="R2",
+            alive=False,
+            age_s=None,
+            position=None,
+            distance_m=None,
+            selected=True,
+            bytes_per_s=1234.0,
+        ),
+    ),
+)
+
+
+def test_the_table_shows_each_robot_the_decision_and_each_process() -> None:
+    text = render(VIEW, [ProcessStatus("robot-R2", "restarting", 3, 0.0, "last ended with x")])
+    rows = {line.split()[0]: line for line in text.splitlines() if line}
+    assert "ego" in rows["R1"]
+    assert "NO" in rows["R2"]
+    assert "1,234" in rows["R2"]
+    assert "early from R1, R2" in rows["decision"]
+    assert "because" in rows["reason"]
+    assert "5.0 Mbit/s" in rows["link"]
+    assert "restarting" in rows["robot-R2"]
+    assert "last ended with x" in rows["robot-R2"]
+
+
+@pytest.mark.parametrize("command", ["status", "logs", "metrics"])
+def test_without_a_swarm_a_command_says_so_and_fails(
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("COADAPT_RUN_DIR", str(tmp_path))
+    assert main([command, "--swarm", "nowhere"]) == 1
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "no swarm 'nowhere' is running" in shown.err
+
+
+def test_down_without_a_swarm_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COADAPT_RUN_DIR", str(tmp_path))
+    assert main(["down", "--swarm", "nowhere"]) == 0
+    assert "no swarm 'nowhere' was running" in capsys.readouterr().out
+
+
+def test_a_run_directory_of_someone_else_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if os.getuid() != 0:
+        pytest.skip("only root can give a directory away")
+    base = tmp_path / "base"
+    (base / "theirs").mkdir(parents=True)
+    os.chown(base, 12345, 12345)
+    monkeypatch.setenv("COADAPT_RUN_DIR", str(base))
+    assert main(["up", "--swarm", "theirs", "--runtime", "netns", "--no-prometheus"]) == 1
+    assert "belongs to someone else" in capsys.readouterr().err
