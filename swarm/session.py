@@ -10,21 +10,22 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import zenoh
-from prometheus_client import CollectorRegistry, Counter
+from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from swarm import keyspace, transport
+from swarm import keyspace
+from swarm.connection import Connection
 from swarm.errors import CoAdaptError, KeyspaceError, MessageError, RefusedError, TransportError
 from swarm.log import Logger, make_logger
 from swarm.messages import Message, Refusal, decode, encode
 from swarm.traffic import TrafficClass
 
 M = TypeVar("M", bound=Message)
-CLOSE_S = 3.0
 MAX_WAITING_QUERIES = 16
 MAX_REMEMBERED_SENDERS = 256
 
@@ -58,18 +59,18 @@ class Session:
         """
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)
-        self._zenoh = transport.open_zenoh(
-            transport.client_config(router), timeout_s=timeout_s, stop=stop
-        )
-        self._entities: list[Any] = []
+        self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
         self._pools: list[ThreadPoolExecutor] = []
         self._senders_logged: set[str] = set()
+        registry = registry or CollectorRegistry()
         self._invalid = Counter(
             "coadapt_messages_invalid_total",
             "Messages that did not validate and were dropped.",
             ["kind"],
-            registry=registry or CollectorRegistry(),
+            registry=registry,
         )
+        links = Gauge("coadapt_links", "Transport links to the router.", registry=registry)
+        links.set_function(self.links)
 
     def __enter__(self) -> Session:
         return self
@@ -83,7 +84,7 @@ class Session:
         Raises TransportError when the session is closed.
         """
         try:
-            self._zenoh.put(
+            self._connection.zenoh.put(
                 key,
                 encode(message),
                 priority=traffic.priority,
@@ -115,7 +116,7 @@ class Session:
                 # A handler's fault must not end Zenoh's thread, which serves other messages too.
                 self._log.error("handler_failed", key=sender, exc_info=True)
 
-        self._entities.append(self._zenoh.declare_subscriber(key, receive))
+        self._connection.declare(lambda session: session.declare_subscriber(key, receive))
 
     def serve(
         self,
@@ -169,7 +170,9 @@ class Session:
             pool.submit(answer, query)
 
         self._pools.append(pool)
-        self._entities.append(self._zenoh.declare_queryable(key, receive, complete=True))
+        self._connection.declare(
+            lambda session: session.declare_queryable(key, receive, complete=True)
+        )
 
     def ask(
         self,
@@ -191,12 +194,11 @@ class Session:
 
         def settle(answer: Answer[M] | CoAdaptError) -> None:
             # A reply and the end of the query may race; the first one counts.
-            if future.done():
-                return
-            if isinstance(answer, CoAdaptError):
-                future.set_exception(answer)
-            else:
-                future.set_result(answer)
+            with suppress(InvalidStateError):
+                if isinstance(answer, CoAdaptError):
+                    future.set_exception(answer)
+                else:
+                    future.set_result(answer)
 
         def receive(reply: zenoh.Reply) -> None:
             if reply.ok is None:
@@ -217,7 +219,7 @@ class Session:
             settle(TransportError(f"no answer on {key} after {waited:.3f} s: {why}"))
 
         try:
-            self._zenoh.get(
+            self._connection.zenoh.get(
                 key,
                 zenoh.handlers.Callback(receive, finished),
                 payload=encode(request),
@@ -233,11 +235,14 @@ class Session:
 
     def declare_alive(self, robot: str) -> None:
         """Shows the robot as alive until this session closes or its link breaks."""
-        token = self._zenoh.liveliness().declare_token(keyspace.alive(self.swarm, robot))
-        self._entities.append(token)
+        key = keyspace.alive(self.swarm, robot)
+        self._connection.declare(lambda session: session.liveliness().declare_token(key))
 
     def watch_alive(self, on_join: Callable[[str], None], on_leave: Callable[[str], None]) -> None:
         """Calls back with a robot id when a robot joins (also those already there) or leaves."""
+
+        present: set[str] = set()
+        lock = threading.Lock()
 
         def receive(sample: zenoh.Sample) -> None:
             try:
@@ -246,17 +251,24 @@ class Session:
                 self._log.warning("liveliness_ignored", error=str(error))
                 return
             joined = sample.kind == zenoh.SampleKind.PUT
-            (on_join if joined else on_leave)(robot)
+            with lock:
+                # A session that replaces another tells again of the robots that are there.
+                if joined == (robot in present):
+                    return
+                (present.add if joined else present.discard)(robot)
+            try:
+                (on_join if joined else on_leave)(robot)
+            except Exception:
+                self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
 
-        self._entities.append(
-            self._zenoh.liveliness().declare_subscriber(
-                keyspace.alive(self.swarm, keyspace.ANY), receive, history=True
-            )
+        key = keyspace.alive(self.swarm, keyspace.ANY)
+        self._connection.declare(
+            lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )
 
     def alive(self, timeout_s: float = 1.0) -> tuple[str, ...]:
         """The ids of the robots that are alive now, sorted."""
-        replies = self._zenoh.liveliness().get(
+        replies = self._connection.zenoh.liveliness().get(
             keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s
         )
         found = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
@@ -264,24 +276,14 @@ class Session:
 
     def links(self) -> int:
         """Number of transport links to the router that are up."""
-        return len(list(self._zenoh.info.links()))
+        return self._connection.links()
 
     def close(self) -> None:
         """Withdraws everything and closes; never waits longer than a few seconds."""
         for pool in self._pools:
             pool.shutdown(wait=False, cancel_futures=True)
         self._pools.clear()
-
-        def shut() -> None:
-            for entity in self._entities:
-                entity.undeclare()
-            self._entities.clear()
-            self._zenoh.close()  # type: ignore[no-untyped-call]
-
-        # Under loss Zenoh may hold close() for ten seconds; the process must not wait for it.
-        closer = threading.Thread(target=shut, name="close", daemon=True)
-        closer.start()
-        closer.join(CLOSE_S)
+        self._connection.close()
 
     def _drop(self, kind: type[Message], sender: str, error: CoAdaptError) -> None:
         self._invalid.labels(kind.__name__).inc()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import threading
+import time
+from concurrent.futures import Future
 from typing import Any
 
 import zenoh
@@ -16,6 +19,7 @@ _TCP = re.compile(r"tcp/(?P<host>\[[^\]]+\]|[^:/\s]+):(?P<port>\d{1,5})")
 _UNIX = re.compile(r"unixsock-stream/(?P<path>/\S+)")
 MAX_UNIX_PATH = 100
 RETRY_S = 0.5
+POLL_S = 0.1
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -77,6 +81,12 @@ def router_json5(config: dict[str, Any]) -> str:
     return json.dumps(nested(config), indent=2) + "\n"
 
 
+def expected_links(config: dict[str, Any]) -> int:
+    """How many links a client with this configuration has when all are up."""
+    (endpoint,) = config["connect/endpoints"]
+    return len(endpoint["locators"]) if isinstance(endpoint, dict) else 1
+
+
 def open_zenoh(
     config: dict[str, Any],
     *,
@@ -94,15 +104,42 @@ def open_zenoh(
         TransportError: the session could not be opened in time, or `stop` was set first.
     """
     stop = stop or threading.Event()
-    waited = 0.0
+    deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
+    where = config.get("connect/endpoints") or config.get("listen/endpoints")
     while True:
-        settings = zenoh.Config.from_json5(json.dumps(nested(config)))
+        attempt: Future[zenoh.Session] = Future()
+        # On a thread of its own: where packets vanish, an attempt lasts as long as TCP tries.
+        threading.Thread(target=_open, args=(config, attempt), name="open", daemon=True).start()
         try:
-            return zenoh.open(settings)
+            return _wait(attempt, deadline, stop)
         except zenoh.ZError as error:
-            where = config.get("connect/endpoints") or config.get("listen/endpoints")
-            if config["mode"] != "client" or (timeout_s is not None and waited >= timeout_s):
+            if config["mode"] != "client" or time.monotonic() >= deadline:
                 raise TransportError(f"cannot open a Zenoh session at {where}: {error}") from error
-            if stop.wait(RETRY_S):
-                raise TransportError(f"stopped before {where} could be reached") from error
-            waited += RETRY_S
+        except TimeoutError as error:
+            if not stop.is_set():
+                raise TransportError(f"no answer from {where} within {timeout_s} s") from error
+        if stop.wait(RETRY_S):
+            raise TransportError(f"stopped before {where} could be reached")
+
+
+def _open(config: dict[str, Any], attempt: Future[zenoh.Session]) -> None:
+    try:
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(nested(config))))
+    except zenoh.ZError as error:
+        if attempt.set_running_or_notify_cancel():
+            attempt.set_exception(error)
+        return
+    if attempt.set_running_or_notify_cancel():
+        attempt.set_result(session)
+    else:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def _wait(attempt: Future[zenoh.Session], deadline: float, stop: threading.Event) -> zenoh.Session:
+    """The session of an attempt. Raises ZError when it fails, TimeoutError when it is given up."""
+    while True:
+        try:
+            return attempt.result(POLL_S)
+        except TimeoutError:
+            if (stop.is_set() or time.monotonic() >= deadline) and attempt.cancel():
+                raise

@@ -1,0 +1,175 @@
+"""A Zenoh session that keeps all its links: one for each traffic class.
+
+After a router restart a client of Zenoh 1.10 comes back with one link of the three
+(eclipse-zenoh/zenoh#2130), over which all traffic classes would then travel together. A watchdog
+notices, opens a second session, declares everything there, and only then closes the first one, so
+that liveliness tokens never vanish in between.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import zenoh
+
+from swarm import transport
+from swarm.errors import TransportError
+from swarm.log import Logger
+
+POLL_S = 0.5
+GRACE_S = 1.5
+"""How long links may be missing before a new session is tried; links come one after the other."""
+MAX_GRACE_S = 60.0
+"""Where a new session has no more links either (a port is closed), it is tried this rarely."""
+OPEN_S = 5.0
+LINGER_S = 1.0
+"""How long answers to requests under way may still come over the session that was replaced."""
+CLOSE_S = 1.2
+"""Under loss Zenoh may hold a closing session for ten seconds; a process must not wait for it."""
+
+
+class Entity(Protocol):
+    """What Zenoh declares: a subscriber, a queryable or a liveliness token."""
+
+    def undeclare(self) -> Any:
+        """Withdraws it."""
+
+
+Declaration = Callable[[zenoh.Session], Entity]
+
+
+class Connection:
+    """The current Zenoh session and everything declared on it."""
+
+    def __init__(
+        self,
+        router: str,
+        *,
+        log: Logger,
+        timeout_s: float | None = None,
+        stop: threading.Event | None = None,
+    ) -> None:
+        """Connects to the router, trying again until it is there.
+
+        Raises SettingError for a malformed router and TransportError when `timeout_s` has passed
+        or `stop` was set first.
+        """
+        self._config = transport.client_config(router)
+        self._expected = transport.expected_links(self._config)
+        self._log = log
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self._declarations: list[Declaration] = []
+        self._entities: list[Entity] = []
+        self.reopened = 0
+        """How often a session with too few links was replaced."""
+        self._zenoh = transport.open_zenoh(self._config, timeout_s=timeout_s, stop=stop)
+        self._watcher = threading.Thread(target=self._watch, name="links", daemon=True)
+        self._watcher.start()
+
+    @property
+    def zenoh(self) -> zenoh.Session:
+        """The session to use now; do not keep it."""
+        return self._zenoh
+
+    def declare(self, make: Declaration) -> None:
+        """Declares an entity now, and again on every session that replaces this one.
+
+        Raises TransportError when the connection is closed.
+        """
+        with self._lock:
+            try:
+                self._entities.append(make(self._zenoh))
+            except zenoh.ZError as error:
+                raise TransportError(f"cannot declare: {error}") from error
+            self._declarations.append(make)
+
+    def links(self) -> int:
+        """Number of transport links to the router that are up; 0 once closed."""
+        return _links(self._zenoh)
+
+    def close(self) -> None:
+        """Withdraws everything and closes; never waits longer than a few seconds."""
+        self._closing.set()
+        # The watchdog may be replacing the session just now, and holds the lock while it does.
+        held = self._lock.acquire(timeout=CLOSE_S)
+        try:
+            entities, self._entities = self._entities, []
+            _bounded(lambda: _shut(self._zenoh, entities))
+        finally:
+            if held:
+                self._lock.release()
+
+    def _watch(self) -> None:
+        grace_s = GRACE_S
+        short_since: float | None = None
+        while not self._closing.wait(POLL_S):
+            up = self.links()
+            # Without any link Zenoh itself goes on trying until the router is back.
+            if up == 0 or up >= self._expected:
+                short_since = None
+                grace_s = GRACE_S if up else grace_s
+                continue
+            now = time.monotonic()
+            short_since = now if short_since is None else short_since
+            if now - short_since < grace_s:
+                continue
+            grace_s = GRACE_S if self._replace(up) else min(2 * grace_s, MAX_GRACE_S)
+            short_since = None
+
+    def _replace(self, up: int) -> bool:
+        """Moves everything to a new session; False when that would have no more links."""
+        try:
+            fresh = transport.open_zenoh(self._config, timeout_s=OPEN_S, stop=self._closing)
+        except TransportError as error:
+            self._log.warning("links_missing", links=up, error=str(error)[:300])
+            return False
+        if (found := _links(fresh)) <= up:
+            self._log.warning("links_missing", links=up, expected=self._expected)
+            _bounded(lambda: _shut(fresh, []))
+            return False
+        with self._lock:
+            if self._closing.is_set():
+                _bounded(lambda: _shut(fresh, []))
+                return False
+            try:
+                entities = [make(fresh) for make in self._declarations]
+            except zenoh.ZError as error:
+                self._log.warning("links_missing", links=up, error=str(error)[:300])
+                _bounded(lambda: _shut(fresh, []))
+                return False
+            old, self._zenoh = self._zenoh, fresh
+            withdrawn, self._entities = self._entities, entities
+            self.reopened += 1
+        self._log.info("links_restored", before=up, links=found)
+        _bounded(lambda: _withdraw(withdrawn))
+        self._closing.wait(LINGER_S)
+        _bounded(lambda: _shut(old, []))
+        return True
+
+
+def _links(session: zenoh.Session) -> int:
+    try:
+        return len(list(session.info.links()))
+    except zenoh.ZError:
+        return 0
+
+
+def _withdraw(entities: list[Entity]) -> None:
+    for entity in entities:
+        entity.undeclare()
+
+
+def _shut(session: zenoh.Session, entities: list[Entity]) -> None:
+    _withdraw(entities)
+    session.close()  # type: ignore[no-untyped-call]
+
+
+def _bounded(work: Callable[[], None]) -> None:
+    """Does it on a thread of its own and waits for a bounded time."""
+    thread = threading.Thread(target=work, name="close", daemon=True)
+    thread.start()
+    thread.join(CLOSE_S)
