@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.detector import configuration, detect
 from perception.fusion.base import Contribution, EncodeOptions
@@ -135,7 +134,7 @@ def evaluate(
 
 def _in_range(boxes: Boxes, own_from_world: Matrix) -> Boxes:
     near = boxes.centers @ own_from_world[:3, :3].T + own_from_world[:3, 3]
-    inside: NDArray[np.bool_] = (np.abs(near[:, :2]) <= EVALUATION_RANGE_M).all(axis=1)
+    inside = np.flatnonzero((np.abs(near[:, :2]) <= EVALUATION_RANGE_M).all(axis=1))
     return boxes.take(inside)
 
 
