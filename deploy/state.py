@@ -13,8 +13,10 @@ import msgspec
 
 from deploy.spec import RuntimeName, SwarmSpec, run_base, run_dir_of
 from swarm.errors import DeployError
+from swarm.transport import MAX_UNIX_PATH
 
 STATE_FILE = "state.json"
+LONGEST_SOCKET = "ego-metrics.sock"
 
 
 class ProcessMark(msgspec.Struct, frozen=True):
@@ -74,9 +76,16 @@ def write_state(state: State) -> None:
 def make_run_dir(spec: SwarmSpec) -> Path:
     """The run directory, made for its owner alone.
 
-    Raises DeployError when it cannot be made or belongs to someone else.
+    Raises DeployError when it cannot be made, belongs to someone else, or is too long for the
+    paths of Unix sockets.
     """
     path = Path(spec.run_dir)
+    longest = len(str(path / LONGEST_SOCKET).encode())
+    if longest > MAX_UNIX_PATH:
+        raise DeployError(
+            f"run directory {path} is too long: its sockets' paths take {longest} bytes, allowed "
+            f"are {MAX_UNIX_PATH}; set COADAPT_RUN_DIR to a shorter one"
+        )
     try:
         for directory in (path.parent, path):
             directory.mkdir(mode=0o700, exist_ok=True)

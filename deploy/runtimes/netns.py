@@ -56,6 +56,11 @@ class NetnsRuntime:
                     "the program `prometheus` is missing; install it (Debian: apt-get install "
                     "prometheus) or start with --no-prometheus"
                 )
+            if Path(spec.run_dir).resolve().is_relative_to("/run"):
+                raise DeployError(
+                    f"run directory {spec.run_dir} lies in /run, which the swarm's namespaces "
+                    "cover; set COADAPT_RUN_DIR to another place"
+                )
             self._start(spec)
             return True
 
