@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 
-from perception.fusion.registry import make_fusion
-
 from perception.fusion.base import EncodeOptions, Fusion
+from perception.fusion.registry import make_fusion
 from robot_agent.frames import Frame
 from robot_agent.metrics import RobotMetrics
 from swarm.errors import CoAdaptError, PerceptionError

@@ -47,7 +47,11 @@ def unpack(array: Array) -> NDArray[np.generic]:
             f"array of dtype {array.dtype} and shape {array.shape} needs {expected} bytes, "
             f"has {len(array.data)}"
         )
-    return np.frombuffer(array.data, dtype=dtype).reshape(array.shape)
+    try:
+        return np.frombuffer(array.data, dtype=dtype).reshape(array.shape)
+    except (ValueError, OverflowError) as error:
+        # An empty array may still name a size that numpy cannot hold.
+        raise MessageError(f"array shape {array.shape} cannot be used: {error}") from error
 
 
 def unpack_finite(array: Array, name: str, columns: int) -> NDArray[np.float32]:

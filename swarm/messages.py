@@ -25,7 +25,7 @@ Algorithm = Literal["early", "intermediate", "late"]
 ALGORITHMS: tuple[Algorithm, ...] = ("early", "intermediate", "late")
 Source = Literal["policy", "llm", "cache", "fallback", "hold"]
 
-RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
+RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]
 Version = Annotated[int, msgspec.Meta(ge=SCHEMA_VERSION, le=SCHEMA_VERSION)]
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Ns = Annotated[int, msgspec.Meta(ge=0)]
@@ -225,7 +225,7 @@ def decode(data: bytes, kind: type[M]) -> M:
         )
     try:
         message: M = _DECODERS[kind].decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(f"not a valid {kind.__name__}: {error}") from error
     for name in message.__struct_fields__:
         if not _is_finite(getattr(message, name)):

@@ -14,6 +14,9 @@ import msgspec
 from swarm.settings import Name, Port
 
 
+_NS = 1_000_000_000
+
+
 class ProcessSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Settings that all processes of one swarm have in common."""
 
@@ -38,12 +41,15 @@ class ProcessSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 def frame_now(epoch_ns: int, rate_hz: float, now_ns: int) -> int:
     """The newest frame captured at or before `now_ns`; 0 before the epoch."""
-    return max(0, int((now_ns - epoch_ns) * rate_hz // 1_000_000_000))
+    # In whole numbers: today's nanoseconds do not fit a float.
+    frames, seconds = float(rate_hz).as_integer_ratio()
+    return max(0, (now_ns - epoch_ns) * frames // (seconds * _NS))
 
 
 def capture_ns(epoch_ns: int, rate_hz: float, frame: int) -> int:
-    """When a frame is captured, nanoseconds since the Unix epoch."""
-    return epoch_ns + round(frame * 1_000_000_000 / rate_hz)
+    """When a frame is captured, nanoseconds since the Unix epoch (rounded up)."""
+    frames, seconds = float(rate_hz).as_integer_ratio()
+    return epoch_ns - (-frame * seconds * _NS // frames)
 
 
 def stop_on_signals() -> threading.Event:

@@ -1,0 +1,123 @@
+"""One message of every type, with fixed values: what the golden files hold.
+
+`python tests/message_samples.py` writes tests/golden/ anew; do that only with a new schema version.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from swarm.arrays import pack
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    LinkClass,
+    Message,
+    NetState,
+    Observation,
+    ObservationRequest,
+    Refusal,
+    SceneDescription,
+    encode,
+)
+
+GOLDEN = Path(__file__).parent / "golden"
+NOW = 1_800_000_000_123_456_789
+POSE = (1.5, -2.25, 0.75, 0.0, -0.125, 3.0)
+
+SAMPLES: tuple[Message, ...] = (
+    Beacon(
+        robot="R1",
+        instance=281_474_976_710_655,
+        seq=7,
+        sent_ns=NOW,
+        capture_ns=NOW - 50_000_000,
+        frame=18_000_000_001,
+        pose=POSE,
+        velocity=(1.0, 0.5, 0.0),
+        range_m=30.0,
+        sizes={"early": 26_123, "late": 208},
+    ),
+    SceneDescription(
+        robot="R1",
+        instance=1,
+        seq=2,
+        sent_ns=NOW,
+        capture_ns=NOW - 50_000_000,
+        frame=3,
+        pose=POSE,
+        objects=pack(np.arange(18, dtype=np.float32).reshape(2, 9) / 4),
+        visible_m=pack(np.linspace(0, 8, 4, dtype=np.float32).reshape(4, 1)),
+        ground_points=12_345,
+        elapsed_ms=3.5,
+    ),
+    ObservationRequest(
+        ego="R2",
+        request=9,
+        algorithm="early",
+        capture_ns=0,
+        max_error_m=0.05,
+        keep_ground=True,
+        max_bytes=60_000,
+    ),
+    Observation(
+        robot="R1",
+        instance=1,
+        request=9,
+        algorithm="early",
+        capture_ns=NOW,
+        frame=3,
+        pose=POSE,
+        payload=bytes(range(256)),
+        encode_ms=4.25,
+    ),
+    Refusal(robot="R1", request=9, reason="no frame yet: über"),
+    Decision(
+        ego="R2",
+        cycle=12,
+        decided_ns=NOW,
+        participants=("R2", "R1"),
+        algorithm="late",
+        reason="only boxes fit the link",
+        source="policy",
+        policy="coverage",
+        valid=True,
+        repairs=("R3 left out: out of range",),
+        quality=0.875,
+        cost_bytes=208,
+        rate_hz=10.0,
+        capacity_bps=5e6,
+    ),
+    Detections(
+        ego="R2",
+        cycle=12,
+        frame=3,
+        capture_ns=NOW,
+        algorithm="late",
+        participants=("R2", "R1"),
+        missing={"R3": "no answer"},
+        boxes=pack(np.arange(7, dtype=np.float32).reshape(1, 7)),
+        scores=pack(np.array([[0.5]], dtype=np.float32)),
+        labels=("forklift",),
+        bytes={"R1": 208},
+        latency_ms=41.5,
+    ),
+    NetState(
+        sent_ns=NOW,
+        capacity_bps=20e6,
+        classes={"fusion": LinkClass(rate_bps=15_000_000, sent_bytes=1, backlog_bytes=0, drops=2)},
+    ),
+)
+
+
+def golden_path(message: Message) -> Path:
+    return GOLDEN / f"{type(message).__name__.lower()}.msgpack"
+
+
+if __name__ == "__main__":
+    GOLDEN.mkdir(exist_ok=True)
+    for sample in SAMPLES:
+        golden_path(sample).write_bytes(encode(sample))

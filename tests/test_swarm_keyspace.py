@@ -1,0 +1,68 @@
+"""Keys: each has one spelling, and no name can reach into another's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarm import keyspace
+from swarm.errors import KeyspaceError
+
+names = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
+KEYS = {
+    keyspace.alive: "coadapt/S/robot/R/alive",
+    keyspace.beacon: "coadapt/S/robot/R/beacon",
+    keyspace.scene: "coadapt/S/robot/R/scene",
+    keyspace.observation: "coadapt/S/robot/R/observation",
+    keyspace.decision: "coadapt/S/ego/R/decision",
+    keyspace.detections: "coadapt/S/ego/R/detections",
+}
+every_key = pytest.mark.parametrize("key", KEYS, ids=lambda key: key.__name__)
+Key = Callable[[str, str], str]
+
+
+@every_key
+def test_keys_are_spelled_as_the_contract_says(key: Key) -> None:
+    assert key("S", "R") == KEYS[key]
+
+
+def test_the_network_state_has_one_key_a_swarm() -> None:
+    assert keyspace.net_state("S") == "coadapt/S/net/state"
+
+
+@every_key
+@given(swarm=names, robot=names)
+def test_the_id_in_a_key_can_be_read_back(key: Key, swarm: str, robot: str) -> None:
+    assert keyspace.robot_of(key(swarm, robot)) == robot
+    zenoh.KeyExpr(key(swarm, robot))
+
+
+@every_key
+def test_any_robot_matches_every_robot_of_its_swarm_only(key: Key) -> None:
+    pattern = zenoh.KeyExpr(key("S", keyspace.ANY))
+    assert pattern.includes(zenoh.KeyExpr(key("S", "R1")))
+    assert not pattern.intersects(zenoh.KeyExpr(key("S2", "R1")))
+
+
+@every_key
+@pytest.mark.parametrize("bad", ["", "a/b", "**", "R*", "a b", "R1\n", "x" * 33, "ü", "$", "a?b#"])
+def test_a_name_that_is_no_name_is_refused(key: Key, bad: str) -> None:
+    with pytest.raises(KeyspaceError, match="1 to 32"):
+        key("S", bad)
+    with pytest.raises(KeyspaceError, match="swarm name"):
+        key(bad, "R")
+
+
+def test_a_swarm_cannot_be_any_swarm() -> None:
+    with pytest.raises(KeyspaceError):
+        keyspace.beacon(keyspace.ANY, "R1")
+
+
+@given(st.text(max_size=60))
+def test_an_id_comes_only_out_of_our_own_keys(key: str) -> None:
+    with pytest.raises(KeyspaceError):
+        keyspace.robot_of(key)

@@ -1,0 +1,283 @@
+"""Messages: their bytes are plain MessagePack, and nothing invalid passes the boundary."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import msgpack
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from message_samples import SAMPLES, golden_path
+
+from swarm import messages
+from swarm.errors import MessageError
+from swarm.geometry import Pose
+from swarm.messages import (
+    MAX_MESSAGE_BYTES,
+    SCHEMA_VERSION,
+    Beacon,
+    Decision,
+    Message,
+    Observation,
+    ObservationRequest,
+    decode,
+    encode,
+)
+
+every_sample = pytest.mark.parametrize("sample", SAMPLES, ids=lambda m: type(m).__name__)
+robot_ids = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
+counts = st.integers(0, 2**64 - 1)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(min_value=1e-9, allow_nan=False, allow_infinity=False)
+
+
+def plain(message: Message) -> dict[str, Any]:
+    """The message as another language's MessagePack library reads it."""
+    return msgpack.unpackb(encode(message))
+
+
+def broken(message: Message, **changes: Any) -> bytes:
+    return msgpack.packb({**plain(message), **changes})
+
+
+def sample_of(kind: type[Message]) -> Message:
+    return next(sample for sample in SAMPLES if type(sample) is kind)
+
+
+def test_every_message_type_has_a_golden_file() -> None:
+    kinds = {kind for kind in vars(messages).values() if isinstance(kind, type)}
+    declared = {kind for kind in kinds if issubclass(kind, Message) and kind is not Message}
+    assert declared == {type(sample) for sample in SAMPLES}
+
+
+@every_sample
+def test_golden_bytes_are_what_this_version_writes_and_reads(sample: Message) -> None:
+    golden = golden_path(sample).read_bytes()
+    assert encode(sample) == golden
+    assert decode(golden, type(sample)) == sample
+
+
+@every_sample
+def test_plain_msgpack_reads_and_writes_the_same_bytes(sample: Message) -> None:
+    golden = golden_path(sample).read_bytes()
+    fields = msgpack.unpackb(golden)
+    assert fields["v"] == SCHEMA_VERSION
+    assert set(fields) == set(sample.__struct_fields__)
+    assert msgpack.packb(fields) == golden
+
+
+def test_an_array_travels_as_dtype_shape_and_bytes() -> None:
+    fields = plain(sample_of(messages.SceneDescription))
+    assert fields["objects"]["dtype"] == "<f4"
+    assert fields["objects"]["shape"] == [2, 9]
+    assert len(fields["objects"]["bytes"]) == 2 * 9 * 4
+
+
+def test_the_pose_of_a_message_is_a_pose() -> None:
+    beacon = sample_of(Beacon)
+    assert isinstance(beacon, Beacon)
+    assert beacon.sensor_pose() == Pose(*beacon.pose)
+
+
+@every_sample
+def test_a_field_that_a_later_version_adds_is_ignored(sample: Message) -> None:
+    assert decode(broken(sample, battery=0.5), type(sample)) == sample
+
+
+@every_sample
+@pytest.mark.parametrize("version", [0, 2, "1", None, 1.5])
+def test_another_schema_version_is_refused(sample: Message, version: object) -> None:
+    with pytest.raises(MessageError, match=type(sample).__name__):
+        decode(broken(sample, v=version), type(sample))
+
+
+@every_sample
+def test_a_truncated_message_is_refused(sample: Message) -> None:
+    data = encode(sample)
+    for end in range(0, len(data), max(1, len(data) // 50)):
+        with pytest.raises(MessageError):
+            decode(data[:end], type(sample))
+
+
+@every_sample
+def test_bytes_after_the_end_are_refused(sample: Message) -> None:
+    with pytest.raises(MessageError):
+        decode(encode(sample) + b"\xc0", type(sample))
+
+
+@every_sample
+def test_every_missing_required_field_is_refused(sample: Message) -> None:
+    fields = plain(sample)
+    optional = {f.name for f in msgspec.structs.fields(type(sample)) if not f.required}
+    for name in set(fields) - optional:
+        data = msgpack.packb({key: value for key, value in fields.items() if key != name})
+        with pytest.raises(MessageError, match=name):
+            decode(data, type(sample))
+
+
+@every_sample
+@pytest.mark.parametrize("wrong", [None, [[]], {"x": {}}, b"\x00"], ids=str)
+def test_a_field_of_a_wrong_type_is_refused(sample: Message, wrong: object) -> None:
+    for name in plain(sample):
+        if name == "payload" and isinstance(wrong, bytes):
+            continue
+        with pytest.raises(MessageError):
+            decode(broken(sample, **{name: wrong}), type(sample))
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("place", range(6))
+def test_a_pose_that_is_not_finite_is_refused(bad: float, place: int) -> None:
+    for kind in (Beacon, messages.SceneDescription, Observation):
+        pose = [0.0] * 6
+        pose[place] = bad
+        with pytest.raises(MessageError, match="pose"):
+            decode(broken(sample_of(kind), pose=pose), kind)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        (Beacon, "velocity", [0.0, float("nan"), 0.0]),
+        (Beacon, "range_m", float("inf")),
+        (Beacon, "range_m", 0.0),
+        (Beacon, "sizes", {"early": -1}),
+        (Beacon, "sent_ns", -1),
+        (Beacon, "sent_ns", 2**64 * 1.0),
+        (Beacon, "seq", 1.5),
+        (Beacon, "pose", [0.0] * 5),
+        (Beacon, "robot", ""),
+        (Beacon, "robot", "R1\n"),
+        (Beacon, "robot", "a/b"),
+        (Beacon, "robot", "x" * 33),
+        (ObservationRequest, "algorithm", "medium"),
+        (ObservationRequest, "max_error_m", 0.0),
+        (ObservationRequest, "max_error_m", 1.5),
+        (ObservationRequest, "max_error_m", float("nan")),
+        (ObservationRequest, "max_bytes", 0),
+        (Observation, "encode_ms", float("nan")),
+        (Observation, "encode_ms", -1.0),
+        (Decision, "participants", ["R1", "*"]),
+        (Decision, "source", "guess"),
+        (Decision, "quality", float("nan")),
+        (Decision, "capacity_bps", 0.0),
+        (messages.Detections, "latency_ms", float("inf")),
+        (messages.NetState, "capacity_bps", float("nan")),
+        (messages.NetState, "classes", {"fusion": {"rate_bps": 1}}),
+    ],
+)
+def test_a_value_out_of_range_is_refused(kind: type[Message], name: str, value: object) -> None:
+    with pytest.raises(MessageError, match=kind.__name__):
+        decode(broken(sample_of(kind), **{name: value}), kind)
+
+
+def test_an_oversized_message_is_refused_unread() -> None:
+    with pytest.raises(MessageError, match=str(MAX_MESSAGE_BYTES)):
+        decode(b"\xc1" * (MAX_MESSAGE_BYTES + 1), Beacon)
+
+
+def test_a_message_of_another_kind_is_refused() -> None:
+    for sample in SAMPLES:
+        for kind in {type(other) for other in SAMPLES} - {type(sample)}:
+            with pytest.raises(MessageError):
+                decode(encode(sample), kind)
+
+
+@given(st.binary(max_size=200), st.sampled_from(SAMPLES))
+def test_garbage_raises_nothing_but_message_error(data: bytes, sample: Message) -> None:
+    with pytest.raises(MessageError):
+        decode(data, type(sample))
+
+
+@given(st.sampled_from(SAMPLES), st.data())
+def test_damaged_bytes_raise_only_message_error(sample: Message, data: st.DataObject) -> None:
+    damaged = bytearray(encode(sample))
+    for _ in range(data.draw(st.integers(1, 4))):
+        damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        message = decode(bytes(damaged), type(sample))
+    except MessageError:
+        return
+    assert type(message) is type(sample)
+
+
+def test_a_deeply_nested_message_is_refused() -> None:
+    with pytest.raises(MessageError):
+        decode(b"\x81\xa1x" + b"\x91" * 100_000 + b"\xc0", Beacon)
+
+
+@given(
+    robot=robot_ids,
+    numbers=st.tuples(counts, counts, counts, counts, counts),
+    pose=st.tuples(*[finite] * 6),
+    velocity=st.tuples(*[finite] * 3),
+    range_m=positive,
+    sizes=st.dictionaries(st.text(max_size=12), counts, max_size=4),
+)
+def test_a_beacon_survives_the_wire(
+    robot: str,
+    numbers: tuple[int, ...],
+    pose: Any,
+    velocity: Any,
+    range_m: float,
+    sizes: dict[str, int],
+) -> None:
+    instance, seq, sent, capture, frame = numbers
+    beacon = Beacon(
+        robot=robot,
+        instance=instance,
+        seq=seq,
+        sent_ns=sent,
+        capture_ns=capture,
+        frame=frame,
+        pose=pose,
+        velocity=velocity,
+        range_m=range_m,
+        sizes=sizes,
+    )
+    assert decode(encode(beacon), Beacon) == beacon
+    assert msgpack.packb(msgpack.unpackb(encode(beacon))) == encode(beacon)
+
+
+@given(
+    ids=st.lists(robot_ids, min_size=1, max_size=8),
+    algorithm=st.sampled_from(get_args(messages.Algorithm)),
+    reason=st.text(max_size=200),
+    quality=finite,
+    cost=counts,
+)
+def test_a_decision_survives_the_wire(
+    ids: list[str], algorithm: Any, reason: str, quality: float, cost: int
+) -> None:
+    decision = Decision(
+        ego=ids[0],
+        cycle=1,
+        decided_ns=1,
+        participants=tuple(ids),
+        algorithm=algorithm,
+        reason=reason,
+        source="policy",
+        policy="coverage",
+        valid=True,
+        quality=quality,
+        cost_bytes=cost,
+    )
+    assert decode(encode(decision), Decision) == decision
+
+
+@given(payload=st.binary(max_size=4096), request=counts)
+def test_an_observation_survives_the_wire(payload: bytes, request: int) -> None:
+    observation = Observation(
+        robot="R1",
+        instance=0,
+        request=request,
+        algorithm="early",
+        capture_ns=0,
+        frame=0,
+        pose=(0.0,) * 6,
+        payload=payload,
+        encode_ms=0.0,
+    )
+    assert decode(encode(observation), Observation) == observation

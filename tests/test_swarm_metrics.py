@@ -1,0 +1,43 @@
+"""Metrics are served to a real scraper, and a taken port is told clearly."""
+
+from __future__ import annotations
+
+import urllib.request
+
+import pytest
+from prometheus_client import CollectorRegistry, Counter
+
+from swarm.errors import SettingError
+from swarm.metrics import MetricsServer
+
+
+def scrape(port: int) -> str:
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as response:
+        return response.read().decode()
+
+
+def test_counts_can_be_scraped_and_the_port_is_free_afterwards() -> None:
+    registry = CollectorRegistry()
+    Counter("coadapt_example", "An example.", registry=registry).inc(3)
+    server = MetricsServer(registry, 0, "127.0.0.1")
+    try:
+        assert "coadapt_example_total 3.0" in scrape(server.port)
+    finally:
+        server.close()
+    MetricsServer(registry, server.port, "127.0.0.1").close()
+
+
+def test_a_port_in_use_is_refused_with_the_variable_to_change() -> None:
+    server = MetricsServer(CollectorRegistry(), 0, "127.0.0.1")
+    try:
+        with pytest.raises(SettingError, match=rf"port {server.port} .*COADAPT_METRICS_PORT"):
+            MetricsServer(CollectorRegistry(), server.port, "127.0.0.1")
+    finally:
+        server.close()
+
+
+def test_registries_do_not_share_counts() -> None:
+    first, second = CollectorRegistry(), CollectorRegistry()
+    Counter("coadapt_example", "An example.", registry=first).inc()
+    Counter("coadapt_example", "An example.", registry=second)
+    assert second.get_sample_value("coadapt_example_total") == 0.0
