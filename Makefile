@@ -5,7 +5,7 @@ DATA ?=
 RUNTIME ?= auto
 POLICY ?= coverage
 SWARM ?= local
-ROBOT ?=
+LINK ?=
 ARGS ?=
 
 COADAPT = .venv/bin/coadapt
@@ -18,14 +18,14 @@ BENCHMARKS = sam codec roundtrip cycle
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|opv2v DATA=dir RUNTIME=auto|docker|netns"
-	@echo "             POLICY=$(POLICY) SWARM=$(SWARM) ARGS='more options of coadapt up'"
+	@echo "             POLICY=$(POLICY) LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
 
 setup: ## Make .venv and install what the swarm needs
 	@sh deploy/setup.sh
 
 up: setup ## Start a swarm: router, robots, ego, Prometheus
 	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \
-		--policy $(POLICY) $(if $(DATA),--data $(DATA)) $(ARGS)
+		--policy $(POLICY) $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) $(ARGS)
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)

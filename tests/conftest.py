@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tarfile
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -24,11 +25,14 @@ def data_root() -> Path | None:
     return None
 
 
-def missing(feature: str, reason: str) -> None:
-    """Skips the test, or fails it where $COADAPT_REQUIRE names the feature (as CI does)."""
-    if feature in os.environ.get("COADAPT_REQUIRE", "").split(","):
-        pytest.fail(f"{feature} is required here: {reason}")
-    pytest.skip(reason)
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Where $COADAPT_REQUIRE=all (as in CI) nothing may be missing: a skip is a failure."""
+    report = yield
+    if report.skipped and os.environ.get("COADAPT_REQUIRE") == "all":
+        report.outcome = "failed"
+        report.longrepr = f"skipped where nothing may be missing: {report.longrepr}"
+    return report
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import socket
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,6 +14,7 @@ from deploy import services as roster
 from deploy import state as record
 from deploy.docker import compose
 from deploy.docker.image import ensure_image
+from deploy.netns import link
 from deploy.ports import check_free
 from deploy.progress import say
 from deploy.runtimes.base import ProcessState, ProcessStatus
@@ -76,6 +78,8 @@ class DockerRuntime:
         )
         try:
             compose.start(spec, file)
+            if spec.link_bps is not None:
+                link.shape(_host_end(self._container(spec.swarm, f"ego-{spec.ego}")), spec.link_bps)
         except DeployError:
             self._clear(spec.swarm)
             raise
@@ -112,17 +116,19 @@ class DockerRuntime:
 
     def logs(self, swarm: str, service: str, follow: bool) -> Iterator[str]:
         """The lines of one container's standard output and error."""
-        by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
-        if service not in by_name:
-            raise DeployError(
-                f"service {service!r} is not part of swarm {swarm!r}; it has {sorted(by_name)}"
-            )
+        container = self._container(swarm, service)
         rest = b""
-        for chunk in by_name[service].logs(stream=True, follow=follow):
+        for chunk in container.logs(stream=True, follow=follow):
             *lines, rest = (rest + chunk).split(b"\n")
             yield from (line.decode(errors="replace") for line in lines)
         if rest:
             yield rest.decode(errors="replace")
+
+    def _container(self, swarm: str, service: str) -> Any:
+        by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
+        if service not in by_name:
+            raise DeployError(f"no process {service!r}; there are {', '.join(sorted(by_name))}")
+        return by_name[service]
 
     def _containers(self, swarm: str) -> list[Any]:
         label = f"{compose.LABEL}={swarm}"
@@ -142,6 +148,22 @@ def _engine() -> Any:
     except (docker.errors.DockerException, requests.RequestException, OSError) as error:
         raise DeployError(f"no Docker engine answers: {error}") from error
     return engine
+
+
+def _host_end(container: Any) -> str:
+    """The host's interface that leads to a container: what leaves it is what the container gets.
+
+    Its index is read inside the container: /sys seen from the host's mount namespace would show
+    the host's own interfaces. Raises DeployError when the engine is not on this machine.
+    """
+    code, output = container.exec_run(["cat", "/sys/class/net/eth0/iflink"])
+    try:
+        return socket.if_indextoname(int(output))
+    except (OSError, ValueError) as error:
+        raise DeployError(
+            f"the link of container {container.name} is not on this machine (exit code {code}: "
+            f"{error}); start without --link"
+        ) from error
 
 
 def _remove(container: Any) -> None:

@@ -1,0 +1,169 @@
+"""A whole swarm in containers, started and seen through the command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from deploy_support import await_, free_port
+
+from deploy import state as record
+from deploy.docker import compose
+from deploy.prometheus import Prometheus
+from deploy.runtimes.docker import DockerRuntime
+from deploy.spec import make_spec
+from deploy.state import State, need_state
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+# The first start builds the image: wheels, and a base where none can be pulled.
+READY_S = 900
+SWARM = "boxed"
+Cli = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def free_router_port() -> int:
+    """The first of three free ports."""
+    while True:
+        first = free_port()
+        if first < 65000:
+            return first
+
+
+def containers() -> dict[str, Any]:
+    """The swarm's containers by service."""
+    import docker
+
+    found = docker.from_env().containers.list(
+        all=True, filters={"label": f"{compose.LABEL}={SWARM}"}
+    )
+    return {c.labels[compose.SERVICE_LABEL]: c for c in found}
+
+
+@pytest.fixture(scope="module")
+def cli() -> Iterator[Cli]:
+    """Runs `coadapt` as a user does, with run directory and working directory of its own."""
+    why_not = DockerRuntime().available()
+    if why_not is not None:
+        pytest.skip(why_not)
+    with (
+        tempfile.TemporaryDirectory(prefix="ca-", dir="/tmp") as directory,
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setenv("COADAPT_RUN_DIR", f"{directory}/run")
+        patch.setenv("PYTHONPATH", str(REPOSITORY))
+
+        def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+            return subprocess.run(
+                [sys.executable, "-m", "coadapt.main", *arguments, "--swarm", SWARM],
+                cwd=directory,
+                capture_output=True,
+                text=True,
+                timeout=READY_S,
+            )
+
+        yield run
+
+
+@pytest.fixture(scope="module")
+def up() -> tuple[str, ...]:
+    """The command that starts the swarm."""
+    return (
+        *("up", "--runtime", "docker", "--robots", "3", "--rings", "16", "--wait", "120"),
+        *("--prometheus-port", str(free_port()), "--ego-metrics-port", str(free_port())),
+        *("--router-port", str(free_router_port())),
+    )
+
+
+@pytest.fixture(scope="module")
+def swarm(cli: Cli, up: tuple[str, ...]) -> Iterator[State]:
+    """Three robots, alive, and an ego that has decided."""
+    done = cli(*up)
+    assert done.returncode == 0, done.stderr
+    yield need_state(SWARM)
+    assert cli("down").returncode == 0
+    assert not containers()
+
+
+@pytest.mark.timeout(READY_S)
+def test_every_process_is_a_container_and_the_ego_decides(swarm: State, cli: Cli) -> None:
+    assert set(containers()) == {
+        *("router", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus"),
+    }
+    done = cli("status", "--json")
+    assert done.returncode == 0, done.stderr
+    table = json.loads(done.stdout)
+    assert all(robot["alive"] for robot in table["robots"])
+    assert table["decision"]["participants"][0] == "R1"
+
+
+def test_prometheus_reaches_every_container(swarm: State) -> None:
+    prometheus = Prometheus(swarm.prometheus_url)
+
+    def up() -> set[str]:
+        return {target.instance for target in prometheus.targets() if target.health == "up"}
+
+    await_(lambda: up() == set(containers()), "every container is a target that is up")
+
+
+def test_a_killed_robot_comes_back(swarm: State) -> None:
+    robot = containers()["robot-R2"]
+    before = robot.attrs["State"]["StartedAt"]
+    robot.exec_run(["sh", "-c", "kill -9 -1"], user="root")
+
+    def back() -> bool:
+        robot.reload()
+        facts = robot.attrs["State"]
+        return bool(facts["Running"]) and facts["StartedAt"] != before
+
+    await_(back, "the container runs again")
+    status = {s.service: s for s in DockerRuntime().status(SWARM)}
+    assert status["robot-R2"].state == "running"
+    assert status["robot-R2"].restarts == 1
+
+
+def test_up_twice_is_harmless_and_other_settings_are_refused(
+    swarm: State, cli: Cli, up: tuple[str, ...]
+) -> None:
+    before = {name: c.id for name, c in containers().items()}
+    again = cli(*up)
+    assert again.returncode == 0
+    assert "runs already" in again.stderr
+    other = cli(*up, "--policy", "static-late")
+    assert other.returncode == 1
+    assert "already runs with another policy; run `make down` first" in other.stderr
+    assert {name: c.id for name, c in containers().items()} == before
+
+
+def test_logs_are_the_containers_output(swarm: State, cli: Cli) -> None:
+    done = cli("logs", "router")
+    assert done.returncode == 0
+    assert "router_up" in done.stdout
+    assert cli("logs", "nobody").returncode == 1
+
+
+def test_down_clears_what_a_crash_left_behind(cli: Cli, up: tuple[str, ...], swarm: State) -> None:
+    # The record is lost, as after a crash of `up`: the containers' labels are enough.
+    record.remove_run_dir(SWARM)
+    done = cli("down")
+    assert done.returncode == 0
+    await_(lambda: not containers(), "no container is left")
+    done = cli("down")
+    assert done.returncode == 0
+    assert "no swarm" in done.stderr + done.stdout
+
+
+def test_the_compose_file_shows_one_container_a_process() -> None:
+    spec = make_spec(swarm="Named", robots=("R1", "R2"), ego="R2", runtime="docker")
+    services = yaml.safe_load(compose.compose_file(spec, "image:tag"))["services"]
+    assert list(services) == ["router", "robot-R1", "robot-R2", "ego-R2", "prometheus"]
+    assert services["ego-R2"]["environment"]["COADAPT_ROUTER"] == "tcp/router:7447"
+    assert all("127.0.0.1:" in port for s in services.values() for port in s.get("ports", []))
+    assert compose.project_of("Named").startswith("coadapt-named-")
+    assert compose.project_of("named") == "coadapt-named"
