@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from swarm.errors import DeployError
+from swarm.keyspace import check_name
 from swarm.settings import Name
 
 RuntimeName = Literal["docker", "netns"]
@@ -145,8 +146,11 @@ def run_base() -> Path:
 
 
 def run_dir_of(swarm: str) -> Path:
-    """The run directory of one of this user's swarms."""
-    return run_base() / swarm
+    """The run directory of one of this user's swarms.
+
+    Raises KeyspaceError for a name that may lead elsewhere.
+    """
+    return run_base() / check_name("swarm name", swarm)
 
 
 def _invalid(name: str, value: object) -> DeployError:

@@ -123,6 +123,8 @@ def exclusive() -> Iterator[None]:
             f"run directory {base} cannot be used: {error}; set COADAPT_RUN_DIR to another place"
         ) from error
     try:
+        if os.fstat(descriptor).st_uid != os.getuid():
+            raise DeployError(f"run directory {base} belongs to someone else; remove it")
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:

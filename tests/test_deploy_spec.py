@@ -10,6 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coadapt.main import main
 from deploy.netns import network
 from deploy.rates import format_rate, parse_rate
 from deploy.services import INFRA, Place, prometheus_config, services
@@ -171,3 +172,18 @@ def test_a_broken_record_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "s1" / "state.json").write_text('{"runtime": "ne')
     with pytest.raises(DeployError, match=r"state\.json of .* run `coadapt down`"):
         read_state("s1")
+
+
+@pytest.mark.parametrize("command", ["down", "status", "up"])
+def test_a_name_that_leads_out_of_the_run_directory_is_refused(
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    base = tmp_path / "base"
+    (tmp_path / "mine").mkdir()
+    monkeypatch.setenv("COADAPT_RUN_DIR", str(base))
+    assert main([command, "--swarm", "../mine"]) == 1
+    assert "swarm name '../mine' is not allowed" in capsys.readouterr().err
+    assert (tmp_path / "mine").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import signal
 import time
@@ -20,23 +21,25 @@ def spawn(argv: Sequence[str], descriptors: Mapping[int, int]) -> ProcessMark:
     Its descriptor `n` is the caller's `descriptors[n]`. Raises DeployError when it cannot be
     started.
     """
-    # Copies above the targets, so that one copy does not overwrite the source of the next.
-    high = {target: os.dup(source) for target, source in descriptors.items()}
-    while any(copy in high for copy in high.values()):
-        high |= {t: os.dup(c) for t, c in high.items() if c in high}
+    # Copies above all targets, so that setting one target does not overwrite another's source.
+    above = max(descriptors) + 1
+    copies = {
+        target: fcntl.fcntl(source, fcntl.F_DUPFD_CLOEXEC, above)
+        for target, source in descriptors.items()
+    }
     try:
         pid = os.posix_spawnp(
             argv[0],
             list(argv),
             os.environ,
-            file_actions=[(os.POSIX_SPAWN_DUP2, copy, target) for target, copy in high.items()],
+            file_actions=[(os.POSIX_SPAWN_DUP2, copy, target) for target, copy in copies.items()],
             setsid=True,
             setsigdef=[signal.SIGPIPE, signal.SIGINT],
         )
     except OSError as error:
         raise DeployError(f"{argv[0]} cannot be started: {error}") from error
     finally:
-        for copy in high.values():
+        for copy in copies.values():
             os.close(copy)
     return ProcessMark(pid, _started_ticks(pid) or 0)
 
