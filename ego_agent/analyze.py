@@ -48,6 +48,17 @@ class _Seen:
     visible_m: NDArray[np.float32]
 
 
+@dataclass(frozen=True, slots=True)
+class _Member:
+    """A robot that is part of the unified scene: the ego, or a candidate in the making."""
+
+    robot: str
+    pose: Pose
+    distance_m: float
+    sizes: dict[Algorithm, int]
+    seen: _Seen
+
+
 def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
     """The unified scene of a snapshot; never raises for what robots sent.
 
@@ -55,59 +66,83 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
     and its pose is the last known one, or the origin.
     """
     objective = knowledge.objective
-    capacity = snapshot.capacity_bps
-    capacity = capacity if math.isfinite(capacity) and capacity >= 1.0 else 1.0
-    ego_view = snapshot.robots.get(snapshot.ego)
-    ego_pose = ego_view.beacon.sensor_pose() if ego_view and ego_view.beacon else Pose(0, 0, 0)
-    trouble = _why_not_ego(ego_view, objective)
+    ego = _ego(snapshot, objective)
+    trouble = _why_not_ego(snapshot.robots.get(snapshot.ego), objective)
     excluded = {snapshot.ego: trouble} if trouble else {}
-    seen = {snapshot.ego: _seen_by_ego(ego_view, objective)}
-    chosen: list[tuple[float, RobotView, dict[Algorithm, int]]] = []
-    for robot, view in sorted(snapshot.robots.items()):
+    members: list[_Member] = []
+    for robot, view in snapshot.robots.items():
         if robot == snapshot.ego:
             continue
-        sizes: dict[Algorithm, int] = {}
-        if view.beacon is not None:
-            sizes = knowledge.payload_sizes(robot, view.beacon.sizes, snapshot.now_ns)
-        reason = _why_not(view, ego_pose, sizes, objective) if not trouble else _NO_EGO
-        if reason is None:
-            try:
-                seen[robot] = _seen(view, objective)
-            except MessageError as error:
-                reason = f"its scene description is not valid: {error}"
-        if reason is not None:
-            excluded[robot] = reason
-        elif view.beacon is not None:
-            chosen.append((view.beacon.sensor_pose().distance_to(ego_pose), view, sizes))
-    chosen.sort(key=lambda item: (item[0], item[1].robot))
-    order = [snapshot.ego, *(view.robot for _, view, _ in chosen)]
-    grid = Grid(ego_pose.x, ego_pose.y, objective.area_half_m)
-    objects, evidence = _merge(grid, _positions(snapshot, objective), [seen[r] for r in order])
-    poses = [ego_pose, *(v.beacon.sensor_pose() for _, v, _ in chosen if v.beacon is not None)]
-    members = tuple(
+        found = _NO_EGO if trouble else _member(robot, view, ego.pose, snapshot, knowledge)
+        if isinstance(found, str):
+            excluded[robot] = found
+        else:
+            members.append(found)
+    members.sort(key=lambda member: (member.distance_m, member.robot))
+    members.insert(0, ego)
+    grid = Grid(ego.pose.x, ego.pose.y, objective.area_half_m)
+    robots = _positions(snapshot, objective)
+    objects, evidence = _merge(grid, robots, [member.seen for member in members])
+    candidates = tuple(
         Candidate(
-            robot=robot,
-            pose=pose,
-            distance_m=pose.distance_to(ego_pose),
-            sizes=sizes,
-            area=grid.visible(pose.x, pose.y, seen[robot].visible_m),
+            robot=member.robot,
+            pose=member.pose,
+            distance_m=member.distance_m,
+            sizes=member.sizes,
+            area=grid.visible(member.pose.x, member.pose.y, member.seen.visible_m),
             evidence=row,
         )
-        for robot, pose, sizes, row in zip(
-            order, poses, [{}, *(sizes for _, _, sizes in chosen)], evidence, strict=True
-        )
+        for member, row in zip(members, evidence, strict=True)
     )
+    capacity = snapshot.capacity_bps
     return UnifiedScene(
-        ego=members[0],
-        candidates=members[1:],
+        ego=candidates[0],
+        candidates=candidates[1:],
         excluded=excluded,
         objects=objects,
         cell_m=grid.cell_m,
-        capacity_bps=capacity,
+        capacity_bps=capacity if math.isfinite(capacity) and capacity >= 1.0 else 1.0,
     )
 
 
 _NO_EGO = "the ego's own position is not known"
+
+
+def _ego(snapshot: Snapshot, objective: Objective) -> _Member:
+    """The ego; it sees nothing rather than failing when its own scene cannot be used."""
+    view = snapshot.robots.get(snapshot.ego)
+    pose = view.beacon.sensor_pose() if view is not None and view.beacon else Pose(0.0, 0.0, 0.0)
+    try:
+        seen = _seen(view, objective) if view is not None else _nothing()
+    except MessageError:
+        seen = _nothing()
+    return _Member(snapshot.ego, pose, 0.0, {}, seen)
+
+
+def _member(
+    robot: str, view: RobotView, ego: Pose, snapshot: Snapshot, knowledge: Knowledge
+) -> _Member | str:
+    """A robot that may take part, or why it may not, as the rest of a sentence."""
+    objective = knowledge.objective
+    if not view.alive:
+        return "it has left: no liveliness token"
+    if view.duplicate:
+        return "two processes use its id"
+    if view.beacon is None:
+        return "no beacon of it has arrived"
+    if stale := _stale(view, objective):
+        return stale
+    pose = view.beacon.sensor_pose()
+    distance = pose.distance_to(ego)
+    if not distance <= objective.comm_range_m:
+        return f"it is {distance:.1f} m away, the range is {objective.comm_range_m:.1f} m"
+    sizes = knowledge.payload_sizes(robot, view.beacon.sizes, snapshot.now_ns)
+    if not sizes:
+        return "the size of its observations is not known"
+    try:
+        return _Member(robot, pose, distance, sizes, _seen(view, objective))
+    except MessageError as error:
+        return f"its scene description is not valid: {error}"
 
 
 def _why_not_ego(view: RobotView | None, objective: Objective) -> str | None:
@@ -119,26 +154,6 @@ def _why_not_ego(view: RobotView | None, objective: Objective) -> str | None:
     return _stale(view, objective)
 
 
-def _why_not(
-    view: RobotView, ego: Pose, sizes: dict[Algorithm, int], objective: Objective
-) -> str | None:
-    """Why a robot may not take part, as the rest of a sentence, or None if it may."""
-    if not view.alive:
-        return "it has left: no liveliness token"
-    if view.duplicate:
-        return "two processes use its id"
-    if view.beacon is None:
-        return "no beacon of it has arrived"
-    if stale := _stale(view, objective):
-        return stale
-    distance = view.beacon.sensor_pose().distance_to(ego)
-    if not distance <= objective.comm_range_m:
-        return f"it is {distance:.1f} m away, the range is {objective.comm_range_m:.1f} m"
-    if not sizes:
-        return "the size of its observations is not known"
-    return None
-
-
 def _stale(view: RobotView, objective: Objective) -> str | None:
     if view.beacon_age_s <= objective.beacon_max_age_s:
         return None
@@ -146,16 +161,6 @@ def _stale(view: RobotView, objective: Objective) -> str | None:
         f"its beacon is {view.beacon_age_s:.1f} s old, "
         f"at most {objective.beacon_max_age_s:.1f} s is allowed"
     )
-
-
-def _seen_by_ego(view: RobotView | None, objective: Objective) -> _Seen:
-    """The ego sees nothing rather than failing when its own scene cannot be used."""
-    if view is None:
-        return _nothing()
-    try:
-        return _seen(view, objective)
-    except MessageError:
-        return _nothing()
 
 
 def _seen(view: RobotView, objective: Objective) -> _Seen:

@@ -49,7 +49,8 @@ def validate(
         return None, bounded([*repairs, "refused: nobody of those it names can take part"])
     score = _carried(scorer, asked, proposal.algorithm, repairs)
     if asked and not score.participants:
-        return None, bounded([*repairs, "refused: the link can carry nobody of those it names"])
+        why = "refused: nobody of those it names fits the link and adds anything"
+        return None, bounded([*repairs, why])
     source = proposal.source
     if source not in SOURCES:
         repairs.append(f"source {shown(source)} is unknown: taken as policy")
@@ -170,13 +171,16 @@ def _carried(scorer: Scorer, asked: list[str], wanted: object, repairs: list[str
         if not asked:
             return scorer.score((), knowledge.best_algorithm())
         best = _better(scorer, [_trimmed(scorer, asked, name) for name in knowledge.algorithms])
+        repairs.append(f"took {best.algorithm} fusion instead")
     else:
         best = _trimmed(scorer, asked, algorithm)
         if len(best.participants) < len(asked):
             cheaper = [a for a in knowledge.algorithms if _costs_less(scorer, asked, a, algorithm)]
             best = _better(scorer, [best, *(_trimmed(scorer, asked, a) for a in cheaper)])
-    if best.algorithm != wanted:
-        repairs.append(f"took {best.algorithm} fusion instead")
+            if best.algorithm != algorithm:
+                repairs.append(
+                    f"took {best.algorithm} fusion: {algorithm} does not carry all that were named"
+                )
     for robot in asked:
         if robot not in best.participants:
             repairs.append(f"dropped {robot}: {_why_dropped(scorer, robot, best)}")
@@ -217,7 +221,9 @@ def _why_dropped(scorer: Scorer, robot: str, score: Score) -> str:
     if not scorer.can(robot, score.algorithm):
         return f"the size of its {score.algorithm} observation is not known"
     size = scorer.size(robot, score.algorithm)
+    if score.cost_bytes + size <= scorer.budget_bytes:
+        return "it adds nothing to what the others see, and not all fit the link"
     return (
-        f"its {size / 1e3:.1f} kB a frame are too much beside {score.cost_bytes / 1e3:.1f} of "
-        f"{scorer.budget_bytes / 1e3:.1f} kB, or add nothing"
+        f"its {size / 1e3:.1f} kB a frame do not fit beside {score.cost_bytes / 1e3:.1f} of "
+        f"{scorer.budget_bytes / 1e3:.1f} kB"
     )

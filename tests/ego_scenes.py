@@ -1,0 +1,148 @@
+"""Snapshots and scenes for the tests of the control cycle's pure middle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ego_agent.knowledge import Knowledge
+from ego_agent.model import Candidate, Proposal, RobotView, Snapshot, UnifiedScene
+from ego_agent.objective import Objective
+from swarm.arrays import Array, pack
+from swarm.geometry import Pose
+from swarm.messages import ALGORITHMS, Algorithm, Beacon, Decision, SceneDescription
+
+NOW_NS = 1_700_000_000_000_000_000
+BOTH: tuple[Algorithm, ...] = ("early", "late")
+
+
+def knowledge(algorithms: Sequence[str] = BOTH, **objective: float) -> Knowledge:
+    return Knowledge(Objective(**objective), algorithms)
+
+
+def objects(*rows: tuple[float, float, float]) -> Array:
+    """Objects at (x, y) with a number of points, as in a scene description."""
+    table = np.ones((len(rows), 9), dtype=np.float32)
+    if rows:
+        table[:, [0, 1, 7]] = rows
+    return pack(table)
+
+
+def view(
+    robot: str,
+    x: float = 0.0,
+    y: float = 0.0,
+    *,
+    sees: Array | None = None,
+    visible: Sequence[float] = (10.0,) * 8,
+    visible_m: Array | None = None,
+    sizes: Mapping[str, int] | None = None,
+    alive: bool = True,
+    duplicate: bool = False,
+    beacon: bool = True,
+    beacon_age_s: float = 0.1,
+    scene: bool = True,
+    scene_age_s: float = 0.3,
+) -> RobotView:
+    pose = (x, y, 1.5, 0.0, 0.0, 0.0)
+    if visible_m is None:
+        visible_m = pack(np.array(visible, dtype=np.float32).reshape(-1, 1))
+    head = {"robot": robot, "instance": 1, "seq": 1, "sent_ns": 0, "capture_ns": 0, "frame": 1}
+    announced = dict({"early": 12_000, "late": 600} if sizes is None else sizes)
+    return RobotView(
+        robot=robot,
+        alive=alive,
+        beacon=Beacon(**head, pose=pose, velocity=(0.0, 0.0, 0.0), range_m=50.0, sizes=announced)
+        if beacon
+        else None,
+        beacon_age_s=beacon_age_s,
+        scene=SceneDescription(
+            **head,
+            pose=pose,
+            objects=objects() if sees is None else sees,
+            visible_m=visible_m,
+            ground_points=0,
+            elapsed_ms=1.0,
+        )
+        if scene
+        else None,
+        scene_age_s=scene_age_s,
+        round_trip_s=None,
+        clock_offset_s=0.0,
+        duplicate=duplicate,
+    )
+
+
+def snapshot(*views: RobotView, ego: str = "E", capacity_bps: float = 20e6) -> Snapshot:
+    return Snapshot(
+        ego=ego,
+        cycle=7,
+        now_ns=NOW_NS,
+        robots={v.robot: v for v in views},
+        capacity_bps=capacity_bps,
+        capacity_source="prior",
+    )
+
+
+def candidate(
+    robot: str,
+    cells: Sequence[int] = (),
+    evidence: Sequence[float] = (),
+    *,
+    of: tuple[int, int] = (8, 4),
+    sizes: Mapping[Algorithm, int] | None = None,
+    distance_m: float = 10.0,
+) -> Candidate:
+    """A candidate that sees some numbered cells of a grid of `of[0]` x `of[0]` cells, and the
+    first objects of `of[1]` with the given evidence."""
+    area = np.zeros(of[0] ** 2, dtype=bool)
+    area[list(cells)] = True
+    table = np.zeros(of[1], dtype=np.float32)
+    table[: len(evidence)] = evidence
+    return Candidate(
+        robot=robot,
+        pose=Pose(distance_m, 0.0, 0.0),
+        distance_m=distance_m,
+        sizes={"early": 12_000, "late": 600} if sizes is None else sizes,
+        area=area.reshape(of[0], of[0]),
+        evidence=table,
+    )
+
+
+def scene(
+    ego: Candidate,
+    *candidates: Candidate,
+    capacity_bps: float = 20e6,
+    excluded: Mapping[str, str] | None = None,
+) -> UnifiedScene:
+    return UnifiedScene(
+        ego=ego,
+        candidates=candidates,
+        excluded=excluded or {},
+        objects=np.zeros((len(ego.evidence), 3), dtype=np.float32),
+        cell_m=1.0,
+        capacity_bps=capacity_bps,
+    )
+
+
+def proposal(*participants: str, algorithm: str = "early", made_ns: int | None = None) -> Proposal:
+    return Proposal(participants, algorithm, "because", "policy", made_ns)
+
+
+def assert_valid(decision: Decision, scene: UnifiedScene, knowledge: Knowledge) -> None:
+    """What must hold for every decision, whoever proposed it."""
+    ego, *others = decision.participants
+    by_id = {c.robot: c for c in scene.candidates}
+    assert ego == decision.ego == scene.ego.robot
+    assert len(set(decision.participants)) == len(decision.participants)
+    assert set(others) <= set(by_id)
+    assert decision.algorithm in knowledge.algorithms
+    assert decision.algorithm in ALGORITHMS
+    assert decision.cost_bytes == sum(by_id[r].sizes[decision.algorithm] for r in others)
+    allowed_bps = scene.capacity_bps * knowledge.objective.headroom
+    needed_bps = decision.cost_bytes * 8 * knowledge.objective.rate_hz
+    assert not others or needed_bps <= allowed_bps * (1 + 1e-12)
+    assert 0.0 <= decision.quality <= 1.0
+    assert decision.capacity_bps == scene.capacity_bps
+    assert decision.valid == (scene.ego.robot not in scene.excluded)
