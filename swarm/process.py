@@ -13,7 +13,6 @@ import msgspec
 
 from swarm.settings import Name, Port
 
-
 _NS = 1_000_000_000
 
 

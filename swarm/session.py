@@ -185,9 +185,9 @@ class Session:
     ) -> Future[Answer[M]]:
         """Sends a request to the one queryable on a key; the answer comes through the future.
 
-        The future raises TransportError when nobody answers in time or the answer is a refusal,
-        and MessageError when the answer does not validate. It is always done soon after
-        `timeout_s`.
+        The future raises TransportError when nobody answers in time, RefusedError when the answer
+        is a refusal, and MessageError when the answer does not validate. It is always done soon
+        after `timeout_s`.
         """
         future: Future[Answer[M]] = Future()
         begun = time.perf_counter()
@@ -202,7 +202,7 @@ class Session:
 
         def receive(reply: zenoh.Reply) -> None:
             if reply.ok is None:
-                settle(_refused(key, reply.err))
+                settle(_failure(key, reply.err, time.perf_counter() - begun))
                 return
             data = reply.ok.payload.to_bytes()
             try:
@@ -216,7 +216,7 @@ class Session:
         def finished() -> None:
             waited = time.perf_counter() - begun
             why = "nobody serves it" if waited < timeout_s / 2 else "none came in time"
-            settle(TransportError(f"no answer on {key} after {waited:.3f} s: {why}"))
+            settle(_no_answer(key, waited, why))
 
         try:
             self._connection.zenoh.get(
@@ -294,10 +294,16 @@ class Session:
             self._log.warning("message_invalid", key=sender, error=str(error)[:300])
 
 
-def _refused(key: str, reply: zenoh.ReplyError | None) -> RefusedError:
+def _failure(key: str, reply: zenoh.ReplyError | None, waited_s: float) -> TransportError:
+    """What an error reply means: a refusal of the asked process, or Zenoh's own `Timeout`."""
     data = reply.payload.to_bytes() if reply is not None else b""
     try:
-        reason = decode(data, Refusal).reason
+        return RefusedError(f"{key} refused: {decode(data, Refusal).reason}")
     except MessageError:
-        reason = f"error reply of {len(data)} bytes"
-    return RefusedError(f"{key} refused: {reason}")
+        if data == b"Timeout":
+            return _no_answer(key, waited_s, "none came in time")
+        return TransportError(f"{key} answered with an error of {len(data)} bytes")
+
+
+def _no_answer(key: str, waited_s: float, why: str) -> TransportError:
+    return TransportError(f"no answer on {key} after {waited_s:.3f} s: {why}")

@@ -9,6 +9,13 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from zenoh_fixtures import (  # noqa: F401
+    open_session,
+    own_router,
+    pair,
+    shared_router,
+    swarm_name,
+)
 
 # A busy machine is no failure: no test judges a time.
 settings.register_profile("untimed", deadline=None)

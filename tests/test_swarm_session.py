@@ -1,0 +1,318 @@
+"""Typed messages over a real router: what is invalid is dropped, counted and answered."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+
+import pytest
+import zenoh
+from message_samples import SAMPLES
+from prometheus_client import CollectorRegistry
+from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker
+
+from swarm import keyspace, transport
+from swarm.errors import KeyspaceError, MessageError, PerceptionError, RefusedError, TransportError
+from swarm.messages import (
+    MAX_MESSAGE_BYTES,
+    Beacon,
+    Observation,
+    ObservationRequest,
+    encode,
+)
+from swarm.session import MAX_WAITING_QUERIES, Answer, Session
+
+BEACON = next(sample for sample in SAMPLES if isinstance(sample, Beacon))
+REQUEST = ObservationRequest(ego="E1", request=5, algorithm="early", capture_ns=0)
+Pair = tuple[Session, Session]
+
+
+def observation(request: ObservationRequest, payload: bytes = b"scan") -> Observation:
+    return Observation(
+        robot="R1",
+        instance=1,
+        request=request.request,
+        algorithm=request.algorithm,
+        capture_ns=1,
+        frame=1,
+        pose=(0.0,) * 6,
+        payload=payload,
+        encode_ms=1.0,
+    )
+
+
+def ask(asker: Session, request: ObservationRequest = REQUEST) -> Future[Answer[Observation]]:
+    key = keyspace.observation(asker.swarm, "R1")
+    return asker.ask(key, request, Observation, timeout_s=5.0)
+
+
+def raw_zenoh(router: RouterProcess) -> zenoh.Session:
+    return transport.open_zenoh(transport.client_config(router.address), timeout_s=10)
+
+
+def ready(subscriber: Session, sender: Session, inbox: Inbox[Beacon]) -> None:
+    """Puts until one message arrives: a subscription takes a moment to reach the sender."""
+    key = keyspace.beacon(sender.swarm, BEACON.robot)
+    for _ in range(200):
+        sender.put(key, BEACON)
+        try:
+            inbox.next(0.1)
+        except Exception:
+            continue
+        while not inbox.empty():
+            inbox.next()
+        return
+    raise AssertionError("no message arrived")
+
+
+def test_a_published_message_arrives_as_it_was(pair: Pair) -> None:
+    inbox: Inbox[Beacon] = Inbox()
+    pair[1].subscribe(
+        keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m)
+    )
+    ready(pair[1], pair[0], inbox)
+    pair[0].put(keyspace.beacon(pair[0].swarm, "R1"), BEACON)
+    assert inbox.next() == BEACON
+
+
+def test_what_does_not_validate_is_dropped_and_counted_and_the_subscriber_goes_on(
+    shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    registry = CollectorRegistry()
+    subscriber = open_session(shared_router.address, registry=registry)
+    inbox: Inbox[Beacon] = Inbox()
+    swarm = subscriber.swarm
+    subscriber.subscribe(keyspace.beacon(swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m))
+    key = keyspace.beacon(swarm, "R1")
+    bad = [
+        b"",
+        b"garbage",
+        encode(BEACON)[:-3],
+        encode(REQUEST),
+        b"\x00" * (MAX_MESSAGE_BYTES + 1),
+        b"\x81\xa1x" + b"\x91" * 100_000,
+    ]
+    with raw_zenoh(shared_router) as sender:
+        ready(subscriber, open_session(shared_router.address), inbox)
+        for data in bad:
+            # Block, so that the oversized one is not lost on the way.
+            sender.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+        sender.put(keyspace.beacon(swarm, "R2"), encode(BEACON))
+        sender.put(key, encode(BEACON))
+        assert inbox.next() == BEACON
+    assert inbox.empty()
+    dropped = registry.get_sample_value("coadapt_messages_invalid_total", {"kind": "Beacon"})
+    assert dropped == len(bad) + 1
+
+
+def test_a_handler_that_fails_gets_the_next_message_all_the_same(pair: Pair) -> None:
+    inbox: Inbox[Beacon] = Inbox()
+
+    def handle(message: Beacon, key: str) -> None:
+        inbox.put(message)
+        raise RuntimeError("handler")
+
+    pair[1].subscribe(keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, handle)
+    ready(pair[1], pair[0], inbox)
+    pair[0].put(keyspace.beacon(pair[0].swarm, "R1"), BEACON)
+    assert inbox.next() == BEACON
+
+
+def test_a_message_that_misses_its_swarm_does_not_arrive(
+    shared_router: RouterProcess, pair: Pair
+) -> None:
+    inbox: Inbox[Beacon] = Inbox()
+    pair[1].subscribe(
+        keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m)
+    )
+    ready(pair[1], pair[0], inbox)
+    with Session(shared_router.address, "other", timeout_s=10) as stranger:
+        stranger.put(keyspace.beacon("other", "R1"), BEACON)
+        pair[0].put(keyspace.beacon(pair[0].swarm, "R1"), BEACON)
+        inbox.next()
+    assert inbox.empty()
+
+
+def test_an_answer_tells_its_bytes_and_its_round_trip(pair: Pair) -> None:
+    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, observation)
+    answer = ask(pair[1]).result(WAIT_S)
+    assert answer.message.request == REQUEST.request
+    assert answer.wire_bytes == len(encode(answer.message))
+    assert answer.round_trip_s > 0
+
+
+def test_a_refusal_carries_the_reason(pair: Pair) -> None:
+    def refuse(request: ObservationRequest) -> Observation:
+        raise PerceptionError("no frame yet")
+
+    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, refuse)
+    with pytest.raises(RefusedError, match="no frame yet"):
+        ask(pair[1]).result(WAIT_S)
+
+
+def test_a_fault_of_the_handler_is_refused_without_its_inner_life(pair: Pair) -> None:
+    def fail(request: ObservationRequest) -> Observation:
+        raise ZeroDivisionError("secret detail")
+
+    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, fail)
+    with pytest.raises(RefusedError, match="internal error: ZeroDivisionError") as caught:
+        ask(pair[1]).result(WAIT_S)
+    assert "secret" not in str(caught.value)
+
+
+def test_a_request_that_does_not_validate_is_refused_and_counted(
+    shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    registry = CollectorRegistry()
+    server = open_session(shared_router.address, registry=registry)
+    key = keyspace.observation(server.swarm, "R1")
+    server.serve(key, ObservationRequest, observation)
+    ask(open_session(shared_router.address)).result(WAIT_S)
+    with raw_zenoh(shared_router) as asker:
+        for data in (b"", b"garbage", encode(BEACON)):
+            (reply,) = asker.get(key, payload=data, timeout=5.0)
+            assert reply.err is not None
+            assert b"not a valid ObservationRequest" in reply.err.payload.to_bytes()
+        # A query without any payload.
+        (reply,) = asker.get(key, timeout=5.0)
+        assert reply.err is not None
+    count = registry.get_sample_value(
+        "coadapt_messages_invalid_total", {"kind": "ObservationRequest"}
+    )
+    assert count == 4
+    assert ask(open_session(shared_router.address)).result(WAIT_S).message.payload == b"scan"
+
+
+def test_an_answer_that_does_not_validate_is_a_message_error(
+    shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    asker = open_session(shared_router.address)
+    key = keyspace.observation(asker.swarm, "R1")
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(key, b"garbage")
+
+    with raw_zenoh(shared_router) as server:
+        queryable = server.declare_queryable(key, answer, complete=True)
+        with pytest.raises(MessageError, match="Observation"):
+            _first_answer(asker).result(WAIT_S)
+        queryable.undeclare()
+
+
+def _first_answer(asker: Session) -> Future[Answer[Observation]]:
+    """Asks until somebody serves: a queryable takes a moment to reach the asker."""
+    while True:
+        future = ask(asker)
+        if not isinstance(future.exception(WAIT_S), TransportError):
+            return future
+
+
+def test_a_server_with_too_many_requests_says_that_it_is_busy(pair: Pair) -> None:
+    go = threading.Event()
+    begun: Inbox[int] = Inbox()
+
+    def slow(request: ObservationRequest) -> Observation:
+        begun.put(request.request)
+        go.wait(WAIT_S)
+        return observation(request)
+
+    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, slow, workers=1)
+    first = ask(pair[1])
+    begun.next()
+    rest = [ask(pair[1]) for _ in range(MAX_WAITING_QUERIES)]
+    refused = wait(rest, WAIT_S, return_when=FIRST_COMPLETED).done
+    go.set()
+    assert len(refused) == 1
+    with pytest.raises(RefusedError, match="busy"):
+        refused.pop().result()
+    answered = [future.exception(WAIT_S) for future in (first, *rest)]
+    assert answered.count(None) == MAX_WAITING_QUERIES
+
+
+def test_a_key_that_nobody_serves_is_told_at_once(pair: Pair) -> None:
+    with pytest.raises(TransportError, match="nobody serves it"):
+        ask(pair[1]).result(WAIT_S)
+
+
+def test_a_server_that_is_too_slow_is_told_apart(pair: Pair) -> None:
+    go = threading.Event()
+
+    def slow(request: ObservationRequest) -> Observation:
+        go.wait(WAIT_S)
+        return observation(request)
+
+    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, slow)
+    key = keyspace.observation(pair[1].swarm, "R1")
+    try:
+        with pytest.raises(TransportError, match="none came in time"):
+            pair[1].ask(key, REQUEST, Observation, timeout_s=0.5).result(WAIT_S)
+    finally:
+        go.set()
+
+
+def test_many_robots_answer_at_the_same_time(pair: Pair) -> None:
+    together = threading.Barrier(5)
+
+    def meet(request: ObservationRequest) -> Observation:
+        together.wait(WAIT_S)
+        return observation(request)
+
+    for i in range(5):
+        key = keyspace.observation(pair[0].swarm, f"R{i}")
+        pair[0].serve(key, ObservationRequest, meet, workers=1)
+    futures = [
+        pair[1].ask(
+            keyspace.observation(pair[1].swarm, f"R{i}"), REQUEST, Observation, timeout_s=10
+        )
+        for i in range(5)
+    ]
+    assert [future.result(WAIT_S).message.request for future in futures] == [5] * 5
+
+
+def test_robots_join_and_leave(shared_router: RouterProcess, open_session: SessionMaker) -> None:
+    watcher = open_session(shared_router.address)
+    events: Inbox[tuple[str, str]] = Inbox()
+    robot = Session(shared_router.address, watcher.swarm, timeout_s=10)
+    robot.declare_alive("R1")
+    watcher.watch_alive(lambda r: events.put(("join", r)), lambda r: events.put(("leave", r)))
+    assert events.next() == ("join", "R1")
+    assert watcher.alive() == ("R1",)
+    robot.declare_alive("R2")
+    assert events.next() == ("join", "R2")
+    robot.close()
+    assert {events.next(), events.next()} == {("leave", "R1"), ("leave", "R2")}
+    assert watcher.alive() == ()
+
+
+def test_a_robot_that_two_processes_host_leaves_with_the_second(
+    shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    watcher = open_session(shared_router.address)
+    events: Inbox[tuple[str, str]] = Inbox()
+    watcher.watch_alive(lambda r: events.put(("join", r)), lambda r: events.put(("leave", r)))
+    first, second = (Session(shared_router.address, watcher.swarm, timeout_s=10) for _ in range(2))
+    first.declare_alive("R1")
+    assert events.next() == ("join", "R1")
+    second.declare_alive("R1")
+    second.declare_alive("R2")
+    assert events.next() == ("join", "R2")
+    first.close()
+    second.close()
+    assert {events.next(), events.next()} == {("leave", "R1"), ("leave", "R2")}
+    assert events.empty()
+
+
+def test_a_name_that_is_no_name_opens_no_session(shared_router: RouterProcess) -> None:
+    with pytest.raises(KeyspaceError):
+        Session(shared_router.address, "a/b", timeout_s=1)
+
+
+def test_a_closed_session_refuses_to_publish_and_to_ask(pair: Pair) -> None:
+    pair[0].close()
+    with pytest.raises(TransportError):
+        pair[0].put(keyspace.beacon(pair[0].swarm, "R1"), BEACON)
+    with pytest.raises(TransportError):
+        ask(pair[0]).result(WAIT_S)
+    assert pair[0].links() == 0
+    pair[0].close()

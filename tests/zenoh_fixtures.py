@@ -1,0 +1,139 @@
+"""A real Zenoh router as a process, sessions on it, and waiting for what they bring."""
+
+from __future__ import annotations
+
+import queue
+import random
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Generic, TypeVar
+
+import pytest
+
+from swarm.session import Session
+
+T = TypeVar("T")
+WAIT_S = 20.0
+
+
+def until(condition: Callable[[], bool], what: str, timeout_s: float = WAIT_S) -> None:
+    """Waits for a state that no event announces."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
+        time.sleep(0.02)
+
+
+class Inbox(Generic[T]):
+    """What callbacks brought, to be awaited."""
+
+    def __init__(self) -> None:
+        self._items: queue.Queue[T] = queue.Queue()
+
+    def put(self, item: T) -> None:
+        self._items.put(item)
+
+    def next(self, timeout_s: float = WAIT_S) -> T:
+        return self._items.get(timeout=timeout_s)
+
+    def next_where(self, condition: Callable[[T], bool], timeout_s: float = WAIT_S) -> T:
+        deadline = time.monotonic() + timeout_s
+        while True:
+            item = self._items.get(timeout=max(0.001, deadline - time.monotonic()))
+            if condition(item):
+                return item
+
+    def empty(self) -> bool:
+        return self._items.empty()
+
+
+def free_ports(count: int) -> int:
+    """The first of some consecutive TCP ports on which nobody listens."""
+    for _ in range(100):
+        first = random.randrange(20_000, 32_000)
+        with ExitStack() as stack:
+            try:
+                for port in range(first, first + count):
+                    taken = stack.enter_context(socket.socket())
+                    taken.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+        return first
+    raise AssertionError("no free ports")
+
+
+class RouterProcess:
+    """`python -m swarm.router` on free ports of the loopback interface."""
+
+    def __init__(self) -> None:
+        self.port = free_ports(3)
+        self.address = f"tcp/127.0.0.1:{self.port}"
+        self._process: subprocess.Popen[str] | None = None
+        self.start()
+
+    def start(self) -> None:
+        """Returns when it serves."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "swarm.router", "--port", str(self.port)],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stderr is not None
+        first = self._process.stderr.readline()
+        assert "router_up" in first, first
+
+    def stop(self, *, kill: bool = False) -> None:
+        if self._process is None:
+            return
+        self._process.kill() if kill else self._process.terminate()
+        self._process.wait(WAIT_S)
+        assert self._process.stderr is not None
+        self._process.stderr.close()
+        self._process = None
+
+
+SessionMaker = Callable[..., Session]
+
+
+@pytest.fixture(scope="session")
+def shared_router() -> Iterator[RouterProcess]:
+    """A router that many tests use; a swarm name of its own keeps a test apart."""
+    router = RouterProcess()
+    yield router
+    router.stop()
+
+
+@pytest.fixture
+def own_router() -> Iterator[RouterProcess]:
+    """A router that the test may stop and start."""
+    router = RouterProcess()
+    yield router
+    router.stop()
+
+
+@pytest.fixture
+def swarm_name(request: pytest.FixtureRequest) -> str:
+    """A swarm for this test only."""
+    return f"t{abs(hash(request.node.nodeid)):x}"[:32]
+
+
+@pytest.fixture
+def open_session(swarm_name: str) -> Iterator[SessionMaker]:
+    """Opens sessions of this test's swarm, and closes them after it."""
+    with ExitStack() as stack:
+
+        def make(router: str, **options: object) -> Session:
+            options.setdefault("timeout_s", 10.0)
+            return stack.enter_context(Session(router, swarm_name, **options))  # type: ignore[arg-type]
+
+        yield make
+
+
+@pytest.fixture
+def pair(shared_router: RouterProcess, open_session: SessionMaker) -> tuple[Session, Session]:
+    """Two sessions of one swarm on the shared router."""
+    return open_session(shared_router.address), open_session(shared_router.address)
