@@ -95,9 +95,9 @@ class EgoAgent:
             if late:
                 self._metrics.cycles_missed.inc(late)
                 due += late * period_s
-            stop.wait(max(0.0, due - time.monotonic()))
+            if stop.wait(max(0.0, due - time.monotonic())):
+                self._fusion.stop()  # the last line holds the last frame too
             self._complete(running)
-        self._fusion.stop()
 
     def close(self) -> None:
         """Closes the session, if there is one."""

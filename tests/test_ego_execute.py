@@ -1,0 +1,398 @@
+"""Execute: a frame is fused in time from whatever arrived, and what did not arrive is named."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from ego_swarm import Heard, Swarm, swarm_of, until
+
+from ego_agent.ask import MISSING_KINDS, Asker, kind_of
+from ego_agent.execute import FrameResult, FusionLoop
+from ego_agent.knowledge import Knowledge
+from ego_agent.link import LinkEstimate
+from ego_agent.monitor import Monitor
+from ego_agent.sense import OwnFrame, OwnSensor
+from ego_agent.tally import TallyKeeper
+from perception.fusion.base import EncodeOptions
+from perception.fusion.registry import make_fusion
+from perception.types import Boxes
+from swarm import keyspace
+from swarm.errors import PerceptionError, WorldError
+from swarm.geometry import Points, Pose
+from swarm.log import make_logger
+from swarm.messages import Decision, Detections, Observation, ObservationRequest
+from swarm.process import Clock
+from swarm.session import Session
+from worlds.base import GroundTruth, Scan
+
+BOX = np.stack(np.meshgrid(*[np.linspace(-1, 1, 12)] * 3), axis=-1).reshape(-1, 3)
+DEADLINE_S = 0.4
+
+
+class Hall:
+    """A world with a floor and one crate, 5 m in front of whoever looks."""
+
+    name = "hall"
+    robots = ("R1", "R2", "R3")
+    rate_hz = 10.0
+    frame_count = 1000
+    range_m = 30.0
+    detector = "factory"
+
+    def __init__(self) -> None:
+        floor = np.stack(np.meshgrid(np.arange(-9, 9, 0.3), np.arange(-9, 9, 0.3)), axis=-1)
+        flat = np.column_stack([floor.reshape(-1, 2), np.full(floor[..., 0].size, -1.0)])
+        self.points: Points = np.concatenate([flat, BOX * 0.5 + [5, 0, 0]]).astype(np.float32)
+        self.readable = True
+
+    def pose(self, robot: str, frame: int) -> Pose:
+        return Pose(0.0, 10.0 * self.robots.index(robot), 1.0)
+
+    def scan(self, robot: str, frame: int) -> Scan:
+        if not self.readable:
+            raise WorldError("scan cannot be read: the disk is gone")
+        return Scan(robot, frame, self.points, self.pose(robot, frame), (0.0, 0.0, 0.0))
+
+    def ground_truth(self, frame: int) -> GroundTruth:
+        return GroundTruth(Boxes.empty(), (), np.zeros(0, np.int64))
+
+
+class Ego:
+    """The ego's executing half on a real session."""
+
+    def __init__(self, session: Session, world: Hall) -> None:
+        log = make_logger("test")
+        clock = Clock()
+        self.link = LinkEstimate(55e6)
+        self.monitor = Monitor("R1", self.link)
+        self.tally = TallyKeeper()
+        self.sensor = OwnSensor(world, "R1", time.time_ns(), self.monitor, clock, log)
+        asker = Asker(
+            "R1",
+            self.monitor,
+            self.link,
+            Knowledge(),
+            self.tally,
+            clock,
+            0.1,
+            max_error_m=0.1,
+            keep_ground=False,
+        )
+        self.loop = FusionLoop(
+            "R1",
+            self.sensor,
+            asker,
+            {name: make_fusion(name, "factory") for name in ("early", "late")},
+            self.tally,
+            log,
+            rate_hz=10.0,
+            deadline_s=DEADLINE_S,
+        )
+        self.monitor.attach(session)
+        self.loop.connect(session)
+
+    def own(self) -> OwnFrame:
+        own = self.sensor.read(self.sensor.newest())
+        assert own is not None
+        return own
+
+    def fuse(self, *others: str, algorithm: str = "early") -> FrameResult:
+        return self.loop.fuse(decision(*others, algorithm=algorithm), self.own())
+
+
+def decision(*others: str, algorithm: str = "early") -> Decision:
+    return Decision(
+        ego="R1",
+        cycle=1,
+        decided_ns=1,
+        participants=("R1", *others),
+        algorithm=algorithm,  # type: ignore[arg-type]
+        reason="",
+        source="policy",
+        policy="test",
+        valid=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def swarm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Swarm]:
+    with swarm_of({}, tmp_path_factory.mktemp("execute")) as swarm:
+        swarm.router()
+        yield swarm
+
+
+@pytest.fixture
+def hall() -> Hall:
+    return Hall()
+
+
+@pytest.fixture
+def ego(swarm: Swarm, hall: Hall) -> Iterator[Ego]:
+    with Session(swarm.address, "test", timeout_s=10) as session:
+        yield Ego(session, hall)
+
+
+Answer = Callable[[ObservationRequest], Observation]
+
+
+@pytest.fixture
+def robot(swarm: Swarm, ego: Ego) -> Iterator[Callable[[str, Answer], None]]:
+    """Puts a robot into the swarm that answers as the test says."""
+    sessions: list[Session] = []
+
+    def start(name: str, answer: Answer) -> None:
+        session = Session(swarm.address, "test", timeout_s=10)
+        sessions.append(session)
+        session.serve(keyspace.observation("test", name), ObservationRequest, answer)
+        session.declare_alive(name)
+        until(lambda: ego.monitor.is_alive(name), f"{name} is seen")
+
+    yield start
+    for session in sessions:
+        session.close()
+
+
+def honest(hall: Hall, name: str) -> Answer:
+    def answer(request: ObservationRequest) -> Observation:
+        fusion = make_fusion(request.algorithm, "factory")
+        payload = fusion.encode(hall.points, EncodeOptions(request.max_error_m))
+        return observation(hall, name, request, payload)
+
+    return answer
+
+
+def observation(
+    hall: Hall, name: str, asked: ObservationRequest, payload: bytes, **other: object
+) -> Observation:
+    fields = {
+        "robot": name,
+        "instance": 1,
+        "request": asked.request,
+        "algorithm": asked.algorithm,
+        "capture_ns": asked.capture_ns,
+        "frame": 0,
+        "pose": hall.pose(name, 0).as_tuple(),
+        "payload": payload,
+        "encode_ms": 1.0,
+    }
+    return Observation(**{**fields, **other})  # type: ignore[arg-type]
+
+
+RobotStarter = Callable[[str, Answer], None]
+
+
+@pytest.mark.parametrize("algorithm", ["early", "late"])
+def test_what_robots_send_is_fused_and_their_bytes_are_counted(
+    ego: Ego, hall: Hall, robot: RobotStarter, algorithm: str
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    robot("R3", honest(hall, "R3"))
+    alone = ego.fuse(algorithm=algorithm)
+    result = ego.fuse("R2", "R3", algorithm=algorithm)
+    assert result.participants == ("R1", "R2", "R3")
+    assert result.missing == {}
+    assert len(alone.boxes) == 1
+    assert len(result.boxes) == 3
+    assert sorted(round(float(y)) for y in result.boxes.centers[:, 1]) == [0, 10, 20]
+    taken = ego.tally.take()
+    assert taken.received == {(r, algorithm): n for r, n in result.round.bytes.items()}
+    assert set(result.round.bytes) == {"R2", "R3"}
+
+
+def test_without_a_router_the_ego_fuses_alone(hall: Hall, swarm: Swarm, ego: Ego) -> None:
+    ego.loop._session = None
+    result = ego.fuse("R2")
+    assert len(result.boxes) == 1
+    assert result.missing == {"R2": "offline: no router"}
+
+
+def test_a_robot_that_left_is_not_waited_for(ego: Ego) -> None:
+    result = ego.fuse("R2")
+    assert kind_of(result.missing["R2"]) == "left"
+    assert result.latency_ms < DEADLINE_S * 1e3
+
+
+def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    go = threading.Event()
+
+    def slow(request: ObservationRequest) -> Observation:
+        go.wait(10)
+        return honest(hall, "R2")(request)
+
+    robot("R2", slow)
+    robot("R3", honest(hall, "R3"))
+    first = ego.fuse("R2", "R3")
+    assert kind_of(first.missing["R2"]) == "deadline"
+    assert first.participants == ("R1", "R3")
+    second = ego.fuse("R2", "R3")
+    assert kind_of(second.missing["R2"]) == "busy"
+    ego.tally.take()
+    go.set()
+
+    def back() -> bool:
+        return "R2" in ego.fuse("R2", "R3").participants
+
+    until(back, "R2 takes part again")
+    taken = ego.tally.take()
+    assert taken.late_answers == 1
+    assert taken.received["R2", "early"] > 0
+
+
+def test_a_robot_whose_queryable_comes_after_its_token_takes_part_as_soon_as_it_is_there(
+    swarm: Swarm, ego: Ego, hall: Hall
+) -> None:
+    with Session(swarm.address, "test", timeout_s=10) as session:
+        session.declare_alive("R2")
+        until(lambda: ego.monitor.is_alive("R2"), "R2 is seen")
+        assert kind_of(ego.fuse("R2").missing["R2"]) == "unanswered"
+        session.serve(keyspace.observation("test", "R2"), ObservationRequest, honest(hall, "R2"))
+        until(lambda: ego.fuse("R2").participants == ("R1", "R2"), "R2 takes part")
+
+
+def test_a_refusal_is_named_with_its_reason(ego: Ego, robot: RobotStarter) -> None:
+    def refuse(request: ObservationRequest) -> Observation:
+        raise PerceptionError("no frame near that time")
+
+    robot("R2", refuse)
+    missing = ego.fuse("R2").missing
+    assert missing["R2"].startswith("refused:")
+    assert "no frame near that time" in missing["R2"]
+
+
+@pytest.mark.parametrize("payload", [b"", b"garbage", bytes(range(256)) * 100])
+@pytest.mark.parametrize("algorithm", ["early", "late"])
+def test_a_payload_that_cannot_be_read_is_rejected_and_the_others_are_fused(
+    ego: Ego, hall: Hall, robot: RobotStarter, payload: bytes, algorithm: str
+) -> None:
+    robot("R2", lambda request: observation(hall, "R2", request, payload))
+    robot("R3", honest(hall, "R3"))
+    result = ego.fuse("R2", "R3", algorithm=algorithm)
+    assert kind_of(result.missing["R2"]) == "rejected"
+    assert result.participants == ("R1", "R3")
+    assert len(result.boxes) == 2
+    assert ego.tally.take().received["R2", algorithm] == len(payload)
+
+
+@pytest.mark.parametrize(
+    ("kind", "lie"),
+    [
+        ("invalid", {"robot": "R3"}),
+        ("invalid", {"request": 4711}),
+        ("invalid", {"algorithm": "late"}),
+        ("skew", {"capture_ns": 10**9}),
+        ("invalid", {"pose": (float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)}),
+    ],
+)
+def test_an_answer_to_another_question_is_not_fused(
+    ego: Ego, hall: Hall, robot: RobotStarter, kind: str, lie: dict[str, object]
+) -> None:
+    robot("R2", lambda request: observation(hall, "R2", request, b"", **lie))
+    result = ego.fuse("R2")
+    assert kind_of(result.missing["R2"]) == kind
+    assert result.participants == ("R1",)
+    assert len(result.boxes) == 1
+
+
+def test_an_oversized_answer_is_dropped(ego: Ego, hall: Hall, robot: RobotStarter) -> None:
+    robot("R2", lambda request: observation(hall, "R2", request, bytes(9 * 1024 * 1024)))
+    result = ego.fuse("R2")
+    assert kind_of(result.missing["R2"]) in ("invalid", "deadline")
+    assert len(result.boxes) == 1
+
+
+def test_no_more_is_asked_for_than_the_link_carries_in_a_second(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    asked: list[int] = []
+
+    def answer(request: ObservationRequest) -> Observation:
+        asked.append(request.max_bytes)
+        return honest(hall, "R2")(request)
+
+    robot("R2", answer)
+    ego.link.set_state(800_000.0, time.monotonic())
+    ego.fuse("R2")
+    assert asked == [100_000]
+
+
+def test_nan_points_and_an_empty_cloud_are_scans_too(ego: Ego, hall: Hall) -> None:
+    hall.points[::7] = np.nan
+    assert len(ego.fuse().boxes) == 1
+    hall.points = np.zeros((0, 3), np.float32)
+    assert len(ego.fuse().boxes) == 0
+    hall.points = np.full((50, 3), np.nan, np.float32)
+    assert len(ego.fuse(algorithm="late").boxes) == 0
+
+
+def test_an_own_scan_that_cannot_be_read_leaves_the_robots_eyes(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(Hall(), "R2"))
+    hall.readable = False
+    result = ego.fuse("R2")
+    assert "disk is gone" in result.own.failure
+    assert result.participants == ("R1", "R2")
+    assert [round(float(y)) for y in result.boxes.centers[:, 1]] == [10]
+    view = ego.monitor.snapshot(1, 0).robots["R1"]
+    assert view.beacon is not None
+
+
+def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
+    swarm: Swarm, ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    ego.loop.follow(decision("R2"))
+    ego.loop.start()
+    seen = [heard.until(lambda d: d.participants == ("R1", "R2")) for _ in range(5)]
+    ego.loop.stop()
+    frames = [d.frame for d in seen]
+    assert frames == sorted(set(frames))
+    tally = ego.tally.take()
+    assert tally.fused >= 5
+    assert tally.fused + tally.skipped >= frames[-1] - frames[0] + 1
+    assert all(set(d.bytes) == {"R2"} for d in seen)
+
+
+def test_frames_that_there_is_no_time_for_are_skipped_and_counted(ego: Ego, hall: Hall) -> None:
+    fast = hall.scan
+
+    def slow_scan(robot: str, frame: int) -> Scan:
+        threading.Event().wait(0.35)
+        return fast(robot, frame)
+
+    hall.scan = slow_scan  # type: ignore[method-assign]
+    ego.loop.follow(decision())
+    ego.loop.start()
+
+    def three() -> bool:
+        with ego.tally._lock:
+            return ego.tally._current.fused >= 3
+
+    until(three, "three frames")
+    ego.loop.stop()
+    assert ego.tally.take().skipped >= 4
+
+
+def test_a_scan_that_always_fails_does_not_end_the_loop(ego: Ego, hall: Hall) -> None:
+    def broken(robot: str, frame: int) -> Scan:
+        raise RuntimeError("a fault in the world")
+
+    good = hall.scan
+    hall.scan = broken  # type: ignore[method-assign]
+    ego.loop.follow(decision())
+    ego.loop.start()
+    until(lambda: ego.tally._current.failed >= 2, "two failed frames")
+    hall.scan = good  # type: ignore[method-assign]
+    until(lambda: ego.tally._current.fused >= 1, "a fused frame")
+    ego.loop.stop()
+
+
+def test_every_reason_has_a_kind_that_metrics_know(ego: Ego) -> None:
+    assert kind_of(ego.fuse("R9").missing["R9"]) in MISSING_KINDS

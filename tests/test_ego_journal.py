@@ -1,0 +1,211 @@
+"""The journal: no completed cycle is lost, nothing is lost silently."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ego_agent.journal import (
+    CycleRecord,
+    Decided,
+    Frames,
+    Inputs,
+    Journal,
+    Latency,
+    RobotInput,
+    byte_totals,
+    read_journal,
+)
+from swarm.errors import JournalError
+
+
+def record(cycle: int, received: int = 100) -> CycleRecord:
+    robot = RobotInput(
+        alive=True,
+        distance_m=3.2,
+        beacon_age_s=0.05,
+        scene_age_s=None,
+        round_trip_s=0.01,
+        clock_offset_s=0.0,
+        sizes={"early": 20_000},
+    )
+    return CycleRecord(
+        ego="R1",
+        cycle=cycle,
+        started_ns=1,
+        inputs=Inputs(robots={"R2": robot}, excluded={}, capacity_bps=5e6, capacity_source="prior"),
+        decision=Decided(
+            participants=("R1", "R2"),
+            algorithm="early",
+            reason="R2 sees behind the shelf – €",
+            source="policy",
+            policy="coverage",
+            valid=True,
+            repairs=(),
+            quality=0.9,
+            cost_bytes=20_000,
+        ),
+        published=True,
+        bytes={"R2": {"early": received, "late": 1}},
+        frames=Frames(fused=10, skipped=0, failed=0, late_answers=0, boxes=4),
+        missing={},
+        latency=Latency(cycle_ms=1.0, frame_p50_ms=None, frame_max_ms=None),
+        outcome="complete",
+    )
+
+
+def write(path: Path, cycles: range) -> None:
+    journal = Journal(path)
+    for cycle in cycles:
+        journal.commit(record(cycle))
+    journal.close()
+
+
+@contextmanager
+def file_size_limit(limit: int) -> Iterator[None]:
+    """The kernel refuses to write past `limit` bytes of any file, as a full disk would."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_what_was_committed_is_read_back(tmp_path: Path) -> None:
+    write(tmp_path / "j.jsonl", range(1, 4))
+    assert list(read_journal(tmp_path / "j.jsonl")) == [record(1), record(2), record(3)]
+
+
+def test_one_line_holds_one_cycle(tmp_path: Path) -> None:
+    write(tmp_path / "j.jsonl", range(1, 4))
+    assert (tmp_path / "j.jsonl").read_text().count("\n") == 3
+
+
+def test_a_journal_goes_on_with_the_next_cycle_and_the_sums_so_far(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "j.jsonl"
+    write(path, range(1, 4))
+    journal = Journal(path)
+    assert journal.next_cycle == 4
+    assert journal.totals == {("R2", "early"): 300, ("R2", "late"): 3}
+    journal.close()
+
+
+def test_a_new_journal_begins_with_cycle_one(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "j.jsonl")
+    assert journal.next_cycle == 1
+    journal.close()
+
+
+@settings(max_examples=40, deadline=None)
+@given(cut=st.integers(min_value=1, max_value=5000))
+def test_whatever_a_crash_tears_off_is_set_aside_and_the_rest_is_kept(
+    tmp_path_factory: pytest.TempPathFactory, cut: int
+) -> None:
+    path = tmp_path_factory.mktemp("journal") / "j.jsonl"
+    write(path, range(1, 5))
+    whole = path.read_bytes()
+    left = whole[: max(0, len(whole) - cut)]
+    path.write_bytes(left)
+    complete = left.count(b"\n")
+
+    journal = Journal(path)
+    assert journal.next_cycle == complete + 1
+    journal.commit(record(complete + 1))
+    journal.close()
+
+    assert [r.cycle for r in read_journal(path)] == list(range(1, complete + 2))
+    torn = path.with_name("j.jsonl.torn")
+    kept = path.read_bytes()[: left.rfind(b"\n") + 1]
+    aside = torn.read_bytes()[:-1] if torn.exists() else b""
+    assert kept + aside == left
+
+
+def test_a_reader_leaves_out_the_line_that_is_being_written(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    write(path, range(1, 3))
+    with path.open("ab") as file:
+        file.write(b'{"v":1,"ego":"R1","cy')
+    assert [r.cycle for r in read_journal(path)] == [1, 2]
+
+
+def test_a_broken_line_in_the_middle_is_an_error_not_a_loss(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    write(path, range(1, 4))
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(lines[0] + b"{rubbish}\n" + lines[2])
+    with pytest.raises(JournalError, match="line 2 cannot be read"):
+        Journal(path)
+    with pytest.raises(JournalError, match="line 2 cannot be read"):
+        list(read_journal(path))
+    assert path.read_bytes() == lines[0] + b"{rubbish}\n" + lines[2]
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    write(path, range(1, 2))
+    path.write_bytes(path.read_bytes().replace(b'{"v":1', b'{"v":9'))
+    with pytest.raises(JournalError, match="version 9"):
+        Journal(path)
+
+
+def test_a_second_process_on_the_same_journal_is_refused(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "j.jsonl")
+    second = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys; from pathlib import Path; from ego_agent.journal import Journal\n"
+            "Journal(Path(sys.argv[1]))",
+            str(tmp_path / "j.jsonl"),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=20,
+    )
+    journal.close()
+    assert second.returncode != 0
+    assert "is being written by another ego" in second.stderr
+
+
+@pytest.mark.parametrize("path", ["", "file/j.jsonl"])
+def test_a_path_that_cannot_be_a_journal_is_a_clear_error(tmp_path: Path, path: str) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(JournalError, match="cannot be opened"):
+        Journal(tmp_path / path)
+
+
+def test_a_full_disk_is_found_at_the_start(tmp_path: Path) -> None:
+    with file_size_limit(100), pytest.raises(JournalError, match="cannot be written"):
+        Journal(tmp_path / "j.jsonl")
+
+
+def test_lines_that_a_full_disk_refuses_are_written_when_it_takes_them_again(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "j.jsonl"
+    journal = Journal(path)
+    assert journal.commit(record(1)) == [record(1)]
+    with file_size_limit(path.stat().st_size + 50):
+        for cycle in (2, 3):
+            with pytest.raises(JournalError, match="lines wait in memory"):
+                journal.commit(record(cycle))
+        assert [r.cycle for r in read_journal(path)] == [1]
+        assert journal.pending == 2
+        assert journal.totals == byte_totals(record(1))
+    assert journal.commit(record(4)) == [record(2), record(3), record(4)]
+    journal.close()
+    assert [r.cycle for r in read_journal(path)] == [1, 2, 3, 4]
+
+
+def test_reading_a_journal_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(JournalError, match=r"none\.jsonl"):
+        list(read_journal(tmp_path / "none.jsonl"))

@@ -1,0 +1,267 @@
+"""Monitor: what is known of the robots, whatever they send and however their clocks go."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ego_agent.link import LinkEstimate
+from ego_agent.model import RobotView
+from ego_agent.monitor import DUPLICATE_WINDOW_S, FORGET_S, Monitor
+from swarm.arrays import pack
+from swarm.messages import Beacon, NetState, SceneDescription
+from swarm.process import Clock
+
+POSE = (1.0, 2.0, 0.5, 0.0, 0.0, 0.0)
+
+
+class Time(Clock):
+    """Both clocks of the ego, set by the test."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now_s = 1000.0
+
+    def now_ns(self) -> int:
+        return round(self.now_s * 1e9)
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+def beacon(robot: str = "R2", seq: int = 1, instance: int = 7, sent_s: float = 1000.0) -> Beacon:
+    return Beacon(
+        robot=robot,
+        instance=instance,
+        seq=seq,
+        sent_ns=round(sent_s * 1e9),
+        capture_ns=0,
+        frame=seq,
+        pose=POSE,
+        velocity=(0.0, 0.0, 0.0),
+        range_m=50.0,
+        sizes={"early": 100 * seq},
+    )
+
+
+def scene(robot: str = "R2", seq: int = 1, instance: int = 7) -> SceneDescription:
+    return SceneDescription(
+        robot=robot,
+        instance=instance,
+        seq=seq,
+        sent_ns=0,
+        capture_ns=0,
+        frame=seq,
+        pose=POSE,
+        objects=pack(np.zeros((0, 9), np.float32)),
+        visible_m=pack(np.zeros((72, 1), np.float32)),
+        ground_points=0,
+        elapsed_ms=1.0,
+    )
+
+
+@pytest.fixture
+def time() -> Time:
+    return Time()
+
+
+@pytest.fixture
+def monitor(time: Time) -> Monitor:
+    return Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic)
+
+
+def view(monitor: Monitor, robot: str = "R2") -> RobotView:
+    return monitor.snapshot(1, 0).robots[robot]
+
+
+def test_the_ego_is_one_of_the_robots_and_alive_from_the_start(monitor: Monitor) -> None:
+    snapshot = monitor.snapshot(3, 42)
+    assert (snapshot.ego, snapshot.cycle, snapshot.now_ns) == ("R1", 3, 42)
+    assert snapshot.robots["R1"].alive
+    assert (snapshot.capacity_bps, snapshot.capacity_source) == (55e6, "prior")
+
+
+def test_ages_count_from_the_receipt_whatever_the_robots_clock_says(
+    monitor: Monitor, time: Time
+) -> None:
+    monitor.on_beacon(beacon(sent_s=0.0))
+    monitor.on_scene(scene())
+    time.now_s += 1.5
+    assert view(monitor).beacon_age_s == pytest.approx(1.5)
+    assert view(monitor).scene_age_s == pytest.approx(1.5)
+
+
+def test_a_robot_that_was_only_seen_alive_has_nothing_yet(monitor: Monitor) -> None:
+    monitor.on_join("R2")
+    assert view(monitor).alive
+    assert view(monitor).beacon is None
+    assert view(monitor).beacon_age_s == float("inf")
+
+
+def test_who_leaves_is_no_longer_alive_but_still_known(monitor: Monitor) -> None:
+    monitor.on_join("R2")
+    monitor.on_beacon(beacon())
+    monitor.on_leave("R2")
+    assert not view(monitor).alive
+    assert not monitor.is_alive("R2")
+    assert view(monitor).beacon is not None
+
+
+@pytest.mark.parametrize("offset_s", [-30.0, 0.0, 30.0])
+def test_the_clock_offset_is_found_but_for_the_shortest_delay(
+    monitor: Monitor, time: Time, offset_s: float
+) -> None:
+    for seq, delay_s in enumerate([0.020, 0.004, 0.300, 0.010], start=1):
+        time.now_s += 0.1
+        monitor.on_beacon(beacon(seq=seq, sent_s=time.now_s - delay_s + offset_s))
+    assert view(monitor).clock_offset_s == pytest.approx(offset_s - 0.004)
+    assert monitor.clock_offset_ns("R2") == pytest.approx((offset_s - 0.004) * 1e9)
+
+
+def test_an_old_message_does_not_replace_a_newer_one(monitor: Monitor) -> None:
+    for seq in (1, 3, 2, 3):
+        monitor.on_beacon(beacon(seq=seq))
+        monitor.on_scene(scene(seq=seq))
+    held = view(monitor)
+    assert held.beacon is not None
+    assert held.scene is not None
+    assert (held.beacon.seq, held.scene.seq) == (3, 3)
+    assert monitor.counts().out_of_order == 4
+
+
+def test_a_restarted_robot_is_taken_at_once_with_its_new_count(
+    monitor: Monitor, time: Time
+) -> None:
+    monitor.on_beacon(beacon(seq=900, instance=1))
+    time.now_s += 0.1
+    monitor.on_beacon(beacon(seq=1, instance=2))
+    held = view(monitor)
+    assert held.beacon is not None
+    assert (held.beacon.instance, held.beacon.seq) == (2, 1)
+    assert not held.duplicate
+
+
+def test_two_processes_heard_in_turn_are_a_duplicate(monitor: Monitor, time: Time) -> None:
+    for seq in range(1, 4):
+        for instance in (1, 2):
+            monitor.on_beacon(beacon(seq=seq, instance=instance))
+            time.now_s += 0.05
+    assert view(monitor).duplicate
+
+
+def test_a_duplicate_is_taken_again_when_only_one_is_heard(monitor: Monitor, time: Time) -> None:
+    for seq in range(1, 4):
+        for instance in (1, 2):
+            monitor.on_beacon(beacon(seq=seq, instance=instance))
+            time.now_s += 0.05
+    for seq in range(4, 5 + round(DUPLICATE_WINDOW_S / 0.1)):
+        monitor.on_beacon(beacon(seq=seq, instance=2))
+        time.now_s += 0.1
+    assert not view(monitor).duplicate
+
+
+def test_a_scene_counts_as_hearing_a_process_too(monitor: Monitor, time: Time) -> None:
+    monitor.on_beacon(beacon(instance=1))
+    monitor.on_scene(scene(instance=2))
+    assert not view(monitor).duplicate
+    monitor.on_beacon(beacon(instance=1, seq=2))
+    assert view(monitor).duplicate
+
+
+def test_what_the_ego_senses_itself_counts_before_what_is_heard_under_its_id(
+    monitor: Monitor,
+) -> None:
+    own = beacon("R1", instance=99)
+    monitor.note_own(own, scene("R1", instance=99))
+    for seq in range(1, 4):
+        for instance in (1, 2):
+            monitor.on_beacon(beacon("R1", seq=seq, instance=instance))
+    monitor.on_leave("R1")
+    held = view(monitor, "R1")
+    assert held.alive
+    assert not held.duplicate
+    assert held.beacon == msgspec.structs.replace(own, sizes={"early": 300})
+    assert held.scene is not None
+    assert held.scene.instance == 99
+
+
+def test_a_flood_of_ids_is_bounded_and_leaves_the_known_robots_alone(time: Time) -> None:
+    monitor = Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic, max_robots=8)
+    monitor.on_join("R2")
+    for i in range(100):
+        monitor.on_beacon(beacon(f"X{i}"))
+        monitor.on_join(f"Y{i}")
+    robots = monitor.snapshot(1, 0).robots
+    assert len(robots) == 8
+    assert {"R1", "R2"} <= set(robots)
+    assert monitor.counts().no_room > 0
+
+
+def test_robots_that_left_long_ago_make_room(time: Time) -> None:
+    monitor = Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic, max_robots=3)
+    monitor.on_beacon(beacon("R2"))
+    monitor.on_join("R3")
+    time.now_s += FORGET_S + 1.0
+    monitor.on_beacon(beacon("R4"))
+    assert set(monitor.snapshot(1, 0).robots) == {"R1", "R3", "R4"}
+
+
+def test_a_process_that_changes_its_instance_with_every_message_costs_bounded_memory(
+    monitor: Monitor,
+) -> None:
+    for instance in range(1000):
+        monitor.on_beacon(beacon(instance=instance))
+    assert view(monitor).beacon is not None
+    assert len(monitor._robots["R2"].streams) <= 8
+
+
+def test_the_controllers_word_is_the_capacity(monitor: Monitor) -> None:
+    monitor.on_net_state(NetState(sent_ns=0, capacity_bps=5e6))
+    snapshot = monitor.snapshot(1, 0)
+    assert (snapshot.capacity_bps, snapshot.capacity_source) == (5e6, "net/state")
+
+
+def test_round_trips_are_smoothed(monitor: Monitor) -> None:
+    monitor.on_join("R2")
+    assert view(monitor).round_trip_s is None
+    monitor.note_round_trip("R2", 0.1)
+    monitor.note_round_trip("R2", 0.2)
+    assert view(monitor).round_trip_s == pytest.approx(0.125)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["R1", "R2", "R3"]),
+            st.integers(1, 3),
+            st.integers(0, 20),
+            st.sampled_from(["beacon", "scene", "join", "leave"]),
+            st.floats(0, 3),
+        ),
+        max_size=60,
+    )
+)
+def test_any_sequence_of_events_leaves_a_consistent_snapshot(
+    events: list[tuple[str, int, int, str, float]],
+) -> None:
+    time = Time()
+    monitor = Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic)
+    for robot, instance, seq, kind, pause_s in events:
+        time.now_s += pause_s
+        if kind == "beacon":
+            monitor.on_beacon(beacon(robot, seq, instance, time.now_s))
+        elif kind == "scene":
+            monitor.on_scene(scene(robot, seq, instance))
+        elif kind == "join":
+            monitor.on_join(robot)
+        else:
+            monitor.on_leave(robot)
+        snapshot = monitor.snapshot(1, 0)
+        assert snapshot.robots["R1"].alive
+        for name, held in snapshot.robots.items():
+            assert held.robot == name
+            assert held.beacon_age_s >= 0
+            assert held.scene_age_s >= 0
