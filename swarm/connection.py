@@ -26,7 +26,8 @@ MAX_GRACE_S = 60.0
 """Where a new session has no more links either (a port is closed), it is tried this rarely."""
 OPEN_S = 5.0
 LINGER_S = 1.0
-"""How long answers to requests under way may still come over the session that was replaced."""
+"""How long a session that was replaced stays: others must hear of the new one first, and answers
+to requests under way may still come over it."""
 CLOSE_S = 1.2
 """Under loss Zenoh may hold a closing session for ten seconds; a process must not wait for it."""
 
@@ -145,9 +146,8 @@ class Connection:
             withdrawn, self._entities = self._entities, entities
             self.reopened += 1
         self._log.info("links_restored", before=up, links=found)
-        _bounded(lambda: _withdraw(withdrawn))
         self._closing.wait(LINGER_S)
-        _bounded(lambda: _shut(old, []))
+        _bounded(lambda: _shut(old, withdrawn))
         return True
 
 
@@ -158,13 +158,9 @@ def _links(session: zenoh.Session) -> int:
         return 0
 
 
-def _withdraw(entities: list[Entity]) -> None:
+def _shut(session: zenoh.Session, entities: list[Entity]) -> None:
     for entity in entities:
         entity.undeclare()
-
-
-def _shut(session: zenoh.Session, entities: list[Entity]) -> None:
-    _withdraw(entities)
     session.close()  # type: ignore[no-untyped-call]
 
 

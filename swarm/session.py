@@ -97,7 +97,8 @@ class Session:
     def subscribe(self, key: str, kind: type[M], on_message: Callable[[M, str], None]) -> None:
         """Calls `on_message(message, key)` for every valid message on a key expression.
 
-        Messages that do not validate are counted, logged once a sender, and dropped.
+        Messages that do not validate are counted, logged once a sender, and dropped. While a
+        session that lost links is replaced, a message may come twice.
         """
 
         def receive(sample: zenoh.Sample) -> None:
