@@ -1,20 +1,27 @@
-"""Points on the wire: quantised, with a bound on the error of every point."""
+"""Points on the wire: quantised, with a bound on the error of every point.
+
+The cloud of a spinning sensor, or a part of one, in any order of points, takes the spinning form;
+all other clouds take the generic one. docs/codec.md describes both.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.codec import generic
+from perception.codec import generic, spinning
 from perception.codec.envelope import seal, unseal
 from perception.types import Points, clean_points
 from swarm.errors import PayloadError, ScanError
 
-MAX_POINTS = 12_000_000
+MAX_POINTS = 4_000_000
 MAX_RANGE_M = 1000.0
 """A coordinate beyond this is no LiDAR return, but a cloud in the wrong unit or frame."""
 ERROR_LIMITS_M = (0.001, 1.0)
 KIND_GENERIC = 1
+KIND_SPINNING = 2
+_SMALL = 4000
+"""Below this many points the fixed parts of the spinning form may outweigh its gain."""
 
 
 def encode_points(points: NDArray[np.floating], max_error_m: float = 0.1) -> bytes:
@@ -22,7 +29,7 @@ def encode_points(points: NDArray[np.floating], max_error_m: float = 0.1) -> byt
 
     The Euclidean error of every decoded point is at most `max_error_m` (0.001 to 1). Points with
     NaN or infinity are dropped; the order of the others may change.
-    Raises ScanError when the array is not (N, 3), has more than 12 million points, or a
+    Raises ScanError when the array is not (N, 3), has more than 4 million points, or a
     coordinate beyond 1000 m: a clipped point would break the error bound silently.
     """
     low, high = ERROR_LIMITS_M
@@ -34,7 +41,13 @@ def encode_points(points: NDArray[np.floating], max_error_m: float = 0.1) -> byt
     reach = float(np.abs(cloud).max(initial=0.0))
     if reach > MAX_RANGE_M:
         raise ScanError(f"a coordinate is {reach:.6g} m, allowed are {MAX_RANGE_M:.0f} m")
-    return seal(KIND_GENERIC, generic.encode(cloud, max_error_m))
+    scan = spinning.encode(cloud, max_error_m)
+    if scan is not None and len(cloud) > _SMALL:
+        return seal(KIND_SPINNING, scan)
+    plain = generic.encode(cloud, max_error_m)
+    if scan is not None and len(scan) < len(plain):
+        return seal(KIND_SPINNING, scan)
+    return seal(KIND_GENERIC, plain)
 
 
 def decode_points(payload: bytes) -> Points:
@@ -43,6 +56,8 @@ def decode_points(payload: bytes) -> Points:
     Raises PayloadError when the payload is corrupt, truncated or of another version.
     """
     kind, body = unseal(payload)
-    if kind != KIND_GENERIC:
-        raise PayloadError(f"payload kind {kind} is not points ({KIND_GENERIC})")
-    return generic.decode(body, MAX_POINTS)
+    if kind == KIND_SPINNING:
+        return spinning.decode(body, MAX_POINTS)
+    if kind == KIND_GENERIC:
+        return generic.decode(body, MAX_POINTS)
+    raise PayloadError(f"payload kind {kind} is not points ({KIND_GENERIC} or {KIND_SPINNING})")

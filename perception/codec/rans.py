@@ -1,0 +1,124 @@
+"""Interleaved rANS: an entropy coder whose lanes run side by side in numpy.
+
+Range asymmetric numeral systems (Duda, arXiv:1311.2540) with 32-bit states, 16-bit words and
+frequencies that sum to 4096; many lanes share one word stream (Giesen, arXiv:1402.3392).
+Symbol i of a run goes to lane i mod lanes, so a step of all lanes is one numpy operation.
+
+Stream: the lanes' final states (uint32), then the words (uint16) in the order of decoding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm.errors import PayloadError
+
+PRECISION = 12
+TOTAL = 1 << PRECISION
+_LOW = 1 << 16
+"""States lie in [2**16, 2**32) between steps."""
+
+
+Run = tuple[NDArray[np.int32], NDArray[np.uint8]]
+"""Contexts and symbols, (n,) each."""
+
+
+class Tables:
+    """Frequencies of symbols per context, uint32 (contexts, symbols); each row sums to 4096.
+
+    A frequency of 4096 is not representable: every row needs two symbols.
+    """
+
+    def __init__(self, frequencies: NDArray[np.uint32]) -> None:
+        self.symbols = frequencies.shape[1]
+        self.frequency = frequencies
+        starts = np.zeros_like(frequencies)
+        np.cumsum(frequencies[:, :-1], axis=1, out=starts[:, 1:])
+        self.start = starts
+
+    def by_slot(self) -> NDArray[np.uint8]:
+        """The symbol of each of the 4096 slots of each context, flat."""
+        rows = len(self.frequency)
+        symbols = np.tile(np.arange(self.symbols, dtype=np.uint8), rows)
+        return np.repeat(symbols, self.frequency.reshape(-1))
+
+
+def encode(runs: list[Run], tables: Tables, lanes: int) -> bytes:
+    """The stream of runs of (context, symbol); every symbol's frequency must be above zero."""
+    state = np.full(lanes, _LOW, dtype=np.uint32)
+    words: list[NDArray[np.uint16]] = []
+    shift = np.uint32(16)
+    for contexts, symbols in reversed(runs):
+        cell = contexts * tables.symbols + symbols
+        frequency = tables.frequency.reshape(-1)[cell]
+        start = tables.start.reshape(-1)[cell]
+        full = frequency << np.uint32(32 - PRECISION)
+        rest = np.uint32(TOTAL) - frequency
+        first = (len(symbols) - 1) // lanes * lanes
+        for at in range(first, -1, -lanes):
+            here = slice(at, at + lanes)
+            x = state[: len(frequency[here])]
+            spill = x >= full[here]
+            words.append(x[spill].astype(np.uint16))
+            np.right_shift(x, shift, out=x, where=spill)
+            # x // f * 4096 + x % f + start, without the remainder
+            quotient = x // frequency[here]
+            quotient *= rest[here]
+            x += quotient
+            x += start[here]
+    words.append(state.view(np.uint16))
+    words.reverse()
+    return np.concatenate(words).astype("<u2").tobytes()
+
+
+class Decoder:
+    """Reads a stream run by run; contexts of a run may depend on the runs before it."""
+
+    def __init__(self, stream: bytes, tables: Tables, lanes: int) -> None:
+        """Raises PayloadError when the stream is too short to hold the states."""
+        if len(stream) < 4 * lanes or len(stream) % 2:
+            raise PayloadError(f"entropy stream of {len(stream)} bytes is truncated")
+        self._state = np.frombuffer(stream, "<u4", lanes).astype(np.uint32)
+        words = np.frombuffer(stream, "<u2", offset=4 * lanes)
+        # a step reads at most one word a lane; padding keeps a damaged stream within bounds
+        self._words = np.concatenate([words, np.zeros(lanes, words.dtype)]).astype(np.uint32)
+        self._end = len(words)
+        self._at = 0
+        self._tables = tables
+        self._slots = tables.by_slot()
+
+    def take(self, contexts: NDArray[np.int32]) -> NDArray[np.uint8]:
+        """The symbols of the next run. Raises PayloadError when the stream ends too early."""
+        lanes = len(self._state)
+        symbols = np.empty(len(contexts), dtype=np.uint8)
+        slot_row = contexts << PRECISION
+        cell_row = contexts * self._tables.symbols
+        frequencies = self._tables.frequency.reshape(-1)
+        starts = self._tables.start.reshape(-1)
+        for at in range(0, len(contexts), lanes):
+            here = slice(at, at + lanes)
+            rows = slot_row[here]
+            x = self._state[: len(rows)]
+            slot = x & np.uint32(TOTAL - 1)
+            symbol = self._slots[rows + slot]
+            symbols[here] = symbol
+            cell = cell_row[here] + symbol
+            x >>= np.uint32(PRECISION)
+            x *= frequencies[cell]
+            x += slot
+            x -= starts[cell]
+            hungry = np.flatnonzero(x < _LOW)
+            if len(hungry):
+                x[hungry] = (x[hungry] << np.uint32(16)) | self._words[
+                    self._at : self._at + len(hungry)
+                ]
+                self._at += len(hungry)
+                if self._at > self._end:
+                    raise PayloadError("entropy stream ends too early")
+        return symbols
+
+    def finish(self) -> None:
+        """Raises PayloadError unless the whole stream was read and every lane came home."""
+        if self._at != self._end or (self._state != _LOW).any():
+            raise PayloadError("entropy stream does not end where it must")
