@@ -1,0 +1,65 @@
+"""Scans kept on disk between runs, one file each."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import tempfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from worlds.factory.lidar import Returns
+
+MAX_FILES = 2000
+"""About 0.8 GB at 32 rings."""
+_CHECKSUM_BYTES = 4
+
+
+class ScanCache:
+    """A directory of scans: `.npy` with x, y, z and actor index a row, then a CRC-32.
+
+    A directory that holds `max_files` takes no more: a world that runs through its frames again
+    and again would otherwise push out each scan just before it is wanted. Processes may share the
+    directory. A file that cannot be used counts as missing, a write that fails is left undone:
+    the scan can always be computed.
+    """
+
+    def __init__(self, directory: Path, max_files: int = MAX_FILES) -> None:
+        self._directory = Path(directory)
+        self._max_files = max_files
+
+    def read(self, name: str) -> Returns | None:
+        """The scan of that name, or None."""
+        try:
+            data = (self._directory / f"{name}.npy").read_bytes()
+            body, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
+            if zlib.crc32(body).to_bytes(_CHECKSUM_BYTES, "little") != checksum:
+                return None
+            rows = np.load(io.BytesIO(body), allow_pickle=False)
+        except (OSError, ValueError, EOFError):
+            return None
+        if rows.dtype != np.float32 or rows.ndim != 2 or rows.shape[1] != 4:
+            return None
+        return Returns(np.ascontiguousarray(rows[:, :3]), rows[:, 3].astype(np.int16))
+
+    def write(self, name: str, returns: Returns) -> None:
+        """Keeps a scan if there is room."""
+        rows = np.column_stack([returns.points, returns.actors.astype(np.float32)])
+        buffer = io.BytesIO()
+        np.save(buffer, rows, allow_pickle=False)
+        body = buffer.getvalue()
+        with contextlib.suppress(OSError):
+            self._directory.mkdir(parents=True, exist_ok=True)
+            if len(os.listdir(self._directory)) >= self._max_files:
+                return
+            handle, temporary = tempfile.mkstemp(dir=self._directory, suffix=".part")
+            try:
+                with os.fdopen(handle, "wb") as file:
+                    file.write(body + zlib.crc32(body).to_bytes(_CHECKSUM_BYTES, "little"))
+                os.replace(temporary, self._directory / f"{name}.npy")
+            except OSError:
+                os.unlink(temporary)
+                raise

@@ -1,0 +1,173 @@
+"""`FactoryWorld`: the simulated factory behind the interface of a world."""
+
+from __future__ import annotations
+
+import threading
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm.errors import WorldError
+from swarm.geometry import Pose
+from worlds.base import GroundTruth, Scan
+from worlds.factory.actors import SENSOR_HEIGHT_M, solids, true_boxes
+from worlds.factory.cache import ScanCache
+from worlds.factory.layout import build_floor
+from worlds.factory.lidar import RANGE_M, RINGS, Lidar, Returns
+from worlds.factory.paths import Motion
+from worlds.factory.scenarios import PERIOD_S, cast, check_scenario, link_rate_bps
+
+RATE_HZ = 10.0
+ROBOTS_ALLOWED = (2, 100)
+GENERATOR = 1
+"""Version of everything that shapes a scan: raise it when any point changes."""
+MAX_KEPT = 64
+
+T = TypeVar("T")
+
+
+class FactoryWorld:
+    """A factory floor with robots R1 to Rn.
+
+    Every scan follows from (robots, seed, rings, scenario, robot, frame) alone: any process
+    computes the same points, and no frame depends on an earlier one.
+    """
+
+    name = "factory"
+    rate_hz = RATE_HZ
+    frame_count = round(PERIOD_S * RATE_HZ)
+    range_m = RANGE_M
+    detector = "factory"
+
+    def __init__(
+        self,
+        robots: int = 6,
+        seed: int = 1,
+        rings: int = 32,
+        scenario: str = "floor",
+        cache: Path | None = None,
+    ) -> None:
+        """Lays out the floor; no scan is computed yet.
+
+        Args:
+            robots: 2 to 100; the floor grows with them.
+            seed: 0 or more; of the equipment, the traffic and the noise.
+            rings: of the LiDAR: 16, 32 or 64.
+            scenario: one of `worlds.factory.scenarios.SCENARIOS`.
+            cache: directory in which scans are kept; None keeps none.
+
+        Raises WorldError for a value that is not allowed.
+        """
+        low, high = ROBOTS_ALLOWED
+        if not low <= robots <= high:
+            raise WorldError(f"a factory cannot have {robots} robots; allowed: {low} to {high}")
+        if rings not in RINGS:
+            allowed = ", ".join(map(str, RINGS))
+            raise WorldError(f"a LiDAR cannot have {rings} rings; allowed: {allowed}")
+        if seed < 0:
+            raise WorldError(f"seed {seed} cannot be used; allowed: 0 or more")
+        self.scenario = check_scenario(scenario)
+        self.robots = tuple(f"R{i + 1}" for i in range(robots))
+        rng = np.random.default_rng(seed)
+        self.floor = build_floor(robots, rng)
+        self._actors = cast(scenario, self.floor, robots, rng)
+        self._lidar = Lidar(self.floor, rings)
+        self._noise_key = (seed, zlib.crc32(scenario.encode()))
+        self._file_key = f"v{GENERATOR}-{scenario}-s{seed}-r{rings}-n{robots}"
+        self._cache = ScanCache(cache) if cache is not None else None
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[tuple[str, int, int], Any] = OrderedDict()
+
+    def pose(self, robot: str, frame: int) -> Pose:
+        """The robot's sensor in the world frame. Raises WorldError for an unknown robot."""
+        motion = self._motion(self._index(robot), frame)
+        return Pose(motion.x, motion.y, SENSOR_HEIGHT_M, yaw=motion.heading)
+
+    def scan(self, robot: str, frame: int) -> Scan:
+        """One scan: all rays at the frame's time. Raises WorldError for an unknown robot."""
+        return self.scan_with_actors(robot, frame)[0]
+
+    def scan_with_actors(self, robot: str, frame: int) -> tuple[Scan, NDArray[np.int16]]:
+        """A scan and, for each point, the index of its actor in `ground_truth`, or -1."""
+        frame %= self.frame_count
+        index = self._index(robot)
+        returns: Returns = self._remember(
+            ("scan", index, frame), lambda: self._returns(index, frame)
+        )
+        scan = Scan(
+            robot=robot,
+            frame=frame,
+            points=returns.points,
+            pose=self.pose(robot, frame),
+            velocity=self._motion(index, frame).velocity,
+        )
+        return scan, returns.actors
+
+    def ground_truth(self, frame: int) -> GroundTruth:
+        """The boxes of all robots, forklifts and workers. Computes the scans of all robots."""
+        frame %= self.frame_count
+        truth: GroundTruth = self._remember(("truth", 0, frame), lambda: self._truth(frame))
+        return truth
+
+    def link_rate_bps(self, time_s: float) -> float | None:
+        """The link's capacity at a time since the start of the scenario, or None: not given."""
+        return link_rate_bps(self.scenario, time_s)
+
+    def _index(self, robot: str) -> int:
+        if robot not in self.robots:
+            raise WorldError(
+                f"robot {robot!r} is not in this factory; it has {self.robots[0]} to "
+                f"{self.robots[-1]}"
+            )
+        return self.robots.index(robot)
+
+    def _motion(self, index: int, frame: int) -> Motion:
+        return self._actors[index].path.at(frame % self.frame_count / RATE_HZ)
+
+    def _motions(self, frame: int) -> list[Motion]:
+        return [self._motion(index, frame) for index in range(len(self._actors))]
+
+    def _returns(self, index: int, frame: int) -> Returns:
+        name = f"{self._file_key}-{self.robots[index]}-{frame:04d}"
+        found = self._cache.read(name) if self._cache else None
+        if found is None:
+            found = self._lidar.shoot(
+                self.pose(self.robots[index], frame),
+                index,
+                solids(self._actors, self._motions(frame)),
+                np.random.default_rng((*self._noise_key, index, frame)),
+            )
+            if self._cache:
+                self._cache.write(name, found)
+        found.points.setflags(write=False)
+        found.actors.setflags(write=False)
+        return found
+
+    def _truth(self, frame: int) -> GroundTruth:
+        visible = np.zeros(len(self._actors), dtype=np.int64)
+        for robot in self.robots:
+            _, actors = self.scan_with_actors(robot, frame)
+            visible += np.bincount(actors[actors >= 0], minlength=len(visible))
+        return GroundTruth(
+            boxes=true_boxes(self._actors, self._motions(frame)),
+            ids=tuple(actor.identity for actor in self._actors),
+            visible_points=visible,
+        )
+
+    def _remember(self, key: tuple[str, int, int], make: Callable[[], T]) -> T:
+        with self._lock:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                found: T = self._kept[key]
+                return found
+        made = make()
+        with self._lock:
+            self._kept[key] = made
+            while len(self._kept) > MAX_KEPT:
+                self._kept.popitem(last=False)
+        return made
