@@ -111,7 +111,8 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         argv=(
             place.prometheus,
             f"--config.file={place.prometheus_config}",
-            f"--storage.tsdb.path={place.var_dir}/prometheus",
+            # Series of an earlier swarm would count in sums for minutes.
+            f"--storage.tsdb.path={place.var_dir}/prometheus/{_begun(spec)}",
             f"--storage.tsdb.retention.size={RETENTION}",
             f"--web.listen-address=0.0.0.0:{PROMETHEUS_PORT}",
         ),
@@ -122,8 +123,11 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
 
 def journal_path(spec: SwarmSpec, var_dir: str) -> str:
     """The ego's journal: one file for each time that the swarm is started, named by when."""
-    begun = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(spec.epoch_ns // 1_000_000_000))
-    return f"{var_dir}/{JOURNAL}/{spec.ego}-{begun}.jsonl"
+    return f"{var_dir}/{JOURNAL}/{spec.ego}-{_begun(spec)}.jsonl"
+
+
+def _begun(spec: SwarmSpec) -> str:
+    return time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(spec.epoch_ns // 1_000_000_000))
 
 
 def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
