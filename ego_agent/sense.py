@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ego_agent.monitor import Monitor
+from perception.detector import configuration
 from perception.scene import describe, to_array, visible_range
 from perception.types import clean_points
 from swarm.arrays import pack
@@ -57,6 +58,7 @@ class OwnSensor:
         self._ego = ego
         self._epoch_ns = epoch_ns
         self._monitor = monitor
+        self._own_body_m = configuration(world.detector).own_body_m
         self._clock = clock
         self._log = log
         self._instance = random.getrandbits(48)
@@ -109,9 +111,9 @@ class OwnSensor:
             return
         self._described_at = now
         begun = time.perf_counter()
-        scene = describe(own.points)
+        scene = describe(own.points, own_body_m=self._own_body_m)
         matrix = own.world_from_sensor
-        visible = visible_range(own.points, yaw=own.pose.yaw)
+        visible = visible_range(own.points, yaw=own.pose.yaw, own_body_m=self._own_body_m)
         beacon = self._beacon(own)
         self._monitor.note_own(
             beacon,

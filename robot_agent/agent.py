@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 
+from perception.detector import configuration
 from perception.fusion.base import EncodeOptions
 from perception.scene import describe, to_array, visible_range
 from robot_agent.encoder import Encoder
@@ -46,6 +47,8 @@ class RobotAgent:
     ) -> None:
         self.robot = robot
         self._range_m = world.range_m
+        self._own_body_m = configuration(world.detector).own_body_m
+        self._own_body_m = configuration(world.detector).own_body_m
         self._instance = instance
         self._encoder = encoder
         self._clock = clock
@@ -97,8 +100,8 @@ class RobotAgent:
         self._described = frame
         begun = time.perf_counter()
         points, pose = frame.scan.points, frame.scan.pose
-        scene = describe(points)
-        seen = visible_range(points, SECTORS, pose.heading)
+        scene = describe(points, own_body_m=self._own_body_m)
+        seen = visible_range(points, SECTORS, pose.heading, self._own_body_m)
         elapsed_s = time.perf_counter() - begun
         self._metrics.scene_seconds.observe(elapsed_s)
         self._scenes += 1
