@@ -48,7 +48,6 @@ class RobotAgent:
         self.robot = robot
         self._range_m = world.range_m
         self._own_body_m = configuration(world.detector).own_body_m
-        self._own_body_m = configuration(world.detector).own_body_m
         self._instance = instance
         self._encoder = encoder
         self._clock = clock
