@@ -47,11 +47,12 @@ _ROAD = DetectorConfig(
 )
 _FACTORY = DetectorConfig(
     name="factory",
-    # Sizes of the simulated actors, worlds/factory/.
+    # Sizes of the simulated actors, worlds/factory/. The limits leave room for noise and no more:
+    # there are machines and goods of almost any size. A robot shows its mast.
     classes=(
-        ObjectClass("person", (0.5, 0.5, 1.75), (0.95, 0.95, 2.1), min_height=1.35, min_length=0.2),
-        ObjectClass("robot", (0.9, 0.6, 1.2), (1.4, 1.2, 1.45), min_height=0.35, min_length=0.3),
-        ObjectClass("forklift", (2.5, 1.2, 2.1), (3.3, 1.7, 2.6), min_height=1.5, min_length=0.9),
+        ObjectClass("person", (0.5, 0.5, 1.75), (0.8, 0.8, 2.0), min_height=1.35, min_length=0.2),
+        ObjectClass("robot", (0.9, 0.6, 1.26), (1.15, 0.85, 1.4), min_height=0.9, min_length=0.3),
+        ObjectClass("forklift", (2.5, 1.2, 2.1), (2.75, 1.45, 2.3), min_height=1.8, min_length=0.9),
     ),
     min_points=8,
     sure_points=60,
