@@ -13,7 +13,9 @@ freeze() { "$work/venv/bin/pip" freeze --exclude coadapt-edge --exclude pip | gr
 "$python" -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check .
 freeze >"$work/run"
-"$work/venv/bin/pip" install --quiet --disable-pip-version-check '.[dev]' 'setuptools>=68' wheel
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check '.[dev]' 'setuptools>=68'
 freeze >"$work/all"
 cp "$work/run" requirements.lock
 LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock
+# pip freeze leaves it out; newer Pythons' environments come without it.
+"$work/venv/bin/pip" freeze --all | grep '^setuptools==' >>requirements-dev.lock
