@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +67,7 @@ def solids(actors: tuple[Actor, ...], motions: list[Motion]) -> Solids:
     """The parts of actors in these motions."""
     owner, centers, halves, headings = [], [], [], []
     for index, (actor, motion) in enumerate(zip(actors, motions, strict=True)):
-        cos, sin = np.cos(motion.heading), np.sin(motion.heading)
+        cos, sin = math.cos(motion.heading), math.sin(motion.heading)
         for forward, left, bottom, length, width, height in actor.shape.parts:
             owner.append(index)
             centers.append(

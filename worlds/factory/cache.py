@@ -46,20 +46,21 @@ class ScanCache:
         return Returns(np.ascontiguousarray(rows[:, :3]), rows[:, 3].astype(np.int16))
 
     def write(self, name: str, returns: Returns) -> None:
-        """Keeps a scan if there is room."""
+        """Keeps a scan if there is room, or in place of the file of that name."""
         rows = np.column_stack([returns.points, returns.actors.astype(np.float32)])
         buffer = io.BytesIO()
         np.save(buffer, rows, allow_pickle=False)
         body = buffer.getvalue()
         with contextlib.suppress(OSError):
             self._directory.mkdir(parents=True, exist_ok=True)
-            if len(os.listdir(self._directory)) >= self._max_files:
+            target = self._directory / f"{name}.npy"
+            if not target.exists() and len(os.listdir(self._directory)) >= self._max_files:
                 return
             handle, temporary = tempfile.mkstemp(dir=self._directory, suffix=".part")
             try:
                 with os.fdopen(handle, "wb") as file:
                     file.write(body + zlib.crc32(body).to_bytes(_CHECKSUM_BYTES, "little"))
-                os.replace(temporary, self._directory / f"{name}.npy")
+                os.replace(temporary, target)
             except OSError:
                 os.unlink(temporary)
                 raise

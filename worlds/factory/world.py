@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swarm.errors import WorldError
 from swarm.geometry import Pose
 from worlds.base import GroundTruth, Scan
-from worlds.factory.actors import SENSOR_HEIGHT_M, solids, true_boxes
+from worlds.factory.actors import SENSOR_HEIGHT_M, Solids, solids, true_boxes
 from worlds.factory.cache import ScanCache
 from worlds.factory.layout import build_floor
 from worlds.factory.lidar import RANGE_M, RINGS, Lidar, Returns
@@ -132,6 +132,13 @@ class FactoryWorld:
     def _motions(self, frame: int) -> list[Motion]:
         return [self._motion(index, frame) for index in range(len(self._actors))]
 
+    def _bodies(self, frame: int) -> Solids:
+        """Kept because a process may host many robots."""
+        bodies: Solids = self._remember(
+            ("bodies", 0, frame), lambda: solids(self._actors, self._motions(frame))
+        )
+        return bodies
+
     def _returns(self, index: int, frame: int) -> Returns:
         name = f"{self._file_key}-{self.robots[index]}-{frame:04d}"
         found = self._cache.read(name) if self._cache else None
@@ -139,7 +146,7 @@ class FactoryWorld:
             found = self._lidar.shoot(
                 self.pose(self.robots[index], frame),
                 index,
-                solids(self._actors, self._motions(frame)),
+                self._bodies(frame),
                 np.random.default_rng((*self._noise_key, index, frame)),
             )
             if self._cache:
