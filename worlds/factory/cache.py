@@ -14,7 +14,7 @@ import numpy as np
 from worlds.factory.lidar import Returns
 
 MAX_FILES = 2000
-"""About 0.8 GB at 32 rings."""
+"""About 1 GB at 32 rings."""
 _CHECKSUM_BYTES = 4
 
 
