@@ -28,8 +28,8 @@ MAX_TRANSFER_S = 1.0
 """No payload may take the link longer than this: Zenoh closes a transport blocked for 5 s."""
 MIN_PAYLOAD_BYTES = 2048
 """Boxes must always fit."""
-ANSWER_TIMEOUT_S = 1.5
-"""How long an answer is waited for in all; after the deadline its bytes only count."""
+LATE_S = 1.25
+"""How long after the deadline an answer may still come; its bytes are counted then."""
 SMALL_OFFSET_NS = 50_000_000
 """A smaller clock offset is taken for delay: frames are 100 ms apart."""
 MAX_SKEW_FRAMES = 1.5
@@ -44,7 +44,6 @@ class _Ask:
     robot: str
     request: ObservationRequest
     round: FrameRound
-    asked_at: float
     tries: int
 
 
@@ -63,6 +62,7 @@ class FrameRound:
 
     algorithm: Algorithm
     begun_at: float
+    deadline_s: float
     delivered_before: int
     contributions: list[Contribution] = field(default_factory=list)
     bytes: dict[str, int] = field(default_factory=dict)
@@ -73,6 +73,11 @@ class FrameRound:
     encode_ms: dict[str, float] = field(default_factory=dict)
     last_at: float = 0.0
     asked: int = 0
+
+    @property
+    def given_up_at(self) -> float:
+        """When no answer can come any more: a second try may end as late as this."""
+        return self.begun_at + 2.0 * (self.deadline_s + LATE_S)
 
 
 class Asker:
@@ -111,10 +116,12 @@ class Asker:
         robots: tuple[str, ...],
         algorithm: Algorithm,
         capture_ns: int,
+        deadline_s: float,
     ) -> FrameRound:
-        """Asks the robots for the frame captured at `capture_ns` on the ego's clock."""
+        """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
+        within `deadline_s` seconds counts as in time."""
         now = time.monotonic()
-        done = FrameRound(algorithm, begun_at=now, delivered_before=self._delivered, last_at=now)
+        done = FrameRound(algorithm, now, deadline_s, self._delivered, last_at=now)
         asked: list[str] = []
         for robot in robots:
             owed = self._owing.get(robot)
@@ -122,7 +129,7 @@ class Asker:
                 done.missing[robot] = "offline: no router"
             elif not self._monitor.is_alive(robot):
                 done.missing[robot] = "left: its liveliness token is gone"
-            elif owed is not None and now - owed.asked_at < ANSWER_TIMEOUT_S + 1.0:
+            elif owed is not None and now < owed.round.given_up_at:
                 done.missing[robot] = "busy: still owes the answer for an earlier frame"
             else:
                 asked.append(robot)
@@ -143,12 +150,12 @@ class Asker:
                 keep_ground=self._keep_ground,
                 max_bytes=max_bytes,
             )
-            self._send(session, _Ask(robot, request, done, now, tries=1))
+            self._send(session, _Ask(robot, request, done, tries=1))
         return done
 
-    def collect(self, session: Session | None, done: FrameRound, deadline_s: float) -> None:
+    def collect(self, session: Session | None, done: FrameRound) -> None:
         """Waits until every robot of the frame has answered or the deadline has passed."""
-        until = done.begun_at + deadline_s
+        until = done.begun_at + done.deadline_s
         while done.waiting and (left := until - time.monotonic()) > 0:
             try:
                 arrival = self._inbox.get(timeout=left)
@@ -158,10 +165,10 @@ class Asker:
                 self._take(arrival)
         complete = not done.waiting
         for robot in sorted(done.waiting):
-            done.missing[robot] = f"deadline: no answer within {deadline_s:g} s"
+            done.missing[robot] = f"deadline: no answer within {done.deadline_s:g} s"
         done.waiting.clear()
         if done.asked:
-            span_s = done.last_at - done.begun_at if complete else deadline_s
+            span_s = done.last_at - done.begun_at if complete else done.deadline_s
             encode_ms = min(done.encode_ms.values(), default=0.0)
             self._link.add_round(
                 Round(
@@ -196,7 +203,7 @@ class Asker:
             keyspace.observation(session.swarm, ask.robot),
             ask.request,
             Observation,
-            timeout_s=ANSWER_TIMEOUT_S,
+            timeout_s=ask.round.deadline_s + LATE_S,
         ).add_done_callback(finished)
 
     def _asked_again(self, session: Session | None, arrival: _Arrival, until: float) -> bool:
@@ -210,7 +217,7 @@ class Asker:
             return False
         if not self._monitor.is_alive(ask.robot):
             return False
-        self._send(session, _Ask(ask.robot, ask.request, ask.round, ask.asked_at, tries=2))
+        self._send(session, _Ask(ask.robot, ask.request, ask.round, tries=2))
         return True
 
     def _take(self, arrival: _Arrival) -> None:

@@ -126,8 +126,10 @@ class FusionLoop:
         """Asks the decision's robots for the frame of `own` and fuses what came in time."""
         session = self._session
         others = tuple(robot for robot in decision.participants if robot != self._ego)
-        done = self._asker.ask(session, others, decision.algorithm, own.capture_ns)
-        self._asker.collect(session, done, self._deadline_s)
+        done = self._asker.ask(
+            session, others, decision.algorithm, own.capture_ns, self._deadline_s
+        )
+        self._asker.collect(session, done)
         fuse_at = time.monotonic()
         fused = self._fused(self._fusions[decision.algorithm], own, done)
         end_at = time.monotonic()
