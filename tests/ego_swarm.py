@@ -157,6 +157,21 @@ class Swarm:
             process.wait(10)
 
 
+def factory(scans: Path, robots: int = 2) -> dict[str, str]:
+    """Settings of a small simulated world; `scans` keeps what was simulated for the next test."""
+    return {
+        "COADAPT_WORLD": "factory",
+        "COADAPT_WORLD_ROBOTS": str(robots),
+        "COADAPT_WORLD_RINGS": "16",
+        "COADAPT_WORLD_CACHE": str(scans),
+    }
+
+
+def recorded(data: Path) -> dict[str, str]:
+    """Settings of a recorded OPV2V world."""
+    return {"COADAPT_WORLD": "opv2v", "COADAPT_WORLD_DATA": str(data)}
+
+
 @contextmanager
 def swarm_of(world: Mapping[str, str], directory: Path) -> Iterator[Swarm]:
     """A swarm that is gone at the end, whatever happens."""

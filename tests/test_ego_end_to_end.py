@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ego_swarm import Swarm, free_ports, metrics_of, stop, swarm_of, until
+from ego_swarm import Swarm, factory, free_ports, metrics_of, recorded, stop, swarm_of, until
 
 from ego_agent.journal import byte_totals, read_journal
 from ego_agent.settings import load_settings
@@ -17,13 +17,13 @@ from swarm.arrays import unpack_finite
 from swarm.errors import SettingError
 from swarm.messages import Decision
 
-EGO, OTHER = "302", "311"
-EGO_ENV = {"ego": EGO, "comm_range_m": "200", "period_s": "0.25"}
+EGO, OTHER = "R1", "R2"
+EGO_ENV = {"ego": EGO, "comm_range_m": "500", "period_s": "0.25"}
 
 
 @pytest.fixture
-def swarm(opv2v_dir: Path, tmp_path: Path) -> Iterator[Swarm]:
-    world = {"COADAPT_WORLD": "opv2v", "COADAPT_WORLD_DATA": str(opv2v_dir)}
+def swarm(tmp_path_factory: pytest.TempPathFactory, tmp_path: Path) -> Iterator[Swarm]:
+    world = factory(tmp_path_factory.getbasetemp() / "scans")
     with swarm_of(world, tmp_path) as swarm:
         swarm.router()
         yield swarm
@@ -90,6 +90,16 @@ def received(port: int) -> Counter[tuple[str, str]]:
     return found
 
 
+def test_recorded_vehicles_are_fused_too(opv2v_dir: Path, tmp_path: Path) -> None:
+    with swarm_of(recorded(opv2v_dir), tmp_path) as swarm:
+        swarm.router()
+        swarm.robot("311")
+        frames = swarm.detections(swarm.session(), "302")
+        swarm.ego(**EGO_ENV | {"ego": "302"})
+        fused = frames.until(lambda d: "311" in d.participants)
+        assert len(fused.labels) > 0
+
+
 def test_metrics_go_on_from_the_journal_after_a_restart(swarm: Swarm, tmp_path: Path) -> None:
     journal, port = tmp_path / "journal.jsonl", free_ports(1)
     swarm.robot(OTHER)
@@ -147,10 +157,9 @@ def test_a_second_ego_on_the_same_journal_is_told_so(swarm: Swarm, tmp_path: Pat
         ("POLICY", "genius", "allowed: coverage"),
         ("POLICY", "static-intermediate", "intermediate fusion"),
         ("PERIOD_S", "0", "COADAPT_PERIOD_S"),
-        ("EGO", "R9", "allowed: 302, 311"),
+        ("EGO", "R9", "allowed: R1, R2"),
         ("ROUTER", "somewhere", "tcp/HOST:PORT"),
         ("JOURNAL", "/proc/journal.jsonl", "cannot be opened"),
-        ("WORLD_DATA", "/nonexistent", "/nonexistent"),
     ],
 )
 def test_a_wrong_setting_ends_the_process_with_one_clear_line(
@@ -169,6 +178,21 @@ def test_a_wrong_setting_ends_the_process_with_one_clear_line(
     (line,) = process.stderr.splitlines()
     assert line.startswith("ego_agent: ")
     assert told in line
+
+
+def test_a_data_directory_that_cannot_be_read_ends_the_process_with_one_clear_line(
+    swarm: Swarm, tmp_path: Path
+) -> None:
+    process = subprocess.run(
+        [sys.executable, "-m", "ego_agent"],
+        env={**swarm.env, **recorded(tmp_path / "none")},
+        capture_output=True,
+        text=True,
+        timeout=20,
+    )
+    assert process.returncode == 1
+    (line,) = process.stderr.splitlines()
+    assert str(tmp_path / "none") in line
 
 
 def test_a_taken_metrics_port_ends_the_process_with_one_clear_line(swarm: Swarm) -> None:
