@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import time
 
-from perception.fusion.base import EncodeOptions, Fusion
-from perception.fusion.registry import make_fusion
+from perception.fusion.base import EncodeOptions
+from perception.fusion.registry import fusion_names, make_fusion
 from robot_agent.frames import Frame
 from robot_agent.metrics import RobotMetrics
-from swarm.errors import CoAdaptError, PerceptionError
-from swarm.messages import ALGORITHMS
 
 
 class Encoder:
-    """The robot side of every fusion algorithm that exists for a world's detector."""
+    """The robot side of every fusion algorithm there is, for one world's detector."""
 
     def __init__(self, detector: str, metrics: RobotMetrics) -> None:
+        self._detector = detector
         self._metrics = metrics
-        self._fusions: dict[str, Fusion] = {}
-        self._missing: dict[str, str] = {}
-        for name in ALGORITHMS:
-            try:
-                self._fusions[name] = make_fusion(name, detector)
-            except CoAdaptError as error:
-                self._missing[name] = str(error)
+        self._fusions = {name: make_fusion(name, detector) for name in fusion_names()}
 
     @property
     def algorithms(self) -> tuple[str, ...]:
@@ -35,12 +28,8 @@ class Encoder:
 
         Raises PerceptionError when the algorithm does not exist or the scan cannot be encoded.
         """
-        fusion = self._fusions.get(algorithm)
-        if fusion is None:
-            raise PerceptionError(
-                self._missing.get(algorithm)
-                or f"algorithm {algorithm!r} is unknown; allowed: {', '.join(self._fusions)}"
-            )
+        # An algorithm that is not there: making it says why.
+        fusion = self._fusions.get(algorithm) or make_fusion(algorithm, self._detector)
 
         def work() -> bytes:
             begun = time.perf_counter()

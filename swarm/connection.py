@@ -11,13 +11,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
 
 import zenoh
 
 from swarm import transport
 from swarm.errors import TransportError
 from swarm.log import Logger
+from swarm.transport import CLOSE_S, Entity, close_zenoh
 
 POLL_S = 0.5
 GRACE_S = 1.5
@@ -28,16 +28,6 @@ OPEN_S = 5.0
 LINGER_S = 1.0
 """How long a session that was replaced stays: others must hear of the new one first, and answers
 to requests under way may still come over it."""
-CLOSE_S = 1.2
-"""Under loss Zenoh may hold a closing session for ten seconds; a process must not wait for it."""
-
-
-class Entity(Protocol):
-    """What Zenoh declares: a subscriber, a queryable or a liveliness token."""
-
-    def undeclare(self) -> Any:
-        """Withdraws it."""
-
 
 Declaration = Callable[[zenoh.Session], Entity]
 
@@ -99,7 +89,7 @@ class Connection:
         held = self._lock.acquire(timeout=CLOSE_S)
         try:
             entities, self._entities = self._entities, []
-            _bounded(lambda: _shut(self._zenoh, entities))
+            close_zenoh(self._zenoh, entities)
         finally:
             if held:
                 self._lock.release()
@@ -130,24 +120,24 @@ class Connection:
             return False
         if (found := _links(fresh)) <= up:
             self._log.warning("links_missing", links=up, expected=self._expected)
-            _bounded(lambda: _shut(fresh, []))
+            close_zenoh(fresh)
             return False
         with self._lock:
             if self._closing.is_set():
-                _bounded(lambda: _shut(fresh, []))
+                close_zenoh(fresh)
                 return False
             try:
                 entities = [make(fresh) for make in self._declarations]
             except zenoh.ZError as error:
                 self._log.warning("links_missing", links=up, error=str(error)[:300])
-                _bounded(lambda: _shut(fresh, []))
+                close_zenoh(fresh)
                 return False
             old, self._zenoh = self._zenoh, fresh
             withdrawn, self._entities = self._entities, entities
             self.reopened += 1
         self._log.info("links_restored", before=up, links=found)
         self._closing.wait(LINGER_S)
-        _bounded(lambda: _shut(old, withdrawn))
+        close_zenoh(old, withdrawn)
         return True
 
 
@@ -156,16 +146,3 @@ def _links(session: zenoh.Session) -> int:
         return len(list(session.info.links()))
     except zenoh.ZError:
         return 0
-
-
-def _shut(session: zenoh.Session, entities: list[Entity]) -> None:
-    for entity in entities:
-        entity.undeclare()
-    session.close()  # type: ignore[no-untyped-call]
-
-
-def _bounded(work: Callable[[], None]) -> None:
-    """Does it on a thread of its own and waits for a bounded time."""
-    thread = threading.Thread(target=work, name="close", daemon=True)
-    thread.start()
-    thread.join(CLOSE_S)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -52,10 +53,26 @@ def capture_ns(epoch_ns: int, rate_hz: float, frame: int) -> int:
 
 
 def stop_on_signals() -> threading.Event:
-    """An event that SIGTERM and SIGINT set. Call it once, on the main thread."""
+    """An event that SIGTERM and SIGINT set. Call it once, on the main thread.
+
+    Python's own handlers run on the main thread only, which a signal that the kernel gives to one
+    of Zenoh's threads does not wake; the wake-up descriptor is written on whichever thread it is.
+    """
     stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+
+    def watch() -> None:
+        # Keeps the writer open as long as the process lives.
+        while writer.fileno() >= 0 and (woken := reader.recv(1)):
+            if woken[0] in numbers:
+                stop.set()
+
+    threading.Thread(target=watch, name="signals", daemon=True).start()
+    for number in numbers:
+        signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     return stop
 
 

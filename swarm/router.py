@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
-import threading
 from pathlib import Path
 
 import zenoh
@@ -19,6 +17,7 @@ from swarm import transport
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.metrics import MetricsServer
+from swarm.process import leave, stop_on_signals
 
 
 def read_config(path: Path) -> dict[str, object]:
@@ -55,9 +54,7 @@ def main() -> int:
     parser.add_argument("--print-config", action="store_true", help="print the file and exit")
     args = parser.parse_args()
     log = make_logger("router")
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stop_on_signals()
     try:
         config = (
             read_config(args.config)
@@ -82,10 +79,10 @@ def main() -> int:
     stop.wait()
     if metrics is not None:
         metrics.close()
-    session.close()  # type: ignore[no-untyped-call]
+    transport.close_zenoh(session)
     log.info("router_down")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    leave(main())

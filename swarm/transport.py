@@ -7,8 +7,10 @@ import math
 import re
 import threading
 import time
+from collections.abc import Iterable
 from concurrent.futures import Future
-from typing import Any
+from contextlib import suppress
+from typing import Any, Protocol
 
 import zenoh
 
@@ -20,6 +22,17 @@ _UNIX = re.compile(r"unixsock-stream/(?P<path>/\S+)")
 MAX_UNIX_PATH = 100
 RETRY_S = 0.5
 POLL_S = 0.1
+
+CLOSE_S = 1.2
+"""Under loss Zenoh may hold a closing session for ten seconds; a process must not wait for it."""
+
+
+class Entity(Protocol):
+    """What Zenoh declares: a subscriber, a queryable or a liveliness token."""
+
+    def undeclare(self) -> Any:
+        """Withdraws it."""
+
 
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
@@ -120,6 +133,21 @@ def open_zenoh(
                 raise TransportError(f"no answer from {where} within {timeout_s} s") from error
         if stop.wait(RETRY_S):
             raise TransportError(f"stopped before {where} could be reached")
+
+
+def close_zenoh(session: zenoh.Session, entities: Iterable[Entity] = ()) -> None:
+    """Withdraws the entities and closes; waits no longer than CLOSE_S, and lets it go on."""
+
+    def work() -> None:
+        # What is closed already needs no closing.
+        with suppress(zenoh.ZError):
+            for entity in entities:
+                entity.undeclare()
+            session.close()  # type: ignore[no-untyped-call]
+
+    thread = threading.Thread(target=work, name="close", daemon=True)
+    thread.start()
+    thread.join(CLOSE_S)
 
 
 def _open(config: dict[str, Any], attempt: Future[zenoh.Session]) -> None:
