@@ -100,7 +100,8 @@ def test_every_process_is_a_container_and_the_ego_decides(swarm: State, cli: Cli
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert all(robot["alive"] for robot in table["robots"])
-    assert table["decision"]["participants"][0] == "R1"
+    assert table["selected"][0] == "R1"
+    assert table["valid"]
 
 
 def test_prometheus_reaches_every_container(swarm: State) -> None:

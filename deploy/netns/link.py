@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
+import time
 
 from deploy.netns.network import run
+from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
+from swarm.log import Logger
 from swarm.traffic import TrafficClass
+from worlds.factory.scenarios import link_rate_bps
+
+FOLLOW_S = 1.0
 
 DSCP_MASK = 0xFC
 QUEUE_S = 0.1
@@ -21,22 +28,27 @@ _SHARES = {
 Unmarked traffic is background."""
 
 
-def commands(device: str, rate_bps: int) -> list[str]:
-    """The lines for `tc -batch` that shape what leaves through a device."""
+def commands(device: str, rate_bps: int, *, shaped: bool) -> list[str]:
+    """The lines for `tc -batch` that shape what leaves through a device.
+
+    Where it is `shaped` already, its classes change and its queues keep what they hold.
+    """
     default = _SHARES[TrafficClass.BACKGROUND][0]
     limit = max(MIN_QUEUE_BYTES, int(rate_bps / 8 * QUEUE_S))
-    lines = [
-        f"qdisc replace dev {device} root handle 1: htb default {default}",
-        f"class replace dev {device} parent 1: classid 1:1 htb rate {rate_bps}bit",
-    ]
+    lines = [f"class replace dev {device} parent 1: classid 1:1 htb rate {rate_bps}bit"]
+    if not shaped:
+        lines.insert(0, f"qdisc replace dev {device} root handle 1: htb default {default}")
     for priority, (traffic, (number, share)) in enumerate(_SHARES.items()):
         lines += [
             f"class replace dev {device} parent 1:1 classid 1:{number} htb "
             f"rate {int(rate_bps * share)}bit ceil {rate_bps}bit prio {priority}",
             f"qdisc replace dev {device} parent 1:{number} handle {number}: bfifo limit {limit}",
-            f"filter replace dev {device} parent 1: protocol ip prio {priority + 1} u32 "
-            f"match ip dsfield {traffic.tos:#04x} {DSCP_MASK:#04x} flowid 1:{number}",
         ]
+        if not shaped:
+            lines.append(
+                f"filter replace dev {device} parent 1: protocol ip prio {priority + 1} u32 "
+                f"match ip dsfield {traffic.tos:#04x} {DSCP_MASK:#04x} flowid 1:{number}"
+            )
     return lines
 
 
@@ -45,8 +57,9 @@ def shape(device: str, rate_bps: int) -> None:
 
     Raises DeployError when the kernel lacks HTB, bfifo or u32, or keeps another rate.
     """
+    shaped = "qdisc htb 1: root" in run("tc", "qdisc", "show", "dev", device)
     try:
-        run("tc", "-batch", "-", text="\n".join(commands(device, rate_bps)))
+        run("tc", "-batch", "-", text="\n".join(commands(device, rate_bps, shaped=shaped)))
     except DeployError as error:
         raise DeployError(
             f"link rate {rate_bps} bit/s cannot be set: {error}; the kernel needs sch_htb, "
@@ -57,6 +70,26 @@ def shape(device: str, rate_bps: int) -> None:
     wrong = [c for c in ceilings if abs(c - rate_bps) > 0.01 * rate_bps]
     if len(ceilings) != len(_SHARES) + 1 or wrong:
         raise DeployError(f"{device} should be shaped to {rate_bps} bit/s, but tc shows: {shown}")
+
+
+async def follow(spec: SwarmSpec, device: str, log: Logger) -> None:
+    """Gives a device the rate that the scenario asks for at each second, until cancelled.
+
+    Ends at once where the scenario asks for none, or the specification fixes the rate.
+    """
+    current = None
+    while spec.link_bps is None and spec.world == "factory":
+        wanted = link_rate_bps(spec.scenario, (time.time_ns() - spec.epoch_ns) / 1e9)
+        if wanted is None:
+            return
+        if wanted != current:
+            try:
+                shape(device, int(wanted))
+                log.info("link_shaped", device=device, rate_bps=int(wanted))
+            except DeployError as error:
+                log.error("link_not_shaped", device=device, error=str(error))
+            current = wanted
+        await asyncio.sleep(FOLLOW_S)
 
 
 def _bits(text: str) -> float:

@@ -64,8 +64,9 @@ class Supervisor:
     async def run(self) -> None:
         """Starts all, says so on standard output, and waits for `stop`, SIGTERM or SIGINT."""
         network.build(self._spec)
+        ego_link = network.link_name(self._spec, self._spec.ego)
         if self._spec.link_bps is not None:
-            link.shape(network.link_name(self._spec, self._spec.ego), self._spec.link_bps)
+            link.shape(ego_link, self._spec.link_bps)
         (self._run_dir / PROMETHEUS_FILE).write_text(
             prometheus_config(self._members, lambda s: network.address(self._spec, s.host))
         )
@@ -88,10 +89,12 @@ class Supervisor:
                     PROMETHEUS_PORT,
                 )
             )
+        following = asyncio.create_task(link.follow(self._spec, ego_link, self._log))
         self._children.start()
         answer(control.Reply())
         self._log.info("swarm_up", processes=len(self._members))
         await self._stop.wait()
+        following.cancel()
         await self._children.stop()
         self._log.info("swarm_down")
 

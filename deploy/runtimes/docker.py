@@ -20,6 +20,7 @@ from deploy.progress import say
 from deploy.runtimes.base import ProcessState, ProcessStatus
 from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
+from worlds.factory.scenarios import link_rate_bps
 
 PING_S = 5
 STOP_S = 5
@@ -52,6 +53,11 @@ class DockerRuntime:
                         "run `make down` first"
                     )
                 return False
+            if spec.link_bps is None and link_rate_bps(spec.scenario, 0.0) is not None:
+                raise DeployError(
+                    f"scenario {spec.scenario!r} changes the link as time goes by, which runtime "
+                    "docker cannot follow; use RUNTIME=netns, or fix the rate with --link"
+                )
             self._clear(spec.swarm)
             check_free(spec)
             self._start(spec)
