@@ -2,8 +2,8 @@
 
 Six robots, each a `robot_agent` process of its own, and the ego's asking and fusing half in this
 process, joined by a router over loopback TCP that nothing shapes. Early fusion, ground removed,
-10 cm error bound, one round a new frame at 10 Hz while the robots sense, send beacons and describe
-their scenes as always.
+10 cm error bound, a round every third frame (3.3 Hz) while the robots sense at 10 Hz, send beacons
+and describe their scenes as always. All seven share this machine's cores, which robots would not.
 
 Encoding is included: no payload can be in a robot's cache when it is asked for. A robot prepares
 payloads only in the form that was asked for last (for its beacon's sizes), and here every round
@@ -47,9 +47,11 @@ from worlds.base import World
 from worlds.registry import open_world
 
 ROBOTS = 6
-WARM_UP = 60
-ROUNDS = 240
+WARM_UP = 20
+ROUNDS = 210
 DEADLINE_S = 1.0
+STRIDE = 3
+"""Frames from one round to the next: rounds must not queue behind each other here."""
 ERROR_BOUNDS_M = (0.1, 0.0999)
 PORT = 17447
 
@@ -137,9 +139,9 @@ def run(session: Session, world: World, epoch_ns: int) -> list[FrameResult]:
     results: list[FrameResult] = []
     last = sensor.newest()
     while len(results) < WARM_UP + ROUNDS:
-        time.sleep(max(0.0, sensor.until(last + 1)))
+        time.sleep(max(0.0, sensor.until(last + STRIDE)))
         frame = sensor.newest()
-        if frame == last:
+        if frame < last + STRIDE:
             continue
         last = frame
         own = sensor.read(frame)
@@ -148,12 +150,13 @@ def run(session: Session, world: World, epoch_ns: int) -> list[FrameResult]:
     return results[WARM_UP:]
 
 
-def decode_ms(result: FrameResult) -> float:
-    """How long decoding the payloads of a frame takes, measured again on its own."""
-    begun = time.perf_counter()
+def decode_ms(result: FrameResult) -> tuple[float, float]:
+    """How long decoding the payloads of a frame takes, measured again on its own: by the clock,
+    and in processor time, which a busy machine does not stretch."""
+    begun, used = time.perf_counter(), time.thread_time()
     for contribution in result.round.contributions:
         decode_points(contribution.payload)
-    return (time.perf_counter() - begun) * 1e3
+    return (time.perf_counter() - begun) * 1e3, (time.thread_time() - used) * 1e3
 
 
 def figures(results: list[FrameResult]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -165,7 +168,7 @@ def figures(results: list[FrameResult]) -> tuple[dict[str, Any], dict[str, Any]]
     gather = np.array([(r.round.last_at - r.round.begun_at) * 1e3 for r in whole])
     encode = np.array([max(r.round.encode_ms.values()) for r in whole])
     fuse = np.array([r.fuse_ms for r in whole])
-    decode = np.array([decode_ms(r) for r in whole])
+    decode, decode_cpu = np.array([decode_ms(r) for r in whole]).T
     size = np.array([sum(r.round.bytes.values()) for r in whole])
     parts = {
         "encode_slowest": encode,
@@ -186,6 +189,7 @@ def figures(results: list[FrameResult]) -> tuple[dict[str, Any], dict[str, Any]]
         "encode_ms_p50_one_robot": round(
             float(np.median([ms for r in whole for ms in r.round.encode_ms.values()])), 2
         ),
+        "decode_cpu_ms_p50": round(float(np.median(decode_cpu)), 2),
         "breakdown_p50_ms": {k: round(float(np.percentile(v, 50)), 2) for k, v in parts.items()},
         "breakdown_p95_ms": {k: round(float(np.percentile(v, 95)), 2) for k, v in parts.items()},
     }
