@@ -18,14 +18,14 @@ import json, subprocess, sys
 from deploy.netns import link
 from swarm.errors import DeployError
 
-subprocess.run("ip link add a type veth peer name b && ip link set a up && ip link set b up",
+subprocess.run("ip link add name near type veth peer name far && ip link set near up && ip link set far up",
                shell=True, check=True)
 def shown(what):
-    return subprocess.run(["tc", what, "show", "dev", "a"], capture_output=True, text=True,
+    return subprocess.run(["tc", what, "show", "dev", "near"], capture_output=True, text=True,
                           check=True).stdout
 states = []
 for rate in json.loads(sys.argv[1]):
-    link.shape("a", rate)
+    link.shape("near", rate)
     states.append([shown("class"), shown("filter")])
 print(json.dumps(states))
 """
