@@ -54,8 +54,9 @@ class RobotHost:
     def close(self) -> None:
         """Stops the loops. Does not wait for one that is stuck in a scan."""
         self._stop.set()
+        deadline = time.monotonic() + JOIN_S
         for thread in self._threads:
-            thread.join(JOIN_S)
+            thread.join(max(0.0, deadline - time.monotonic()))
 
     def _thread(
         self,

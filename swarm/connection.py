@@ -25,6 +25,8 @@ GRACE_S = 1.5
 MAX_GRACE_S = 60.0
 """Where a new session has no more links either (a port is closed), it is tried this rarely."""
 OPEN_S = 5.0
+SETTLE_S = 1.0
+"""How long the links of a new session may take to come up one after the other."""
 LINGER_S = 1.0
 """How long a session that was replaced stays: others must hear of the new one first, and answers
 to requests under way may still come over it."""
@@ -118,7 +120,10 @@ class Connection:
         except TransportError as error:
             self._log.warning("links_missing", links=up, error=str(error)[:300])
             return False
-        if (found := _links(fresh)) <= up:
+        settled = time.monotonic() + SETTLE_S
+        while (found := _links(fresh)) < self._expected and time.monotonic() < settled:
+            self._closing.wait(POLL_S / 10)
+        if found <= up:
             self._log.warning("links_missing", links=up, expected=self._expected)
             close_zenoh(fresh)
             return False

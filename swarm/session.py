@@ -168,7 +168,12 @@ class Session:
                 with query:
                     refuse(query, f"busy: {MAX_WAITING_QUERIES} requests are waiting already")
                 return
-            pool.submit(answer, query)
+            try:
+                pool.submit(answer, query)
+            except RuntimeError:
+                # The session is closing.
+                with query:
+                    refuse(query, "closing")
 
         self._pools.append(pool)
         self._connection.declare(
@@ -268,12 +273,23 @@ class Session:
         )
 
     def alive(self, timeout_s: float = 1.0) -> tuple[str, ...]:
-        """The ids of the robots that are alive now, sorted."""
-        replies = self._connection.zenoh.liveliness().get(
-            keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s
-        )
-        found = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-        return tuple(sorted(keyspace.robot_of(key) for key in found))
+        """The ids of the robots that are alive now, sorted.
+
+        Raises TransportError when the session is closed.
+        """
+        found: set[str] = set()
+        try:
+            replies = self._connection.zenoh.liveliness().get(
+                keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s
+            )
+        except zenoh.ZError as error:
+            raise TransportError(f"cannot ask who is alive: {error}") from error
+        for reply in replies:
+            if reply.ok is not None:
+                # A token whose id is no id is not one of ours.
+                with suppress(KeyspaceError):
+                    found.add(keyspace.robot_of(str(reply.ok.key_expr)))
+        return tuple(sorted(found))
 
     def links(self) -> int:
         """Number of transport links to the router that are up."""

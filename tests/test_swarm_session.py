@@ -285,6 +285,23 @@ def test_robots_join_and_leave(shared_router: RouterProcess, open_session: Sessi
     assert watcher.alive() == ()
 
 
+def test_a_token_that_is_no_robots_is_left_out(
+    shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    watcher = open_session(shared_router.address)
+    events: Inbox[tuple[str, str]] = Inbox()
+    watcher.watch_alive(lambda r: events.put(("join", r)), lambda r: events.put(("leave", r)))
+    with raw_zenoh(shared_router) as stranger:
+        odd = stranger.liveliness().declare_token(f"coadapt/{watcher.swarm}/robot/a b/alive")
+        good = stranger.liveliness().declare_token(keyspace.alive(watcher.swarm, "R1"))
+        assert events.next() == ("join", "R1")
+        assert watcher.alive() == ("R1",)
+        odd.undeclare()
+        good.undeclare()
+        assert events.next() == ("leave", "R1")
+    assert events.empty()
+
+
 def test_a_robot_that_two_processes_host_leaves_with_the_second(
     shared_router: RouterProcess, open_session: SessionMaker
 ) -> None:
@@ -308,11 +325,15 @@ def test_a_name_that_is_no_name_opens_no_session(shared_router: RouterProcess) -
         Session(shared_router.address, "a/b", timeout_s=1)
 
 
-def test_a_closed_session_refuses_to_publish_and_to_ask(pair: Pair) -> None:
+def test_a_closed_session_refuses_everything(pair: Pair) -> None:
     pair[0].close()
     with pytest.raises(TransportError):
         pair[0].put(keyspace.beacon(pair[0].swarm, "R1"), BEACON)
     with pytest.raises(TransportError):
         ask(pair[0]).result(WAIT_S)
+    with pytest.raises(TransportError):
+        pair[0].alive()
+    with pytest.raises(TransportError):
+        pair[0].declare_alive("R1")
     assert pair[0].links() == 0
     pair[0].close()
