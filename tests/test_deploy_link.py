@@ -18,8 +18,10 @@ import json, subprocess, sys
 from deploy.netns import link
 from swarm.errors import DeployError
 
-subprocess.run("ip link add name near type veth peer name far && ip link set near up && ip link set far up",
-               shell=True, check=True)
+subprocess.run(["ip", "link", "add", "name", "near", "type", "veth", "peer", "name", "far"],
+               check=True)
+for device in ("near", "far"):
+    subprocess.run(["ip", "link", "set", device, "up"], check=True)
 def shown(what):
     return subprocess.run(["tc", what, "show", "dev", "near"], capture_output=True, text=True,
                           check=True).stdout
