@@ -89,11 +89,14 @@ class RouterProcess:
     def stop(self, *, kill: bool = False) -> None:
         if self._process is None:
             return
-        self._process.kill() if kill else self._process.terminate()
-        self._process.wait(WAIT_S)
-        assert self._process.stderr is not None
-        self._process.stderr.close()
-        self._process = None
+        process, self._process = self._process, None
+        # Leaving the block closes the pipe and waits for the process, whatever happens.
+        with process:
+            process.kill() if kill else process.terminate()
+            try:
+                process.wait(WAIT_S)
+            finally:
+                process.kill()
 
 
 SessionMaker = Callable[..., Session]
