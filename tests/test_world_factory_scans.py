@@ -131,6 +131,15 @@ def test_small_and_large_swarms_scan(robots: int) -> None:
     assert apart[~np.eye(robots, dtype=bool)].min() > 1.0
 
 
+def test_the_scans_of_one_frame_are_computed_once_in_the_largest_swarm() -> None:
+    world = FactoryWorld(robots=100, rings=16)
+    world.scan("R1", 4)
+    world.ground_truth(5)
+    first = [world.scan(robot, 5).points for robot in world.robots]
+    again = [world.scan(robot, 5).points for robot in world.robots]
+    assert all(a is b for a, b in zip(first, again, strict=True))
+
+
 @pytest.mark.parametrize(
     ("setting", "named"),
     [

@@ -26,7 +26,8 @@ RATE_HZ = 10.0
 ROBOTS_ALLOWED = (2, 100)
 GENERATOR = 1
 """Version of everything that shapes a scan: raise it when any point changes."""
-MAX_KEPT = 64
+MIN_KEPT = 64
+"""Scans and truths held in memory; a large swarm holds one frame of all its robots."""
 
 T = TypeVar("T")
 
@@ -82,6 +83,8 @@ class FactoryWorld:
         self._cache = ScanCache(cache) if cache is not None else None
         self._lock = threading.Lock()
         self._kept: OrderedDict[tuple[str, int, int], Any] = OrderedDict()
+        # A frame is a scan for each robot, the bodies and the truth.
+        self._max_kept = max(MIN_KEPT, robots + 2)
 
     def pose(self, robot: str, frame: int) -> Pose:
         """The robot's sensor in the world frame. Raises WorldError for an unknown robot."""
@@ -175,6 +178,6 @@ class FactoryWorld:
         made = make()
         with self._lock:
             self._kept[key] = made
-            while len(self._kept) > MAX_KEPT:
+            while len(self._kept) > self._max_kept:
                 self._kept.popitem(last=False)
         return made
