@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from swarm.errors import WorldError
 from swarm.geometry import transform
 from worlds.opv2v import Opv2vWorld, points_in_box
+from worlds.registry import open_world
 
 
 @pytest.fixture(scope="module")
@@ -91,12 +93,66 @@ def test_unreadable_directories_are_named(tmp_path: Path) -> None:
         Opv2vWorld(tmp_path)
 
 
+def write_scenario(directory: Path, *files: str) -> Path:
+    """A scenario of empty files."""
+    for name in ("data_protocol.yaml", *files):
+        path = directory / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    return directory
+
+
+@pytest.mark.parametrize("gone", ["2/000002.pcd", "2/000002.yaml", "1/000000.pcd"])
+def test_a_frame_that_one_vehicle_lacks_is_named(tmp_path: Path, gone: str) -> None:
+    both = [f"{v}/00000{n}.{kind}" for v in (1, 2) for n in (0, 2) for kind in ("pcd", "yaml")]
+    write_scenario(tmp_path, *(name for name in both if name != gone))
+    with pytest.raises(WorldError, match=f"vehicle {gone[0]} of scenario .* lacks {gone[2:]}"):
+        Opv2vWorld(tmp_path)
+
+
+def test_two_scenarios_in_one_directory_must_be_told_apart(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_scenario(tmp_path / name, "1/000000.pcd", "1/000000.yaml")
+    with pytest.raises(WorldError, match="holds 2 OPV2V scenarios"):
+        Opv2vWorld(tmp_path)
+    assert Opv2vWorld(tmp_path / "a").robots == ("1",)
+
+
+def test_a_roadside_unit_is_no_robot(tmp_path: Path) -> None:
+    files = [f"{v}/000000.{kind}" for v in (-1, 7) for kind in ("pcd", "yaml")]
+    assert Opv2vWorld(write_scenario(tmp_path, *files)).robots == ("7",)
+
+
+def test_scans_kept_on_disk_are_those_of_the_file(opv2v_dir: Path, tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path / "scenario", "302/006220.pcd", "302/006220.yaml")
+    for name in ("302/006220.pcd", "302/006220.yaml"):
+        shutil.copy(opv2v_dir / name, scenario / name)
+    cache = tmp_path / "cache"
+    expected = Opv2vWorld(scenario).scan("302", 0).points
+    for _ in range(2):
+        kept = open_world("opv2v", data=scenario, cache=cache).scan("302", 0).points
+        assert np.array_equal(kept, expected)
+        assert len(list(cache.iterdir())) == 1
+    frame = scenario / "302" / "006220.pcd"
+    shutil.copy(opv2v_dir / "311" / "006220.pcd", frame)
+    assert not np.array_equal(Opv2vWorld(scenario, cache).scan("302", 0).points, expected)
+
+
+def test_worlds_are_opened_by_name(opv2v_dir: Path) -> None:
+    assert open_world("opv2v", data=opv2v_dir).robots == ("302", "311")
+    with pytest.raises(WorldError, match="needs the directory"):
+        open_world("opv2v")
+    with pytest.raises(WorldError, match="'moon' is not known; allowed: factory, opv2v"):
+        open_world("moon")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("[1, 2]", "is not a mapping"),
         ("lidar_pose: [1, 2", "cannot be read"),
         ("lidar_pose: [1, 2]", "no valid lidar_pose"),
+        ("lidar_pose: [1, 2, 3, .nan, 0, 0]", "no valid lidar_pose.*not finite"),
         ("vehicles: {}", "no valid lidar_pose"),
     ],
 )
@@ -109,3 +165,26 @@ def test_a_malformed_frame_description_is_named(
     (tmp_path / "302" / "006220.yaml").write_text(text)
     with pytest.raises(WorldError, match=words):
         Opv2vWorld(tmp_path).scan("302", 0)
+
+
+VEHICLE = {"location": [0, 0, 0], "center": [0, 0, 0], "extent": [1, 1, 1], "angle": [0, 0, 0]}
+
+
+@pytest.mark.parametrize(
+    "vehicles",
+    [
+        {7: VEHICLE | {"extent": [1, 2]}},
+        {7: VEHICLE | {"angle": "north"}},
+        {7: VEHICLE | {"center": None}},
+        {7: "a car"},
+        ["a car"],
+    ],
+)
+def test_a_malformed_vehicle_is_named(opv2v_dir: Path, tmp_path: Path, vehicles: object) -> None:
+    shutil.copy(opv2v_dir / "data_protocol.yaml", tmp_path)
+    (tmp_path / "302").mkdir()
+    shutil.copy(opv2v_dir / "302" / "006220.pcd", tmp_path / "302")
+    facts = {"lidar_pose": [0] * 6, "vehicles": vehicles}
+    (tmp_path / "302" / "006220.yaml").write_text(yaml.safe_dump(facts))
+    with pytest.raises(WorldError, match="malformed vehicle"):
+        Opv2vWorld(tmp_path).ground_truth(0)

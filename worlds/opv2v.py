@@ -4,13 +4,12 @@
     <scenario>/<vehicle>/<frame>.pcd     points in the sensor's frame
     <scenario>/<vehicle>/<frame>.yaml    lidar_pose, vehicles
 
-OPV2V was recorded in CARLA, whose frames are left-handed: y points right, yaw turns clockwise.
-Everything that leaves this module is right-handed: y is negated, and so are yaw and pitch.
+OPV2V was recorded in CARLA, whose frames are left-handed; everything that leaves this module is
+right-handed (worlds/carla.py).
 """
 
 from __future__ import annotations
 
-import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -22,13 +21,17 @@ import yaml
 
 from perception.types import Boxes, clean_points
 from swarm.errors import WorldError
-from swarm.geometry import Points, Pose, invert, transform, wrap_heading
+from swarm.geometry import Points, Pose, invert, transform
+from worlds import carla
 from worlds.base import GroundTruth, Scan
+from worlds.factory.cache import ScanCache
+from worlds.factory.lidar import STATIC, Returns
 from worlds.pcd import read_pcd
 
 RATE_HZ = 10.0
 RANGE_M = 120.0
-MAX_CACHED = 64
+MAX_CACHED = 128
+"""Scans, descriptions and truths in memory; a scan takes 0.7 MB."""
 BOX_MARGIN_M = 0.1
 """Points this far outside a box still count as the vehicle's: range noise and box rounding."""
 
@@ -36,33 +39,25 @@ T = TypeVar("T")
 
 
 class Opv2vWorld:
-    """One recorded scenario; every vehicle folder is a robot. Scans are cached in memory."""
+    """One recorded scenario; every vehicle folder is a robot (a roadside unit, whose folder has a
+    negative number, is none). Parsed files are kept in memory, and scans on disk if asked."""
 
     name = "opv2v"
     rate_hz = RATE_HZ
     range_m = RANGE_M
     detector = "road"
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, cache: Path | None = None) -> None:
         """Opens a scenario directory, or a directory that holds exactly one.
 
-        Raises WorldError when there is none, or when its vehicles share no frame.
+        `cache` is a directory in which parsed scans are kept between runs, since reading ascii
+        takes 20 times as long as reading an array.
+        Raises WorldError when there is no scenario, or when a vehicle lacks a file of a frame.
         """
         self._directory = _find_scenario(Path(data))
-        frames: dict[str, set[str]] = {}
-        for folder in sorted(p for p in self._directory.iterdir() if p.is_dir()):
-            names = {p.stem for p in folder.glob("*.pcd")} & {p.stem for p in folder.glob("*.yaml")}
-            if names and not folder.name.startswith("-"):
-                frames[folder.name] = names
-        if not frames:
-            raise WorldError(f"scenario {self._directory} has no <vehicle>/<frame>.pcd and .yaml")
-        self.robots = tuple(frames)
-        self.frame_names = tuple(sorted(set.intersection(*frames.values())))
-        if not self.frame_names:
-            raise WorldError(
-                f"the vehicles {', '.join(frames)} of {self._directory} share no frame"
-            )
+        self.robots, self.frame_names = _list_frames(self._directory)
         self.frame_count = len(self.frame_names)
+        self._disk = None if cache is None else ScanCache(cache)
         self._lock = threading.Lock()
         self._cache: OrderedDict[tuple[str, str, int], Any] = OrderedDict()
 
@@ -84,7 +79,7 @@ class Opv2vWorld:
         """The vehicle's sensor in the world frame."""
         facts = self._facts(robot, frame)
         try:
-            return _pose(*(float(value) for value in facts["lidar_pose"]))
+            return carla.pose(*(float(value) for value in facts["lidar_pose"]))
         except (KeyError, TypeError, ValueError) as error:
             raise WorldError(
                 f"{self._path(robot, frame, 'yaml')} has no valid lidar_pose: {error!r}"
@@ -95,7 +90,7 @@ class Opv2vWorld:
         frame %= self.frame_count
         points = self._remember(
             ("points", robot, frame),
-            lambda: _flip(clean_points(read_pcd(self._path(robot, frame, "pcd")))),
+            lambda: self._points(self._path(robot, frame, "pcd")),
         )
         return Scan(
             robot=robot,
@@ -111,6 +106,23 @@ class Opv2vWorld:
         truth: GroundTruth = self._remember(("truth", "", frame), lambda: self._truth(frame))
         return truth
 
+    def _points(self, path: Path) -> Points:
+        if self._disk is None:
+            return carla.points(clean_points(read_pcd(path)))
+        try:
+            stat = path.stat()
+        except OSError as error:
+            raise WorldError(f"point cloud {path} cannot be read: {error}") from error
+        # The file's time and size: another file of the same name is another scan.
+        name = f"opv2v-{path.parent.name}-{path.stem}-{stat.st_mtime_ns:x}-{stat.st_size:x}"
+        kept = self._disk.read(name)
+        if kept is not None:
+            kept.points.setflags(write=False)
+            return kept.points
+        points = carla.points(clean_points(read_pcd(path)))
+        self._disk.write(name, Returns(points, np.full(len(points), STATIC, dtype=np.int16)))
+        return points
+
     def _velocity(self, robot: str, frame: int) -> tuple[float, float, float]:
         """Difference to the next recorded pose (to the previous one in the last frame)."""
         if self.frame_count < 2:
@@ -121,13 +133,13 @@ class Opv2vWorld:
 
     def _truth(self, frame: int) -> GroundTruth:
         listed: dict[str, dict[str, Any]] = {}
-        for robot in self.robots:
-            for identity, vehicle in (self._facts(robot, frame).get("vehicles") or {}).items():
-                listed.setdefault(str(identity), vehicle)
-        identities = tuple(sorted(listed))
         try:
-            boxes = _boxes([listed[identity] for identity in identities])
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+            for robot in self.robots:
+                for identity, vehicle in (self._facts(robot, frame).get("vehicles") or {}).items():
+                    listed.setdefault(str(identity), vehicle)
+            identities = tuple(sorted(listed))
+            boxes = carla.boxes([listed[identity] for identity in identities])
+        except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
             raise WorldError(
                 f"frame {self.frame_names[frame]} of {self._directory} has a malformed vehicle: "
                 f"{error!r}"
@@ -162,7 +174,7 @@ class Opv2vWorld:
         made = make()
         with self._lock:
             self._cache[key] = made
-            while len(self._cache) > MAX_CACHED * 2:
+            while len(self._cache) > MAX_CACHED:
                 self._cache.popitem(last=False)
         return made
 
@@ -181,9 +193,9 @@ def points_in_box(points: Points, boxes: Boxes, index: int) -> np.ndarray[Any, n
 
 
 def _find_scenario(data: Path) -> Path:
-    if not data.is_dir():
-        raise WorldError(f"data directory {data} is not a readable directory")
     try:
+        if not data.is_dir():
+            raise WorldError(f"data directory {data} is not a readable directory")
         if (data / "data_protocol.yaml").is_file():
             return data
         found = sorted(p.parent for p in data.glob("*/data_protocol.yaml")) or sorted(
@@ -199,6 +211,31 @@ def _find_scenario(data: Path) -> Path:
     return found[0]
 
 
+def _list_frames(scenario: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the vehicles and of the frames, of which every vehicle must have both files."""
+    files: dict[str, set[str]] = {}
+    try:
+        for folder in sorted(scenario.iterdir()):
+            if folder.is_dir() and not folder.name.startswith("-"):
+                names = {p.name for p in folder.iterdir() if p.suffix in (".pcd", ".yaml")}
+                if names:
+                    files[folder.name] = names
+    except OSError as error:
+        raise WorldError(f"scenario {scenario} cannot be read: {error}") from error
+    frames = sorted({Path(name).stem for name in set().union(*files.values())})
+    if not frames:
+        raise WorldError(f"scenario {scenario} has no <vehicle>/<frame>.pcd and .yaml")
+    for vehicle, names in files.items():
+        for frame in frames:
+            for name in (f"{frame}.pcd", f"{frame}.yaml"):
+                if name not in names:
+                    raise WorldError(
+                        f"vehicle {vehicle} of scenario {scenario} lacks {name}; every vehicle "
+                        "needs the .pcd and .yaml of every frame"
+                    )
+    return tuple(files), tuple(frames)
+
+
 def _read_yaml(path: Path) -> dict[str, Any]:
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
@@ -208,35 +245,3 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     if not isinstance(facts, dict):
         raise WorldError(f"frame description {path} is not a mapping")
     return facts
-
-
-def _pose(x: float, y: float, z: float, roll: float, yaw: float, pitch: float) -> Pose:
-    """A CARLA pose (metres, degrees, left-handed) as ours."""
-    return Pose(x, -y, z, math.radians(roll), -math.radians(pitch), -math.radians(yaw))
-
-
-def _flip(points: Points) -> Points:
-    flipped = points * np.array([1.0, -1.0, 1.0], dtype=np.float32)
-    flipped.setflags(write=False)
-    return flipped
-
-
-def _boxes(vehicles: list[dict[str, Any]]) -> Boxes:
-    """Vehicles of a frame description: `location` is the actor's origin, `center` the box's offset
-    from it in the actor's frame, `extent` half sizes, `angle` roll, yaw, pitch in degrees."""
-    if not vehicles:
-        return Boxes.empty()
-    centers, sizes, headings = [], [], []
-    for vehicle in vehicles:
-        actor = _pose(*vehicle["location"], *vehicle["angle"])
-        x, y, z = vehicle["center"]
-        centers.append((actor.matrix() @ np.array([x, -y, z, 1.0]))[:3])
-        sizes.append([2.0 * float(half) for half in vehicle["extent"]])
-        headings.append(wrap_heading(actor.yaw))
-    return Boxes(
-        centers=np.array(centers, dtype=np.float64),
-        sizes=np.array(sizes, dtype=np.float64),
-        headings=np.array(headings, dtype=np.float64),
-        scores=np.ones(len(vehicles)),
-        labels=("vehicle",) * len(vehicles),
-    )

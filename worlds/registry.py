@@ -38,7 +38,7 @@ def open_world(
 
         if data is None:
             raise WorldError("world 'opv2v' needs the directory of a recorded scenario (DATA=...)")
-        return Opv2vWorld(data)
+        return Opv2vWorld(data, cache)
     if name == "factory":
         from worlds.factory import FactoryWorld
 
