@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from ego_agent.knowledge import Knowledge
-from ego_agent.link import LinkEstimate, Round
+from ego_agent.link import LinkEstimate, Round, busy_s
 from ego_agent.monitor import Monitor
 from ego_agent.tally import TallyKeeper
 from perception.fusion.base import Contribution
@@ -71,7 +71,7 @@ class FrameRound:
     """Robots without a contribution: `kind: detail`."""
     waiting: set[str] = field(default_factory=set)
     encode_ms: dict[str, float] = field(default_factory=dict)
-    last_at: float = 0.0
+    """How long each contribution's robot took to encode it."""
     asked: int = 0
 
     @property
@@ -109,6 +109,8 @@ class Asker:
         self._inbox: queue.SimpleQueue[_Arrival] = queue.SimpleQueue()
         self._owing: dict[str, _Ask] = {}
         self._delivered = 0
+        self._on_link: list[tuple[float, float]] = []
+        """When each answer of this round can have been on its way: encoded to arrived."""
 
     def ask(
         self,
@@ -121,7 +123,7 @@ class Asker:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
         within `deadline_s` seconds counts as in time."""
         now = time.monotonic()
-        done = FrameRound(algorithm, now, deadline_s, self._delivered, last_at=now)
+        done = FrameRound(algorithm, now, deadline_s, self._delivered)
         asked: list[str] = []
         for robot in robots:
             owed = self._owing.get(robot)
@@ -168,17 +170,17 @@ class Asker:
             done.missing[robot] = f"deadline: no answer within {done.deadline_s:g} s"
         done.waiting.clear()
         if done.asked:
-            span_s = done.last_at - done.begun_at if complete else done.deadline_s
-            encode_ms = min(done.encode_ms.values(), default=0.0)
+            if not complete:
+                self._on_link.append((done.begun_at, until))
             self._link.add_round(
                 Round(
                     delivered_bytes=self._delivered - done.delivered_before,
-                    span_s=span_s,
-                    encode_s=encode_ms * 1e-3,
+                    busy_s=busy_s((max(start, done.begun_at), end) for start, end in self._on_link),
                     complete=complete,
                 ),
                 time.monotonic(),
             )
+            self._on_link.clear()
 
     def wait(self, seconds: float) -> None:
         """Takes up late answers for a while; returns early when one has come."""
@@ -226,7 +228,6 @@ class Asker:
             del self._owing[ask.robot]
         late = ask.robot not in done.waiting
         done.waiting.discard(ask.robot)
-        done.last_at = max(done.last_at, arrival.at)
         if isinstance(arrival.outcome, CoAdaptError):
             if not late:
                 done.missing[ask.robot] = _why(arrival.outcome)
@@ -234,6 +235,8 @@ class Asker:
         answer = arrival.outcome
         seen = answer.message
         self._delivered += answer.wire_bytes
+        encoded_at = min(done.begun_at + seen.encode_ms * 1e-3, arrival.at)
+        self._on_link.append((encoded_at, arrival.at))
         self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
         wrong = self._mismatch(ask, seen)

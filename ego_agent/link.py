@@ -2,11 +2,11 @@
 
 A maximum filter over the delivery rates of the last `WINDOW_ROUNDS` rounds, in the manner of BBR
 (Cardwell et al., "BBR: Congestion-Based Congestion Control", ACM Queue 14-5, 2016, which keeps ten
-round trips). A round's rate is what arrived between its first query and its last answer, divided by
-that time without the shortest encoding time of its robots (nothing can have been on the link
-before). As in BBR, a round that did not fill the link cannot lower the estimate: one that is over
-within `LATENCY_S` shows latency, not capacity. Rounds of comparable size vouch for each other, so
-that one hiccup of a busy machine lowers nothing.
+round trips). A round's rate is what arrived in it, divided by the time in which any answer can have
+been on its way: from the moment its robot had encoded it to its arrival (`busy_s`). As in BBR, a
+round that did not fill the link cannot lower the estimate: one that is over within `LATENCY_S`
+shows latency, not capacity. Rounds of comparable size vouch for each other, so that one hiccup of
+a busy machine lowers nothing.
 
 - A round without any answer says that the link is much slower than thought, or gone: each takes
   the estimate down by `TIMEOUT_DECAY`.
@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 WINDOW_ROUNDS = 10
@@ -44,27 +45,29 @@ class Round:
     delivered_bytes: int
     """All bytes that arrived between the first query and the last answer, also those of answers
     to earlier rounds."""
-    span_s: float
-    """From the first query to the last answer, or to the deadline when an answer is missing."""
-    encode_s: float
-    """The shortest time that a robot of this round took to encode."""
+    busy_s: float
+    """The longest that the link can have been busy with them: `busy_s` of their times."""
     complete: bool
     """Every robot that was asked has answered, if only with a refusal."""
 
     @property
-    def transfer_s(self) -> float:
-        """The longest that the link can have been busy with it."""
-        return max(self.span_s - self.encode_s, _MIN_SPAN_S)
-
-    @property
     def rate_bps(self) -> float:
         """Delivered bits a second."""
-        return max(FLOOR_BPS, self.delivered_bytes * 8.0 / self.transfer_s)
+        return max(FLOOR_BPS, self.delivered_bytes * 8.0 / max(self.busy_s, _MIN_SPAN_S))
 
     @property
     def filled(self) -> bool:
         """The link may have been the limit."""
-        return not self.complete or self.transfer_s >= LATENCY_S
+        return not self.complete or self.busy_s >= LATENCY_S
+
+
+def busy_s(intervals: Iterable[tuple[float, float]]) -> float:
+    """Seconds that lie in at least one of the intervals (start, end)."""
+    total, reached = 0.0, float("-inf")
+    for start, end in sorted(intervals):
+        total += max(0.0, end - max(start, reached))
+        reached = max(reached, end)
+    return total
 
 
 class LinkEstimate:

@@ -6,23 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ego_agent.link import DOUBLING_S, FLOOR_BPS, STATE_FRESH_S, LinkEstimate, Round
+from ego_agent.link import DOUBLING_S, FLOOR_BPS, STATE_FRESH_S, LinkEstimate, Round, busy_s
 
 PRIOR = 55e6
 
 
-def over(rate_bps: float, size: int, *, encode_s: float = 0.0, overhead_s: float = 0.0) -> Round:
+def over(rate_bps: float, size: int, *, overhead_s: float = 0.0) -> Round:
     """A round of `size` bytes over a link of that rate."""
-    return Round(
-        delivered_bytes=size,
-        span_s=size * 8.0 / rate_bps + encode_s + overhead_s,
-        encode_s=encode_s,
-        complete=True,
-    )
+    return Round(delivered_bytes=size, busy_s=size * 8.0 / rate_bps + overhead_s, complete=True)
 
 
 def nothing() -> Round:
-    return Round(delivered_bytes=0, span_s=0.25, encode_s=0.0, complete=False)
+    return Round(delivered_bytes=0, busy_s=0.25, complete=False)
 
 
 def test_before_anything_was_measured_the_setting_counts() -> None:
@@ -37,10 +32,10 @@ def test_rounds_that_fill_the_link_measure_it() -> None:
     assert source == "measured"
 
 
-def test_encoding_time_is_not_the_links() -> None:
-    link = LinkEstimate(PRIOR)
-    link.add_round(over(5e6, 100_000, encode_s=0.08), 1.0)
-    assert link.capacity(1.0)[0] == pytest.approx(5e6)
+def test_the_link_is_busy_while_any_answer_is_on_its_way() -> None:
+    assert busy_s([]) == 0.0
+    assert busy_s([(1.0, 2.0), (1.5, 2.5), (4.0, 4.5)]) == pytest.approx(2.0)
+    assert busy_s([(4.0, 4.5), (1.0, 5.0)]) == pytest.approx(4.0)
 
 
 def test_small_rounds_cannot_lower_the_estimate() -> None:
@@ -85,7 +80,7 @@ def test_nothing_but_timeouts_makes_the_estimate_decay_to_a_floor() -> None:
 
 def test_a_refusal_says_nothing_about_the_link() -> None:
     link = LinkEstimate(PRIOR)
-    link.add_round(Round(delivered_bytes=0, span_s=0.1, encode_s=0.0, complete=True), 1.0)
+    link.add_round(Round(delivered_bytes=0, busy_s=0.1, complete=True), 1.0)
     assert link.capacity(1.0) == (PRIOR, "prior")
 
 
@@ -127,8 +122,7 @@ def test_the_last_word_of_a_controller_that_is_gone_stays_the_prior() -> None:
         st.builds(
             Round,
             delivered_bytes=st.integers(0, 8_000_000),
-            span_s=st.floats(0, 5),
-            encode_s=st.floats(0, 5),
+            busy_s=st.floats(0, 5),
             complete=st.booleans(),
         ),
         max_size=40,
