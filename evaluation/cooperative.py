@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.boxes import iou_bev
 from perception.detector import configuration, detect
 from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.registry import make_fusion
@@ -15,14 +16,16 @@ from perception.metrics import average_precision
 from perception.types import Boxes
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Matrix, Pose, invert
-from worlds.base import World
+from worlds.base import GroundTruth, World
 
 SINGLE = "single"
 """Not a fusion: the ego's own scan alone."""
 EVALUATION_RANGE_M = (140.0, 40.0)
 """Boxes count within this of the ego along its own x and y: OPV2V's evaluation range."""
 MIN_VISIBLE_POINTS = 5
-"""True boxes with fewer points in all scans together cannot be found and do not count."""
+"""True boxes with fewer points in all scans together do not count, found or not."""
+IGNORED_IOU = 0.3
+"""A detected box that overlaps such a true box this much is neither right nor wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +108,8 @@ def evaluate(
     """AP of one algorithm with all robots taking part, seen from one ego.
 
     Counts boxes within EVALUATION_RANGE_M of the ego, without the ego itself, and true boxes
-    with at least MIN_VISIBLE_POINTS points.
+    with at least MIN_VISIBLE_POINTS points. What is found of the other true boxes is left out, as
+    KITTI does with its "don't care" regions.
     """
     if algorithm not in (SINGLE, "early", "intermediate", "late"):
         raise PerceptionError(
@@ -115,13 +119,9 @@ def evaluate(
     for frame in range(world.frame_count) if frames is None else frames:
         fused = fuse_frame(world, frame, ego, world.robots, algorithm, disturbance)
         sizes += list(fused.bytes.values())
-        truth = world.ground_truth(frame)
-        counted = truth.boxes.take(
-            (truth.visible_points >= MIN_VISIBLE_POINTS)
-            & np.array([identity != ego for identity in truth.ids])
-        )
+        found, counted = _judged(fused.boxes, world.ground_truth(frame), ego)
         own_from_world = invert(world.pose(ego, frame).matrix())
-        pairs.append((_in_range(fused.boxes, own_from_world), _in_range(counted, own_from_world)))
+        pairs.append((_in_range(found, own_from_world), _in_range(counted, own_from_world)))
     return Precision(
         ap_30=average_precision(pairs, 0.3),
         ap_50=average_precision(pairs, 0.5),
@@ -130,6 +130,17 @@ def evaluate(
         frames=len(pairs),
         ground_truth=sum(len(truth) for _, truth in pairs),
     )
+
+
+def _judged(found: Boxes, truth: GroundTruth, ego: str) -> tuple[Boxes, Boxes]:
+    """The detected and the true boxes that count."""
+    counts = truth.visible_points >= MIN_VISIBLE_POINTS
+    counts &= np.array([identity != ego for identity in truth.ids], dtype=np.bool_)
+    overlap = iou_bev(found, truth.boxes)
+    ignored = overlap[:, ~counts].max(axis=1, initial=0.0)
+    wanted = overlap[:, counts].max(axis=1, initial=0.0)
+    kept = (ignored < IGNORED_IOU) | (wanted >= ignored)
+    return found.take(kept), truth.boxes.take(counts)
 
 
 def _in_range(boxes: Boxes, own_from_world: Matrix) -> Boxes:

@@ -16,6 +16,10 @@ from swarm.geometry import Points
 
 Floats = NDArray[np.float64]
 MIN_SCORE = 0.05
+MAX_BOXES = 1000
+"""Best boxes that are compared with each other: noise for a cloud must not cost gigabytes."""
+SIZE_SPREAD = 0.3
+"""Standard deviation of the logarithm of a class's sizes: 1.35 times the usual is one sigma off."""
 
 
 def detect(points: Points, config: DetectorConfig, origins: Floats | None = None) -> Boxes:
@@ -56,11 +60,13 @@ def detect(points: Points, config: DetectorConfig, origins: Floats | None = None
                     height[index],
                     counts[index] / config.sure_points,
                     label,
+                    config.size_slack_m,
                     origins,
                 )
             )
     boxes = Boxes.concatenate(parts)
-    return nms(boxes.take(boxes.scores >= MIN_SCORE))
+    best = np.argsort(-boxes.scores, kind="stable")[:MAX_BOXES]
+    return nms(boxes.take(best[boxes.scores[best] >= MIN_SCORE]))
 
 
 def _heights(found: Segmentation) -> tuple[Floats, Floats, NDArray[np.intp]]:
@@ -101,6 +107,7 @@ def _complete(
     height: Floats,
     evidence: Floats,
     label: ObjectClass,
+    slack_m: float,
     origins: Floats,
 ) -> Boxes:
     """Boxes of clusters of one class, grown to the class's usual size."""
@@ -109,7 +116,8 @@ def _complete(
     end_seen = sizes[:, 0] <= width * 1.15
     headings = np.where(end_seen, headings + np.pi / 2, headings)
     seen = np.where(end_seen[:, None], sizes[:, ::-1], sizes)
-    full = np.maximum(seen, np.array([length, width]))
+    usual = np.array([length, width])
+    full = np.where(seen <= usual + slack_m, usual, seen)
     axes = np.stack(
         [
             np.stack([np.cos(headings), np.sin(headings)], axis=1),
@@ -123,11 +131,14 @@ def _complete(
     side = np.einsum("nij,nj->ni", axes, away)
     # Sides seen nearly edge-on grow both ways.
     lean = np.clip(side / np.maximum(np.linalg.norm(away, axis=1), 1e-6)[:, None] / 0.25, -1.0, 1.0)
-    shift = lean * (full - seen) / 2
+    shift = lean * np.maximum(full - seen, 0.0) / 2
     centers = centers + np.einsum("nij,ni->nj", axes, shift)
-    tall_full = np.maximum(height, tall)
-    completeness = (seen / full).mean(axis=1)
-    scores = np.minimum(1.0, evidence) * (0.3 + 0.7 * completeness)
+    tall_full = np.where(height <= tall + slack_m, tall, height)
+    completeness = np.minimum(seen / full, 1.0).mean(axis=1)
+    # Few objects are much larger than their class usually is; bushes and walls are any size.
+    excess = np.log(np.column_stack([full, tall_full]) / np.array(label.size))
+    usual_size = np.exp(-0.5 * ((excess / SIZE_SPREAD) ** 2).sum(axis=1))
+    scores = np.minimum(1.0, evidence) * (0.3 + 0.7 * completeness) * usual_size
     return Boxes(
         centers=np.column_stack([centers, bottom + tall_full / 2]),
         sizes=np.column_stack([full, tall_full]),
