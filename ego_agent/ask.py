@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import queue
 import time
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
@@ -155,16 +156,25 @@ class Asker:
             self._send(session, _Ask(robot, request, done, tries=1))
         return done
 
-    def collect(self, session: Session | None, done: FrameRound) -> None:
-        """Waits until every robot of the frame has answered or the deadline has passed."""
+    def collect(
+        self,
+        session: Session | None,
+        done: FrameRound,
+        take_up: Callable[[Contribution], None],
+    ) -> None:
+        """Waits until every robot of the frame has answered or the deadline has passed; gives each
+        contribution to `take_up` when it arrives."""
         until = done.begun_at + done.deadline_s
         while done.waiting and (left := until - time.monotonic()) > 0:
             try:
                 arrival = self._inbox.get(timeout=left)
             except queue.Empty:
                 break
-            if not self._asked_again(session, arrival, until):
-                self._take(arrival)
+            if self._asked_again(session, arrival, until):
+                continue
+            contribution = self._take(arrival)
+            if contribution is not None:
+                take_up(contribution)
         complete = not done.waiting
         for robot in sorted(done.waiting):
             done.missing[robot] = f"deadline: no answer within {done.deadline_s:g} s"
@@ -222,7 +232,8 @@ class Asker:
         self._send(session, _Ask(ask.robot, ask.request, ask.round, tries=2))
         return True
 
-    def _take(self, arrival: _Arrival) -> None:
+    def _take(self, arrival: _Arrival) -> Contribution | None:
+        """Counts an answer; returns what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
         if self._owing.get(ask.robot) is ask:
             del self._owing[ask.robot]
@@ -231,7 +242,7 @@ class Asker:
         if isinstance(arrival.outcome, CoAdaptError):
             if not late:
                 done.missing[ask.robot] = _why(arrival.outcome)
-            return
+            return None
         answer = arrival.outcome
         seen = answer.message
         self._delivered += answer.wire_bytes
@@ -244,15 +255,15 @@ class Asker:
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self._knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
         if late:
-            return
+            return None
         if wrong is not None:
             done.missing[ask.robot] = wrong
-            return
+            return None
         done.bytes[ask.robot] = len(seen.payload)
         done.encode_ms[ask.robot] = seen.encode_ms
-        done.contributions.append(
-            Contribution(ask.robot, seen.payload, seen.sensor_pose().matrix())
-        )
+        contribution = Contribution(ask.robot, seen.payload, seen.sensor_pose().matrix())
+        done.contributions.append(contribution)
+        return contribution
 
     def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
         """Why an answer is not what was asked for."""

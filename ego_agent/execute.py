@@ -17,11 +17,11 @@ import numpy as np
 from ego_agent.ask import Asker, FrameRound, kind_of
 from ego_agent.sense import OwnFrame, OwnSensor
 from ego_agent.tally import TallyKeeper
-from perception.fusion.base import Fusion, FusionResult
+from perception.fusion.base import Contribution, Fusion
 from perception.types import Boxes
 from swarm import keyspace
 from swarm.arrays import pack
-from swarm.errors import TransportError
+from swarm.errors import PerceptionError, TransportError
 from swarm.log import Logger
 from swarm.messages import Decision, Detections
 from swarm.session import Session
@@ -42,6 +42,7 @@ class FrameResult:
     latency_ms: float
     """From the first query to the fused boxes."""
     fuse_ms: float
+    """From the last answer to the fused boxes."""
 
 
 class FusionLoop:
@@ -129,34 +130,47 @@ class FusionLoop:
         done = self._asker.ask(
             session, others, decision.algorithm, own.capture_ns, self._deadline_s
         )
-        self._asker.collect(session, done)
+        fusion = self._fusions[decision.algorithm]
+        gathering = fusion.begin(own.points, own.world_from_sensor)
+        rejected: dict[str, str] = {}
+
+        def take_up(contribution: Contribution) -> None:
+            # One robot's payload must not end the frame, whatever is wrong with it.
+            try:
+                gathering.add(contribution)
+            except Exception as error:
+                rejected[contribution.robot] = self._fault(error, own)
+
+        self._asker.collect(session, done, take_up)
         fuse_at = time.monotonic()
-        fused = self._fused(self._fusions[decision.algorithm], own, done)
+        try:
+            boxes = gathering.finish()
+        except Exception as error:
+            if not done.contributions:
+                raise
+            why = self._fault(error, own)
+            rejected = {c.robot: why for c in done.contributions}
+            boxes = fusion.begin(own.points, own.world_from_sensor).finish()
         end_at = time.monotonic()
         missing = dict(done.missing)
-        missing.update({robot: f"rejected: {why}" for robot, why in fused.rejected.items()})
-        used = tuple(c.robot for c in done.contributions if c.robot not in fused.rejected)
+        missing.update({robot: f"rejected: {why}" for robot, why in rejected.items()})
+        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
         return FrameResult(
             own=own,
             round=done,
-            boxes=fused.boxes,
+            boxes=boxes,
             participants=(self._ego, *sorted(used)),
             missing=missing,
             latency_ms=(end_at - done.begun_at) * 1e3,
             fuse_ms=(end_at - fuse_at) * 1e3,
         )
 
-    def _fused(self, fusion: Fusion, own: OwnFrame, done: FrameRound) -> FusionResult:
-        """The fusion's result; the ego alone when a contribution upsets the fusion."""
-        try:
-            return fusion.fuse(own.points, own.world_from_sensor, done.contributions)
-        except Exception as error:
-            if not done.contributions:
-                raise
-            self._log.error("fusion_failed", frame=own.frame, exc_info=True)
-            alone = fusion.fuse(own.points, own.world_from_sensor, ())
-            why = f"fusion failed: {type(error).__name__}"
-            return FusionResult(alone.boxes, {c.robot: why for c in done.contributions})
+    def _fault(self, error: Exception, own: OwnFrame) -> str:
+        """Why a contribution is rejected; a fault that is not the payload's is logged."""
+        if isinstance(error, PerceptionError):
+            return str(error)
+        self._log.error("fusion_failed", frame=own.frame, exc_info=True)
+        return f"fusion failed: {type(error).__name__}"
 
     def _publish(self, decision: Decision, result: FrameResult) -> None:
         session, boxes = self._session, result.boxes

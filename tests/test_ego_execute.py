@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -18,10 +18,10 @@ from ego_agent.monitor import Monitor
 from ego_agent.sense import OwnFrame, OwnSensor
 from ego_agent.tally import TallyKeeper
 from perception.codec.points import decode_points, encode_points
-from perception.fusion.base import Contribution, EncodeOptions, FusionResult
+from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.types import Boxes, clean_points
 from swarm import keyspace
-from swarm.errors import PayloadError, PerceptionError, WorldError
+from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Matrix, Points, Pose, transform
 from swarm.log import make_logger
 from swarm.messages import Decision, Detections, Observation, ObservationRequest
@@ -33,7 +33,7 @@ BOX = np.stack(np.meshgrid(*[np.linspace(-1, 1, 12)] * 3), axis=-1).reshape(-1, 
 DEADLINE_S = 0.4
 
 
-class Crates:
+class Crates(Fusion):
     """A fusion that finds one crate in each cloud: the middle of all that is above the floor."""
 
     def __init__(self, name: str) -> None:
@@ -43,22 +43,25 @@ class Crates:
         cloud = clean_points(points)
         return encode_points(cloud[cloud[:, 2] > -0.9], options.max_error_m)
 
-    def fuse(
-        self, own: Points, world_from_own: Matrix, contributions: Sequence[Contribution]
-    ) -> FusionResult:
-        clouds, rejected = [transform(world_from_own, clean_points(own))], {}
-        for item in contributions:
-            try:
-                points = decode_points(item.payload)
-            except PayloadError as error:
-                rejected[item.robot] = str(error)
-                continue
-            clouds.append(transform(item.world_from_sensor, points))
-        middles = [c[c[:, 2] > 0.1].mean(axis=0) for c in clouds if (c[:, 2] > 0.1).any()]
+    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
+        return CrateClouds(transform(world_from_own, clean_points(own)))
+
+
+class CrateClouds(Gathering):
+    """Clouds in the world frame."""
+
+    def __init__(self, own: Points) -> None:
+        self.clouds = [own]
+
+    def add(self, contribution: Contribution) -> None:
+        points = decode_points(contribution.payload)
+        self.clouds.append(transform(contribution.world_from_sensor, points))
+
+    def finish(self) -> Boxes:
+        middles = [c[c[:, 2] > 0.1].mean(axis=0) for c in self.clouds if (c[:, 2] > 0.1).any()]
         n = len(middles)
         centers = np.array(middles, dtype=np.float64).reshape(n, 3)
-        boxes = Boxes(centers, np.ones((n, 3)), np.zeros(n), np.ones(n), ("crate",) * n)
-        return FusionResult(boxes, rejected)
+        return Boxes(centers, np.ones((n, 3)), np.zeros(n), np.ones(n), ("crate",) * n)
 
 
 class Hall:

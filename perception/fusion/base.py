@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from perception.types import Boxes
+from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, Points
 
 
@@ -36,20 +37,46 @@ class FusionResult:
     rejected: dict[str, str]
 
 
-class Fusion(Protocol):
+class Gathering(ABC):
+    """One frame's fusion at the ego, while contributions come in."""
+
+    @abstractmethod
+    def add(self, contribution: Contribution) -> None:
+        """Takes up a contribution when it arrives.
+
+        Raises PerceptionError when its payload cannot be used; the others are not affected.
+        """
+
+    @abstractmethod
+    def finish(self) -> Boxes:
+        """The boxes of all that was taken up, in the world frame."""
+
+
+class Fusion(ABC):
     """A fusion algorithm; instances hold no state between frames."""
 
     name: str
 
+    @abstractmethod
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """Robot side: a scan, float32 (N, 3) in the sensor's frame, as a payload."""
-        ...
+
+    @abstractmethod
+    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
+        """Ego side: starts a frame with the own scan, float32 (N, 3) in the sensor's frame."""
 
     def fuse(
         self, own: Points, world_from_own: Matrix, contributions: Sequence[Contribution]
     ) -> FusionResult:
-        """Ego side: own scan (sensor frame) and contributions to boxes in the world frame.
+        """Own scan and contributions to boxes in the world frame, all at once.
 
-        A contribution that cannot be read is left out and named in `rejected`.
+        A contribution that cannot be used is left out and named in `rejected`.
         """
-        ...
+        gathering = self.begin(own, world_from_own)
+        rejected = {}
+        for item in contributions:
+            try:
+                gathering.add(item)
+            except PerceptionError as error:
+                rejected[item.robot] = str(error)
+        return FusionResult(gathering.finish(), rejected)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from perception.codec.points import decode_points, encode_points
 from perception.detector import DetectorConfig, detect
-from perception.fusion.base import Contribution, EncodeOptions, FusionResult
+from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.participants import with_participants, without_bodies
 from perception.scene import ground_mask
-from perception.types import clean_points
-from swarm.errors import PerceptionError
+from perception.types import Boxes, clean_points
 from swarm.geometry import Matrix, Points, invert, transform
 
 
-class EarlyFusion:
+class EarlyFusion(Fusion):
     """Points of all participants, detected as one cloud."""
 
     name = "early"
@@ -30,22 +28,32 @@ class EarlyFusion:
             cloud = cloud[~ground_mask(cloud)]
         return encode_points(cloud, options.max_error_m)
 
-    def fuse(
-        self, own: Points, world_from_own: Matrix, contributions: Sequence[Contribution]
-    ) -> FusionResult:
-        """Merges the clouds in the ego's frame and detects on the whole."""
-        clouds = [clean_points(own)]
-        origins = [np.zeros(3)]
-        rejected: dict[str, str] = {}
-        own_from_world = invert(world_from_own)
-        for item in contributions:
-            try:
-                points = decode_points(item.payload)
-            except PerceptionError as error:
-                rejected[item.robot] = str(error)
-                continue
-            own_from_sensor = own_from_world @ item.world_from_sensor
-            clouds.append(clean_points(transform(own_from_sensor, points)))
-            origins.append(own_from_sensor[:3, 3])
-        boxes = detect(np.concatenate(clouds), self._config, np.stack(origins))
-        return FusionResult(boxes.transformed(world_from_own), rejected)
+    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
+        """Starts the merged cloud with the own scan."""
+        return _MergedCloud(self._config, own, world_from_own)
+
+
+class _MergedCloud(Gathering):
+    """Clouds in the ego's frame, detected as one."""
+
+    def __init__(self, config: DetectorConfig, own: Points, world_from_own: Matrix) -> None:
+        self._config = config
+        self._world_from_own = world_from_own
+        self._own_from_world = invert(world_from_own)
+        self._clouds = [clean_points(own)]
+        self._own_from_senders: list[Matrix] = []
+
+    def add(self, contribution: Contribution) -> None:
+        points = decode_points(contribution.payload)
+        own_from_sensor = self._own_from_world @ contribution.world_from_sensor
+        self._clouds.append(clean_points(transform(own_from_sensor, points)))
+        self._own_from_senders.append(own_from_sensor)
+
+    def finish(self) -> Boxes:
+        carrier = self._config.carrier
+        cloud = without_bodies(np.concatenate(self._clouds), self._own_from_senders, carrier)
+        origins = np.stack([np.zeros(3), *(sender[:3, 3] for sender in self._own_from_senders)])
+        found = with_participants(
+            detect(cloud, self._config, origins), self._own_from_senders, carrier
+        )
+        return found.transformed(self._world_from_own)

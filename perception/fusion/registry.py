@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from perception.detector import configuration
+from collections.abc import Callable
+
+from perception.detector import DetectorConfig, configuration
 from perception.fusion.base import Fusion
 from perception.fusion.early import EarlyFusion
 from perception.fusion.late import LateFusion
 from swarm.errors import PerceptionError
 
-_FUSIONS: dict[str, type[EarlyFusion] | type[LateFusion]] = {
+_FUSIONS: dict[str, Callable[[DetectorConfig], Fusion]] = {
     EarlyFusion.name: EarlyFusion,
     LateFusion.name: LateFusion,
 }
