@@ -35,7 +35,8 @@ class Disturbance:
     pose_noise_m: float = 0.0
     """Standard deviation of x and y in metres, and of the heading in degrees."""
     delay_s: float = 0.0
-    """How old a contribution is when the ego fuses it."""
+    """How old a contribution is when the ego fuses it, rounded to whole frames; in the first
+    frames it is the first one at most."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,9 @@ def register(commands: Any) -> None:
         "ap",
         help="average precision on a recorded scenario",
         description="Average precision of a fusion algorithm over all frames of a directory in "
-        "OPV2V's layout, all vehicles taking part.",
+        "OPV2V's layout, all vehicles taking part. Boxes count within 140 m along and 40 m across "
+        "the ego's heading (OPV2V's range), true ones with at least 5 points in all scans "
+        "together; overlap is that of the footprints.",
     )
     parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
     parser.add_argument("--algorithm", required=True, help="early or late; single is the ego alone")
@@ -30,7 +32,11 @@ def register(commands: Any) -> None:
         help="standard deviation of the senders' poses, metres and degrees",
     )
     parser.add_argument(
-        "--delay", type=at_least_zero, default=0.0, metavar="S", help="age of contributions"
+        "--delay",
+        type=at_least_zero,
+        default=0.0,
+        metavar="S",
+        help="age of contributions, seconds; rounded to whole frames (0.1 s)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.set_defaults(run=run)
