@@ -45,6 +45,14 @@ def test_nan_points_are_kept_for_the_caller_to_judge(tmp_path: Path) -> None:
     assert np.isnan(points[0, 0])
 
 
+def test_numbers_beyond_float32_become_infinite(tmp_path: Path) -> None:
+    points = read_pcd(write(tmp_path / "a.pcd", header("ascii", 1), b"1e60 0 1 0\n"))
+    assert np.isinf(points[0, 0])
+    wide = header("binary", 1, "x y z").replace("SIZE 4 4 4", "SIZE 8 8 8")
+    points = read_pcd(write(tmp_path / "b.pcd", wide, np.array([1e60, 0, 1]).tobytes()))
+    assert np.isinf(points[0, 0])
+
+
 @pytest.mark.parametrize(
     ("head", "body", "words"),
     [
@@ -56,6 +64,7 @@ def test_nan_points_are_kept_for_the_caller_to_judge(tmp_path: Path) -> None:
         (header("ascii", fields="x y"), b"1 2\n3 4\n", "x, y and z"),
         (header("ascii").replace("POINTS 2", "POINTS -2"), b"", "POINTS '-2'"),
         (header("ascii").replace("POINTS 2", "POINTS 99999999999"), b"", "12000000"),
+        (header("binary").replace("COUNT 1", "COUNT 0"), b"\x00" * 32, "COUNT 1"),
         (header("binary").replace("SIZE 4 4 4 4", "SIZE 3 4 4 4"), b"\x00" * 32, "malformed"),
     ],
 )

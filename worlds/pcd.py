@@ -20,7 +20,8 @@ _TYPES = {("F", 4): "<f4", ("F", 8): "<f8"} | {
 
 
 def read_pcd(path: Path) -> Points:
-    """The points of a file as float32 (N, 3) in the sensor's frame as stored, NaN included.
+    """The points of a file as float32 (N, 3) in the sensor's frame as stored, NaN and infinity
+    included.
 
     Raises WorldError that names the file and what is wrong with it.
     """
@@ -71,7 +72,8 @@ def _positive(path: Path, header: dict[str, list[str]], name: str) -> int:
 
 def _read_ascii(path: Path, body: bytes, fields: list[str], count: int) -> Points:
     try:
-        values = np.array(body.split(), dtype=np.float32)
+        with np.errstate(over="ignore"):  # a number beyond float32 becomes infinite
+            values = np.array(body.split(), dtype=np.float32)
     except ValueError as error:
         raise WorldError(f"point cloud {path} holds something that is no number: {error}") from None
     if len(values) != count * len(fields):
@@ -96,6 +98,8 @@ def _read_binary(path: Path, body: bytes, header: dict[str, list[str]], count: i
         columns = [fields.index(name) for name in ("x", "y", "z")]
         if len(layout.names or ()) != len(fields):
             raise ValueError("FIELDS, SIZE, TYPE and COUNT differ in length")
+        if any(int(counts[column]) < 1 for column in columns):
+            raise ValueError("x, y and z need COUNT 1")
     except (KeyError, ValueError) as error:
         raise WorldError(f"point cloud {path} has a malformed header: {error}") from error
     if len(body) < count * layout.itemsize:
@@ -104,7 +108,8 @@ def _read_binary(path: Path, body: bytes, header: dict[str, list[str]], count: i
             f"holds {len(body)} bytes"
         )
     records = np.frombuffer(body, dtype=layout, count=count)
-    return np.stack([records[f"{c}"][:, 0].astype(np.float32) for c in columns], axis=1)
+    with np.errstate(over="ignore"):
+        return np.stack([records[f"{c}"][:, 0].astype(np.float32) for c in columns], axis=1)
 
 
 def _xyz(values: NDArray[np.float32], fields: list[str]) -> Points:
