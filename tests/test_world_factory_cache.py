@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from worlds.cache import ScanCache
 from worlds.factory import FactoryWorld
-from worlds.factory.cache import ScanCache
-from worlds.factory.lidar import Returns
 
 
 @pytest.fixture
-def returns() -> Returns:
-    return Returns(np.ones((5, 3), dtype=np.float32), np.arange(-1, 4, dtype=np.int16))
+def rows() -> NDArray[np.float32]:
+    points, actors = np.ones((5, 3)), np.arange(-1, 4)
+    return np.column_stack([points, actors]).astype(np.float32)
 
 
 def test_a_kept_scan_is_the_computed_one(tmp_path: Path) -> None:
@@ -28,10 +29,10 @@ def test_a_kept_scan_is_the_computed_one(tmp_path: Path) -> None:
     assert kept[0].pose == expected[0].pose
 
 
-def test_a_kept_scan_is_read_not_computed(tmp_path: Path, returns: Returns) -> None:
-    ScanCache(tmp_path).write("v1-floor-s1-r16-n6-R1-0003", returns)
+def test_a_kept_scan_is_read_not_computed(tmp_path: Path, rows: NDArray[np.float32]) -> None:
+    ScanCache(tmp_path).write("v1-floor-s1-r16-n6-R1-0003", rows)
     kept = FactoryWorld(rings=16, cache=tmp_path).scan("R1", 3)
-    assert np.array_equal(kept.points, returns.points)
+    assert np.array_equal(kept.points, rows[:, :3])
 
 
 @pytest.mark.parametrize("damage", ["cut", "flip", "empty", "other", "pickle"])
@@ -52,13 +53,13 @@ def test_a_damaged_file_is_computed_again_and_mended(tmp_path: Path, damage: str
     assert file.read_bytes() == whole
 
 
-def test_a_full_directory_takes_no_more(tmp_path: Path, returns: Returns) -> None:
+def test_a_full_directory_takes_no_more(tmp_path: Path, rows: NDArray[np.float32]) -> None:
     cache = ScanCache(tmp_path, max_files=3)
     for i in range(6):
-        cache.write(f"scan{i}", returns)
+        cache.write(f"scan{i}", rows)
     assert len(list(tmp_path.iterdir())) == 3
-    assert cache.read("scan0") is not None
-    assert cache.read("scan5") is None
+    assert cache.read("scan0", columns=4) is not None
+    assert cache.read("scan5", columns=4) is None
 
 
 def test_a_directory_that_cannot_be_written_does_not_stop_the_world(tmp_path: Path) -> None:

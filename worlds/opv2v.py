@@ -24,8 +24,7 @@ from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, invert, transform
 from worlds import carla
 from worlds.base import GroundTruth, Scan
-from worlds.factory.cache import ScanCache
-from worlds.factory.lidar import STATIC, Returns
+from worlds.cache import ScanCache
 from worlds.pcd import read_pcd
 
 RATE_HZ = 10.0
@@ -115,12 +114,12 @@ class Opv2vWorld:
             raise WorldError(f"point cloud {path} cannot be read: {error}") from error
         # The file's time and size: another file of the same name is another scan.
         name = f"opv2v-{path.parent.name}-{path.stem}-{stat.st_mtime_ns:x}-{stat.st_size:x}"
-        kept = self._disk.read(name)
+        kept = self._disk.read(name, columns=3)
         if kept is not None:
-            kept.points.setflags(write=False)
-            return kept.points
+            kept.setflags(write=False)
+            return kept
         points = carla.points(clean_points(read_pcd(path)))
-        self._disk.write(name, Returns(points, np.full(len(points), STATIC, dtype=np.int16)))
+        self._disk.write(name, points)
         return points
 
     def _velocity(self, robot: str, frame: int) -> tuple[float, float, float]:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from swarm.errors import WorldError
 from swarm.geometry import Pose
 from worlds.base import GroundTruth, Scan
+from worlds.cache import ScanCache
 from worlds.factory.actors import SENSOR_HEIGHT_M, Solids, solids, true_boxes
-from worlds.factory.cache import ScanCache
 from worlds.factory.layout import build_floor
 from worlds.factory.lidar import RANGE_M, RINGS, Lidar, Returns
 from worlds.factory.paths import Motion
@@ -144,8 +144,10 @@ class FactoryWorld:
 
     def _returns(self, index: int, frame: int) -> Returns:
         name = f"{self._file_key}-{self.robots[index]}-{frame:04d}"
-        found = self._cache.read(name) if self._cache else None
-        if found is None:
+        kept = self._cache.read(name, columns=4) if self._cache else None
+        if kept is not None:
+            found = Returns(np.ascontiguousarray(kept[:, :3]), kept[:, 3].astype(np.int16))
+        else:
             found = self._lidar.shoot(
                 self.pose(self.robots[index], frame),
                 index,
@@ -153,7 +155,8 @@ class FactoryWorld:
                 np.random.default_rng((*self._noise_key, index, frame)),
             )
             if self._cache:
-                self._cache.write(name, found)
+                actors = found.actors.astype(np.float32)
+                self._cache.write(name, np.column_stack([found.points, actors]))
         found.points.setflags(write=False)
         found.actors.setflags(write=False)
         return found

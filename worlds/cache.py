@@ -10,8 +10,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-
-from worlds.factory.lidar import Returns
+from numpy.typing import NDArray
 
 MAX_FILES = 2000
 """About 1 GB at 32 rings."""
@@ -19,7 +18,7 @@ _CHECKSUM_BYTES = 4
 
 
 class ScanCache:
-    """A directory of scans: `.npy` with x, y, z and actor index a row, then a CRC-32.
+    """A directory of scans: `.npy` with a point a row, float32, then a CRC-32.
 
     A directory that holds `max_files` takes no more: a world that runs through its frames again
     and again would otherwise push out each scan just before it is wanted. Processes may share the
@@ -31,8 +30,8 @@ class ScanCache:
         self._directory = Path(directory)
         self._max_files = max_files
 
-    def read(self, name: str) -> Returns | None:
-        """The scan of that name, or None."""
+    def read(self, name: str, columns: int) -> NDArray[np.float32] | None:
+        """The rows of that scan, float32 (N, columns), or None."""
         try:
             data = (self._directory / f"{name}.npy").read_bytes()
             body, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
@@ -41,13 +40,12 @@ class ScanCache:
             rows = np.load(io.BytesIO(body), allow_pickle=False)
         except (OSError, ValueError, EOFError):
             return None
-        if rows.dtype != np.float32 or rows.ndim != 2 or rows.shape[1] != 4:
+        if rows.dtype != np.float32 or rows.ndim != 2 or rows.shape[1] != columns:
             return None
-        return Returns(np.ascontiguousarray(rows[:, :3]), rows[:, 3].astype(np.int16))
+        return np.asarray(rows, dtype=np.float32)
 
-    def write(self, name: str, returns: Returns) -> None:
-        """Keeps a scan if there is room, or in place of the file of that name."""
-        rows = np.column_stack([returns.points, returns.actors.astype(np.float32)])
+    def write(self, name: str, rows: NDArray[np.float32]) -> None:
+        """Keeps a scan, (N, columns), if there is room, or in place of the file of that name."""
         buffer = io.BytesIO()
         np.save(buffer, rows, allow_pickle=False)
         body = buffer.getvalue()
