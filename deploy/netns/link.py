@@ -57,8 +57,8 @@ def shape(device: str, rate_bps: int) -> None:
 
     Raises DeployError when the kernel lacks HTB, bfifo or u32, or keeps another rate.
     """
-    shaped = "qdisc htb 1: root" in run("tc", "qdisc", "show", "dev", device)
     try:
+        shaped = "qdisc htb 1: root" in run("tc", "qdisc", "show", "dev", device)
         run("tc", "-batch", "-", text="\n".join(commands(device, rate_bps, shaped=shaped)))
     except DeployError as error:
         raise DeployError(
