@@ -208,7 +208,8 @@ def _merge(
     keep = grid.contains(objects[:, _X], objects[:, _Y]) & (evidence > 0.0)
     objects, evidence, owner = objects[keep], evidence[keep], owner[keep]
     if len(robots) and len(objects):
-        gaps = objects[:, None, :2] - robots[None]
+        # A beacon may claim any finite place, whose square would not be finite.
+        gaps = np.clip(objects[:, None, :2] - robots[None], -2 * SELF_M, 2 * SELF_M)
         keep = (gaps**2).sum(axis=2).min(axis=1) > SELF_M**2
         objects, evidence, owner = objects[keep], evidence[keep], owner[keep]
     group = merge_nearby(objects[:, :2], evidence, MERGE_M)

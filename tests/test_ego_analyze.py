@@ -229,3 +229,10 @@ def test_no_robot_can_make_analyze_fail(found: list[RobotView], capacity_bps: fl
         assert candidate.distance_m <= 45
         assert candidate.evidence.shape == (len(unified.objects),)
         assert ((candidate.evidence >= 0) & (candidate.evidence <= 1)).all()
+
+
+def test_a_robot_that_claims_an_endless_distance_harms_nobody() -> None:
+    shot = snapshot(view("E", sees=objects((5, 0, 40))), view("A", 1e300, -1e308))
+    unified = analyze(shot, knowledge())
+    assert len(unified.objects) == 1
+    assert "range" in unified.excluded["A"]
