@@ -104,6 +104,11 @@ class Watch:
         with self._changed:
             return frozenset(self._heard.alive)
 
+    def sensing(self) -> frozenset[str]:
+        """The robots that have sent a beacon: their sensor works."""
+        with self._changed:
+            return frozenset(self._heard.beacons)
+
     def decided(self) -> bool:
         """Whether a valid decision has come."""
         with self._changed:

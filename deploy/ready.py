@@ -18,7 +18,7 @@ POLL_S = 0.5
 
 
 def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
-    """Returns once every robot is alive and the ego has published a valid decision.
+    """Returns once every robot is alive and senses, and the ego has published a valid decision.
 
     Raises DeployError with the end of the log of a process that keeps ending, or that what was
     awaited did not come in time.
@@ -33,12 +33,13 @@ def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
             if len(alive) != told:
                 told = len(alive)
                 say(f"  {told} of {len(robots)} robots are alive")
-            if alive == robots and watch.decided():
+            blind = robots - watch.sensing()
+            if alive == robots and not blind and watch.decided():
                 say(f"  {state.spec.ego} decides")
                 return
             _check(runtime, state)
             if time.monotonic() > deadline:
-                raise _too_late(runtime, state, robots - alive, timeout_s)
+                raise _too_late(runtime, state, robots - alive, blind, timeout_s)
             watch.wait(POLL_S)
 
 
@@ -70,11 +71,18 @@ def _failed(runtime: Runtime, state: State, process: ProcessStatus) -> str:
 
 
 def _too_late(
-    runtime: Runtime, state: State, missing: frozenset[str], timeout_s: float
+    runtime: Runtime,
+    state: State,
+    missing: frozenset[str],
+    blind: frozenset[str],
+    timeout_s: float,
 ) -> DeployError:
     if missing:
         what = f"{', '.join(sorted(missing))} did not join"
         service = f"robot-{min(missing)}"
+    elif blind:
+        what = f"{', '.join(sorted(blind))} sent no beacon"
+        service = f"robot-{min(blind)}"
     else:
         what = f"{state.spec.ego} published no valid decision"
         service = f"ego-{state.spec.ego}"

@@ -13,7 +13,7 @@ say() { echo "setup: $*" >&2; }
 missing_packages() {
     command -v ip >/dev/null 2>&1 || echo iproute2
     command -v prometheus >/dev/null 2>&1 || echo prometheus
-    for pair in libGL.so.1=libgl1 libgomp.so.1=libgomp1 libusb-1.0.so.0=libusb-1.0-0 \
+    for pair in libEGL.so.1=libegl1 libGL.so.1=libgl1 libgomp.so.1=libgomp1 libusb-1.0.so.0=libusb-1.0-0 \
         libX11.so.6=libx11-6; do
         ldconfig -p 2>/dev/null | grep -q "${pair%%=*}" || echo "${pair#*=}"
     done

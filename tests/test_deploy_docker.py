@@ -102,6 +102,17 @@ def test_every_process_is_a_container_and_the_ego_decides(swarm: State, cli: Cli
     assert all(robot["alive"] for robot in table["robots"])
     assert table["selected"][0] == "R1"
     assert table["valid"]
+    assert all(robot["position"] is not None for robot in table["robots"])
+
+
+def test_robots_send_what_the_ego_asks_for(swarm: State) -> None:
+    prometheus = Prometheus(swarm.prometheus_url)
+    total = "sum by (robot) (coadapt_ego_received_bytes_total)"
+
+    def senders() -> set[str]:
+        return {s.labels["robot"] for s in prometheus.query(total) if s.value > 0}
+
+    await_(lambda: senders() == {"R2", "R3"}, "bytes of both robots are counted")
 
 
 def test_prometheus_reaches_every_container(swarm: State) -> None:

@@ -4,7 +4,7 @@
 set -eu
 
 image=${1:?usage: base.sh IMAGE_NAME}
-packages=python3,python3-venv,python3-pip,ca-certificates,iproute2,libgl1,libgomp1,libusb-1.0-0,libx11-6,prometheus
+packages=python3,python3-venv,python3-pip,ca-certificates,iproute2,libegl1,libgl1,libgomp1,libusb-1.0-0,libx11-6,prometheus
 
 [ "$(id -u)" = 0 ] || { echo "base.sh: debootstrap needs root" >&2; exit 1; }
 command -v debootstrap >/dev/null || { echo "base.sh: install debootstrap first" >&2; exit 1; }

@@ -29,7 +29,6 @@ PACKAGES = (
     "worlds",
 )
 PUBLIC_BASE = "python:3.11-slim-bookworm"
-LOCAL_BASE = "coadapt-base:bookworm"
 PYTHON_VERSION = "3.11"
 PLATFORMS = ("manylinux_2_34", "manylinux_2_28", "manylinux_2_17", "manylinux2014", "manylinux1")
 
@@ -90,7 +89,9 @@ def _fingerprint() -> str:
 def _ensure_base(say: Say) -> str:
     """COADAPT_BASE_IMAGE, else the public image, else one made with debootstrap."""
     wanted = os.environ.get("COADAPT_BASE_IMAGE")
-    for image in (wanted,) if wanted else (PUBLIC_BASE, LOCAL_BASE):
+    script = REPOSITORY / "deploy" / "docker" / "base.sh"
+    local = f"coadapt-base:{hashlib.sha256(script.read_bytes()).hexdigest()[:12]}"
+    for image in (wanted,) if wanted else (PUBLIC_BASE, local):
         if _docker("image", "inspect", image).returncode == 0:
             return image
     pulled = _docker("pull", wanted or PUBLIC_BASE, timeout_s=900)
@@ -98,17 +99,16 @@ def _ensure_base(say: Say) -> str:
         return wanted or PUBLIC_BASE
     if wanted:
         raise DeployError(f"COADAPT_BASE_IMAGE = {wanted!r} cannot be pulled: {_tail(pulled)}")
-    say(f"{PUBLIC_BASE} cannot be pulled; making {LOCAL_BASE} with debootstrap (about a minute)")
-    script = REPOSITORY / "deploy" / "docker" / "base.sh"
+    say(f"{PUBLIC_BASE} cannot be pulled; making {local} with debootstrap (about a minute)")
     made = subprocess.run(
-        ["sh", str(script), LOCAL_BASE], capture_output=True, text=True, timeout=900, check=False
+        ["sh", str(script), local], capture_output=True, text=True, timeout=900, check=False
     )
     if made.returncode != 0:
         raise DeployError(
             f"no base image: pulling {PUBLIC_BASE} failed ({_tail(pulled, 1)}), and debootstrap "
             f"failed:\n{_tail(made)}\nSet COADAPT_BASE_IMAGE to an image with Python 3.11."
         )
-    return LOCAL_BASE
+    return local
 
 
 def _ensure_wheelhouse(say: Say) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm.errors import WorldError
 from swarm.geometry import TWO_PI, Points, Pose
 from worlds.factory.actors import Solids
 from worlds.factory.layout import Floor, triangles
@@ -79,8 +80,7 @@ class Lidar:
 
     def _static(self, pose: Pose) -> NDArray[np.float32]:
         """(rings * COLUMNS,): distance to the floor or to what stands on it, or infinity."""
-        import open3d as o3d
-
+        o3d = _open3d()
         cos, sin = np.float32(np.cos(pose.yaw)), np.float32(np.sin(pose.yaw))
         rays = np.empty((*self._rays.shape[:2], 6), dtype=np.float32)
         rays[..., :3] = pose.x, pose.y, pose.z
@@ -164,3 +164,18 @@ class Lidar:
         rank = np.arange(len(part)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
         row, column = np.divmod(rank, columns[part])
         return part, (first[part] + row) * COLUMNS + (start[part] + column) % COLUMNS
+
+
+def _open3d() -> Any:
+    """Open3D, imported when the first ray is cast: it takes a second.
+
+    Raises WorldError when a library that it needs is missing.
+    """
+    try:
+        import open3d
+    except (ImportError, OSError) as error:
+        raise WorldError(
+            f"the simulated factory needs Open3D, which cannot be loaded: {error}; on Debian it "
+            "needs libegl1, libgl1, libgomp1, libusb-1.0-0 and libx11-6"
+        ) from error
+    return open3d
