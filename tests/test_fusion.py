@@ -10,7 +10,9 @@ from test_boxes import make
 
 from evaluation.cooperative import SINGLE, Disturbance, evaluate, fuse_frame
 from perception.codec.boxes import encode_boxes
+from perception.codec.points import encode_points
 from perception.fusion.base import Contribution, EncodeOptions
+from perception.fusion.early import MAX_POINTS
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.errors import PerceptionError
 from swarm.geometry import Points, Pose, transform
@@ -160,3 +162,20 @@ def test_payload_bytes_are_those_of_the_senders(world: Opv2vWorld) -> None:
     assert fused.bytes["311"] == len(
         make_fusion("early", "road").encode(world.scan("311", 0).points, EncodeOptions())
     )
+
+
+def test_a_stray_return_does_not_cost_the_scan() -> None:
+    fusion = make_fusion("early", "road")
+    cloud = street(EGO, ("back", "right"))
+    stray = np.concatenate([cloud, np.array([[1e6, 0, 0]], dtype=np.float32)])
+    assert fusion.encode(stray, EncodeOptions()) == fusion.encode(cloud, EncodeOptions())
+
+
+def test_a_contribution_of_millions_of_points_is_rejected_unread() -> None:
+    fusion = make_fusion("early", "road")
+    bomb = encode_points(np.zeros((MAX_POINTS + 1, 3), dtype=np.float32))
+    assert len(bomb) < 20_000
+    own = street(EGO, ("back", "right"))
+    result = fusion.fuse(own, EGO.matrix(), [Contribution("bad", bomb, OTHER.matrix())])
+    assert list(result.rejected) == ["bad"]
+    assert len(result.boxes) > 0

@@ -1,7 +1,8 @@
 """Clouds without structure: quantised coordinates, differences in scan order, byte planes, zlib.
 
-Body: float64 step in metres, uint32 count, then the zlib stream of the bytes of the zigzag
-differences, plane by plane (all lowest bytes of x, y, z, then the second bytes, ...).
+Body: float64 step in metres, uint32 count, uint8 number of planes, then the zlib stream of the
+bytes of the zigzag differences, plane by plane (all lowest bytes of x, y, z, then the second
+bytes, ...).
 """
 
 from __future__ import annotations

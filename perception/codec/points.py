@@ -50,14 +50,15 @@ def encode_points(points: NDArray[np.floating], max_error_m: float = 0.1) -> byt
     return seal(KIND_GENERIC, plain)
 
 
-def decode_points(payload: bytes) -> Points:
+def decode_points(payload: bytes, max_points: int = MAX_POINTS) -> Points:
     """The cloud of a payload, float32 (N, 3), metres, in the frame it was encoded in.
 
-    Raises PayloadError when the payload is corrupt, truncated or of another version.
+    Raises PayloadError when the payload is corrupt, truncated, of another version, or announces
+    more than `max_points`.
     """
     kind, body = unseal(payload)
     if kind == KIND_SPINNING:
-        return spinning.decode(body, MAX_POINTS)
+        return spinning.decode(body, max_points)
     if kind == KIND_GENERIC:
-        return generic.decode(body, MAX_POINTS)
+        return generic.decode(body, max_points)
     raise PayloadError(f"payload kind {kind} is not points ({KIND_GENERIC} or {KIND_SPINNING})")
