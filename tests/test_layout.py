@@ -54,10 +54,21 @@ def test_processes_never_import_each_other(process: str) -> None:
         assert top(module) not in {"deploy", "coadapt", "benchmarks"}, f"{path} imports {module}"
 
 
-def test_the_contract_imports_nothing_of_ours() -> None:
-    for path, module in imported("swarm"):
-        ours = PROCESSES | {"perception", "worlds", "deploy", "coadapt", "benchmarks"}
-        assert top(module) not in ours, f"{path} imports {module}"
+@pytest.mark.parametrize(
+    ("package", "allowed"),
+    [
+        ("swarm", set()),
+        ("deploy", {"swarm", "worlds"}),
+        ("evaluation", {"swarm", "perception", "worlds"}),
+        ("robot_agent", {"swarm", "perception", "worlds"}),
+        ("ego_agent", {"swarm", "perception", "worlds"}),
+    ],
+)
+def test_a_room_imports_only_what_the_table_says(package: str, allowed: set[str]) -> None:
+    rooms = {p.name for p in REPOSITORY.iterdir() if (p / "__init__.py").exists()}
+    for path, module in imported(package):
+        if top(module) in rooms:
+            assert top(module) in allowed | {package}, f"{path} imports {module}"
 
 
 def test_using_perception_and_a_world_loads_neither_zenoh_nor_open3d() -> None:
