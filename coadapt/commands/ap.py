@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-from coadapt.arguments import at_least_zero
+from coadapt.arguments import add_recorded_fusion, at_least_zero
 
 
 def register(commands: Any) -> None:
@@ -21,16 +20,7 @@ def register(commands: Any) -> None:
         "the ego's heading (OPV2V's range), true ones with at least 5 points in all scans "
         "together; overlap is that of the footprints.",
     )
-    parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
-    parser.add_argument("--algorithm", required=True, help="early or late; single is the ego alone")
-    parser.add_argument("--ego", help="the robot that fuses (default: the first)")
-    parser.add_argument(
-        "--pose-noise",
-        type=at_least_zero,
-        default=0.0,
-        metavar="M",
-        help="standard deviation of the senders' poses, metres and degrees",
-    )
+    add_recorded_fusion(parser)
     parser.add_argument(
         "--delay",
         type=at_least_zero,
@@ -38,7 +28,6 @@ def register(commands: Any) -> None:
         metavar="S",
         help="age of contributions, seconds; rounded to whole frames (0.1 s)",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.set_defaults(run=run)
 
 

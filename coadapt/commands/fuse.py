@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from pathlib import Path
 from typing import Any
 
-from coadapt.arguments import at_least_zero
+from coadapt.arguments import add_recorded_fusion
 from perception.types import Boxes
 
 
@@ -20,21 +19,11 @@ def register(commands: Any) -> None:
         description="Fuse one frame of a directory in OPV2V's layout. Boxes are in the "
         "right-handed world frame (y is minus CARLA's y).",
     )
-    parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
+    add_recorded_fusion(parser)
     parser.add_argument("--frame", required=True, help="a frame's name (006220) or index (0)")
-    parser.add_argument("--ego", help="the robot that fuses (default: the first)")
     parser.add_argument(
         "--participants", default="", help="robots that send, comma-separated (default: all)"
     )
-    parser.add_argument("--algorithm", required=True, help="early or late; single is the ego alone")
-    parser.add_argument(
-        "--pose-noise",
-        type=at_least_zero,
-        default=0.0,
-        metavar="M",
-        help="standard deviation of the senders' poses, metres and degrees",
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.set_defaults(run=run)
 
 
