@@ -60,16 +60,17 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
     knowledge = Knowledge(_objective(settings))
     policy = make_policy(settings.policy, knowledge.algorithms)
     journal = Journal(Path(settings.journal)) if settings.journal else None
+    if journal is not None:
+        # Before anybody can read them: a scrape never sees less than the journal holds.
+        metrics.restore(journal.totals)
+        if journal.torn_bytes:
+            log.warning("journal_torn", path=str(journal.path), bytes=journal.torn_bytes)
     try:
         server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
     except SettingError:
         if journal is not None:
             journal.close()
         raise
-    if journal is not None:
-        metrics.restore(journal.totals)
-        if journal.torn_bytes:
-            log.warning("journal_torn", path=str(journal.path), bytes=journal.torn_bytes)
     agent = _agent(settings, world, knowledge, policy, journal, metrics, log)
 
     def connect() -> Session | None:

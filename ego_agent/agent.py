@@ -97,7 +97,11 @@ class EgoAgent:
                 due += late * period_s
             if stop.wait(max(0.0, due - time.monotonic())):
                 self._fusion.stop()  # the last line holds the last frame too
-            self._complete(running)
+            try:
+                self._complete(running)
+            except Exception:
+                self._metrics.cycle_faults.inc()
+                self._log.error("cycle_not_recorded", exc_info=True)
 
     def close(self) -> None:
         """Closes the session, if there is one."""

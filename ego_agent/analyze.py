@@ -24,6 +24,8 @@ from swarm.messages import Algorithm, SceneDescription
 
 MERGE_M = 1.5
 """Objects whose centroids are this close in the ground plane are one."""
+FRAME_MAX_AGE_S = 2.0
+"""A robot whose newest frame is older sees nothing now; slow machines skip fewer frames."""
 SELF_M = 1.0
 """An object this close to a robot's own position is that robot."""
 FULL_EVIDENCE_POINTS = 30.0
@@ -156,10 +158,23 @@ def _why_not_ego(view: RobotView | None, objective: Objective) -> str | None:
 
 def _stale(view: RobotView, objective: Objective) -> str | None:
     if view.beacon_age_s <= objective.beacon_max_age_s:
-        return None
+        return _blind(view)
     return (
         f"its beacon is {view.beacon_age_s:.1f} s old, "
         f"at most {objective.beacon_max_age_s:.1f} s is allowed"
+    )
+
+
+def _blind(view: RobotView) -> str | None:
+    """Why a robot's sensor cannot be relied on: its beacons still come, but its frames stand still.
+    Both times are its own clock's, so a bad clock does not matter."""
+    beacon = view.beacon
+    if beacon is None or beacon.sent_ns - beacon.capture_ns <= FRAME_MAX_AGE_S * 1e9:
+        return None
+    stood_s = (beacon.sent_ns - beacon.capture_ns) / 1e9
+    return (
+        f"its newest frame was {stood_s:.1f} s old when its beacon left, "
+        f"at most {FRAME_MAX_AGE_S:.1f} s is allowed"
     )
 
 

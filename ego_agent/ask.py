@@ -170,7 +170,7 @@ class Asker:
                 arrival = self._inbox.get(timeout=left)
             except queue.Empty:
                 break
-            if self._asked_again(session, arrival, until):
+            if self._asked_again(session, arrival):
                 continue
             contribution = self._take(arrival)
             if contribution is not None:
@@ -218,14 +218,19 @@ class Asker:
             timeout_s=ask.round.deadline_s + LATE_S,
         ).add_done_callback(finished)
 
-    def _asked_again(self, session: Session | None, arrival: _Arrival, until: float) -> bool:
+    def _asked_again(self, session: Session | None, arrival: _Arrival) -> bool:
         """Asks once more when nobody answered although the robot is there: after a reconnect its
         liveliness token may arrive before its queryable."""
         ask = arrival.ask
         unanswered = isinstance(arrival.outcome, CoAdaptError) and not isinstance(
             arrival.outcome, RefusedError | MessageError
         )
-        if not unanswered or ask.tries > 1 or session is None or arrival.at >= until:
+        if (
+            not unanswered
+            or ask.tries > 1
+            or session is None
+            or arrival.at >= ask.round.begun_at + ask.round.deadline_s
+        ):
             return False
         if not self._monitor.is_alive(ask.robot):
             return False

@@ -2,7 +2,8 @@
 fixed sets.
 
 What the journal says too (bytes, frames, decisions) is counted only when a cycle's line has been
-committed, with exactly the numbers of the line: the two agree at any time.
+committed, with exactly the numbers of the line. Bytes go on from the journal's sums after a
+restart, so the two agree at any time; frames and decisions count from the start of the process.
 """
 
 from __future__ import annotations

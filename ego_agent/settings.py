@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
 
-from swarm.errors import SettingError
 from swarm.process import ProcessSettings
-from swarm.settings import PREFIX, Name, load
+from swarm.settings import Name, load
 
 
 class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
@@ -46,10 +44,4 @@ def load_settings(environment: Mapping[str, str] | None = None) -> EgoSettings:
 
     Raises SettingError that names the variable, its value and what is allowed.
     """
-    settings = load(EgoSettings, environment)
-    for name in settings.__struct_fields__:
-        value = getattr(settings, name)
-        # Comparisons with NaN are false, so the limits above let it pass.
-        if isinstance(value, float) and not math.isfinite(value):
-            raise SettingError(f"{PREFIX}{name.upper()} = {value} must be a finite number")
-    return settings
+    return load(EgoSettings, environment)

@@ -28,10 +28,15 @@ Source = Literal["policy", "llm", "cache", "fallback", "hold"]
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]
 Version = Annotated[int, msgspec.Meta(ge=SCHEMA_VERSION, le=SCHEMA_VERSION)]
 Count = Annotated[int, msgspec.Meta(ge=0)]
-Ns = Annotated[int, msgspec.Meta(ge=0)]
+Ns = Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)]
+"""Until the year 2116; offsets can be added without leaving 64 bits."""
 Positive = Annotated[float, msgspec.Meta(gt=0)]
-Vector6 = tuple[float, float, float, float, float, float]
-Vector3 = tuple[float, float, float]
+Bounded = Annotated[float, msgspec.Meta(ge=-1e7, le=1e7)]
+"""Metres, radians or metres a second of anything on this planet; finite as float32, too."""
+Vector6 = tuple[Bounded, Bounded, Bounded, Bounded, Bounded, Bounded]
+Vector3 = tuple[Bounded, Bounded, Bounded]
+AlgorithmName = Annotated[str, msgspec.Meta(max_length=32)]
+Sizes = Annotated[dict[AlgorithmName, Count], msgspec.Meta(max_length=16)]
 
 
 class Message(msgspec.Struct, kw_only=True, frozen=True):
@@ -55,7 +60,7 @@ class Beacon(Message, frozen=True, kw_only=True):
     velocity: Vector3
     range_m: Positive
     """Reach of the sensor."""
-    sizes: dict[str, Count]
+    sizes: Sizes
     """Encoded bytes of the newest measured frame by algorithm name, ready to be sent."""
 
     def sensor_pose(self) -> Pose:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from ego_scenes import NOW_NS, knowledge, objects, snapshot, view
@@ -236,3 +237,12 @@ def test_a_robot_that_claims_an_endless_distance_harms_nobody() -> None:
     unified = analyze(shot, knowledge())
     assert len(unified.objects) == 1
     assert "range" in unified.excluded["A"]
+
+
+def test_a_robot_whose_frames_stand_still_is_excluded() -> None:
+    stuck = view("A", 10.0, 0.0)
+    assert stuck.beacon is not None
+    late = msgspec.structs.replace(stuck.beacon, sent_ns=NOW_NS, capture_ns=NOW_NS - 3_000_000_000)
+    unified = analyze(snapshot(view("E"), replace(stuck, beacon=late)), knowledge())
+    assert unified.candidates == ()
+    assert "newest frame was 3.0 s old" in unified.excluded["A"]

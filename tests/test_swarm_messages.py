@@ -29,7 +29,9 @@ from swarm.messages import (
 every_sample = pytest.mark.parametrize("sample", SAMPLES, ids=lambda m: type(m).__name__)
 robot_ids = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
 counts = st.integers(0, 2**64 - 1)
+times = st.integers(0, 2**62 - 1)
 finite = st.floats(allow_nan=False, allow_infinity=False)
+bounded = st.floats(-1e7, 1e7)
 positive = st.floats(min_value=1e-9, allow_nan=False, allow_infinity=False)
 
 
@@ -210,9 +212,9 @@ def test_a_deeply_nested_message_is_refused() -> None:
 
 @given(
     robot=robot_ids,
-    numbers=st.tuples(counts, counts, counts, counts, counts),
-    pose=st.tuples(*[finite] * 6),
-    velocity=st.tuples(*[finite] * 3),
+    numbers=st.tuples(counts, counts, times, times, counts),
+    pose=st.tuples(*[bounded] * 6),
+    velocity=st.tuples(*[bounded] * 3),
     range_m=positive,
     sizes=st.dictionaries(st.text(max_size=12), counts, max_size=4),
 )
@@ -281,3 +283,23 @@ def test_an_observation_survives_the_wire(payload: bytes, request: int) -> None:
         encode_ms=0.0,
     )
     assert decode(encode(observation), Observation) == observation
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("sent_ns", 2**62),
+        ("capture_ns", 2**64 - 1),
+        ("pose", [1e39, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ("velocity", [0.0, -1e300, 0.0]),
+        ("sizes", {f"a{i}": 1 for i in range(17)}),
+        ("sizes", {"a" * 33: 1}),
+    ],
+)
+def test_numbers_that_later_arithmetic_could_not_bear_are_refused(
+    field: str, value: object
+) -> None:
+    sample = next(message for message in SAMPLES if isinstance(message, Beacon))
+    fields = msgpack.unpackb(encode(sample))
+    with pytest.raises(MessageError, match=field):
+        decode(msgpack.packb(fields | {field: value}), Beacon)
