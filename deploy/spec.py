@@ -124,6 +124,8 @@ def make_spec(**values: Any) -> SwarmSpec:
     robots = tuple(values.get("robots", ()))
     if len(set(robots)) != len(robots) or not robots:
         raise _invalid("robots", robots)
+    if "infra" in robots:
+        raise DeployError("robot id 'infra' is taken by the router's and Prometheus' host")
     swarm = values.get("swarm", "local")
     values.setdefault("ego", robots[0])
     if values.get("comm_range_m") is None:

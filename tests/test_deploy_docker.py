@@ -14,17 +14,20 @@ import pytest
 import yaml
 from deploy_support import await_, free_port
 
+from deploy import ports
 from deploy import state as record
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
 from deploy.runtimes.docker import DockerRuntime
 from deploy.spec import make_spec
 from deploy.state import State, need_state
+from swarm.errors import DeployError
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # The first start builds the image: wheels, and a base where none can be pulled.
 READY_S = 900
 SWARM = "boxed"
+pytestmark = pytest.mark.timeout(READY_S)
 Cli = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -32,8 +35,22 @@ def free_router_port() -> int:
     """The first of three free ports."""
     while True:
         first = free_port()
-        if first < 65000:
-            return first
+        try:
+            for port in range(first, first + 3):
+                ports.listen(port, "the test").close()
+        except (DeployError, OverflowError):
+            continue
+        return first
+
+
+def networks() -> list[Any]:
+    """The swarm's networks."""
+    import docker
+
+    found: list[Any] = docker.from_env().networks.list(
+        filters={"label": f"{compose.LABEL}={SWARM}"}
+    )
+    return found
 
 
 def containers() -> dict[str, Any]:
@@ -91,7 +108,6 @@ def swarm(cli: Cli, up: tuple[str, ...]) -> Iterator[State]:
     assert not containers()
 
 
-@pytest.mark.timeout(READY_S)
 def test_every_process_is_a_container_and_the_ego_decides(swarm: State, cli: Cli) -> None:
     assert set(containers()) == {
         *("router", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus"),
@@ -166,9 +182,23 @@ def test_down_clears_what_a_crash_left_behind(cli: Cli, up: tuple[str, ...], swa
     done = cli("down")
     assert done.returncode == 0
     await_(lambda: not containers(), "no container is left")
+    assert not networks()
     done = cli("down")
     assert done.returncode == 0
     assert "no swarm" in done.stderr + done.stdout
+
+
+def test_settings_without_an_option_reach_robots_and_egos(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COADAPT_HEADROOM", "0.7")
+    monkeypatch.setenv("COADAPT_SWARM", "another")
+    monkeypatch.setenv("COADAPT_RUN_DIR", "/tmp/somewhere")
+    spec = make_spec(swarm="named", robots=("R1", "R2"), runtime="docker")
+    services = yaml.safe_load(compose.compose_file(spec, "image:tag"))["services"]
+    for name in ("robot-R2", "ego-R1"):
+        assert services[name]["environment"]["COADAPT_HEADROOM"] == "0.7"
+        assert services[name]["environment"]["COADAPT_SWARM"] == "named"
+        assert "COADAPT_RUN_DIR" not in services[name]["environment"]
+    assert "COADAPT_HEADROOM" not in services["router"]["environment"]
 
 
 def test_the_compose_file_shows_one_container_a_process() -> None:

@@ -13,6 +13,7 @@ from deploy.observe import SwarmView, Watch
 from deploy.rates import format_rate
 from deploy.runtimes.base import ProcessStatus
 from deploy.state import State, need_state
+from swarm.errors import DeployError, TransportError
 
 WINDOW_S = 1.2
 REDRAW_S = 1.0
@@ -33,7 +34,14 @@ def run(args: argparse.Namespace) -> int:
     state = need_state(args.swarm)
     runtime = runtimes.get(state.runtime)
     processes = runtime.status(args.swarm)
-    with Watch(state) as watch:
+    try:
+        connected = Watch(state)
+    except TransportError as error:
+        raise DeployError(
+            f"the router of swarm {args.swarm!r} does not answer: {error}\n"
+            + "\n".join(f"  {p.service} {p.state} {p.detail}".rstrip() for p in processes)
+        ) from error
+    with connected as watch:
         _listen(watch, state)
         while True:
             view = watch.view()

@@ -26,6 +26,10 @@ PLACE = Place(
     prometheus_config="/etc/coadapt/prometheus.yml",
 )
 DATA, CACHE = "/data", "/cache"
+_NOT_FOR_PROCESSES = frozenset(
+    {"COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_REQUIRE", "COADAPT_RUN_DIR"}
+)
+"""They steer `up` and the tests, or name a path that a container does not have."""
 
 
 def place_of(spec: SwarmSpec) -> Place:
@@ -70,7 +74,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     container: dict[str, Any] = {
         "image": image,
         "command": list(service.argv),
-        "environment": {**service.env, "HOME": "/tmp"},
+        "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
         "networks": ["swarm"],
@@ -85,6 +89,17 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     if service.role != "router":
         container["depends_on"] = ["router"]
     return container
+
+
+def _settings(service: Service) -> dict[str, str]:
+    """Settings that `up` has no option for, from the caller's environment."""
+    if service.role not in ("robot", "ego"):
+        return {}
+    return {
+        name: value
+        for name, value in os.environ.items()
+        if name.startswith("COADAPT_") and name not in _NOT_FOR_PROCESSES
+    }
 
 
 def _volumes(spec: SwarmSpec, service: Service) -> list[str]:

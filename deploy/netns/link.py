@@ -72,24 +72,30 @@ def shape(device: str, rate_bps: int) -> None:
         raise DeployError(f"{device} should be shaped to {rate_bps} bit/s, but tc shows: {shown}")
 
 
-async def follow(spec: SwarmSpec, device: str, log: Logger) -> None:
-    """Gives a device the rate that the scenario asks for at each second, until cancelled.
+def wanted_bps(spec: SwarmSpec) -> int | None:
+    """The rate that the specification fixes, else the one that its scenario asks for now."""
+    if spec.link_bps is not None:
+        return spec.link_bps
+    if spec.world != "factory":
+        return None
+    wanted = link_rate_bps(spec.scenario, (time.time_ns() - spec.epoch_ns) / 1e9)
+    return None if wanted is None else int(wanted)
 
-    Ends at once where the scenario asks for none, or the specification fixes the rate.
-    """
-    current = None
-    while spec.link_bps is None and spec.world == "factory":
-        wanted = link_rate_bps(spec.scenario, (time.time_ns() - spec.epoch_ns) / 1e9)
-        if wanted is None:
-            return
-        if wanted != current:
+
+async def follow(spec: SwarmSpec, device: str, log: Logger) -> None:
+    """Keeps a shaped device at the rate that is wanted at each second, until cancelled."""
+    current = wanted_bps(spec)
+    while current is not None:
+        await asyncio.sleep(FOLLOW_S)
+        wanted = wanted_bps(spec)
+        if wanted is not None and wanted != current:
             try:
-                shape(device, int(wanted))
-                log.info("link_shaped", device=device, rate_bps=int(wanted))
+                shape(device, wanted)
             except DeployError as error:
                 log.error("link_not_shaped", device=device, error=str(error))
+                continue
             current = wanted
-        await asyncio.sleep(FOLLOW_S)
+            log.info("link_shaped", device=device, rate_bps=wanted)
 
 
 def _bits(text: str) -> float:

@@ -65,8 +65,9 @@ class Supervisor:
         """Starts all, says so on standard output, and waits for `stop`, SIGTERM or SIGINT."""
         network.build(self._spec)
         ego_link = network.link_name(self._spec, self._spec.ego)
-        if self._spec.link_bps is not None:
-            link.shape(ego_link, self._spec.link_bps)
+        rate_bps = link.wanted_bps(self._spec)
+        if rate_bps is not None:
+            link.shape(ego_link, rate_bps)
         (self._run_dir / PROMETHEUS_FILE).write_text(
             prometheus_config(self._members, lambda s: network.address(self._spec, s.host))
         )

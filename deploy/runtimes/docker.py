@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import socket
+import subprocess
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -22,8 +23,9 @@ from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 from worlds.factory.scenarios import link_rate_bps
 
-PING_S = 5
 STOP_S = 5
+GOING_ALREADY = 409
+"""The engine's answer while a container is being removed."""
 
 
 class DockerRuntime:
@@ -43,7 +45,7 @@ class DockerRuntime:
 
     def up(self, spec: SwarmSpec) -> bool:
         """Starts the containers; see `base.Runtime.up`."""
-        with record.exclusive():
+        with record.exclusive(), _faults():
             running = record.read_state(spec.swarm)
             if running is not None and self._containers(spec.swarm):
                 different = running.spec.differences(spec)
@@ -65,6 +67,13 @@ class DockerRuntime:
 
     def _start(self, spec: SwarmSpec) -> None:
         image = ensure_image(say)
+        try:
+            self._start_from(image, spec)
+        except BaseException:
+            self._clear(spec.swarm)
+            raise
+
+    def _start_from(self, image: str, spec: SwarmSpec) -> None:
         run_dir = record.make_run_dir(spec)
         for folder in ("journal", "prometheus"):
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
@@ -82,20 +91,18 @@ class DockerRuntime:
                 ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
             )
         )
-        try:
-            compose.start(spec, file)
-            if spec.link_bps is not None:
-                link.shape(_host_end(self._container(spec.swarm, f"ego-{spec.ego}")), spec.link_bps)
-        except DeployError:
-            self._clear(spec.swarm)
-            raise
+        compose.start(spec, file)
+        if spec.link_bps is not None:
+            link.shape(_host_end(self._container(spec.swarm, f"ego-{spec.ego}")), spec.link_bps)
 
     def down(self, swarm: str) -> bool:
         """Removes every container and network that carries the swarm's label, and its record."""
-        with record.exclusive():
+        with record.exclusive(), _faults():
             return self._clear(swarm)
 
     def _clear(self, swarm: str) -> bool:
+        import docker.errors
+
         found = False
         try:
             engine = _engine()
@@ -109,14 +116,16 @@ class DockerRuntime:
             with ThreadPoolExecutor(len(containers)) as pool:
                 list(pool.map(_remove, containers))
         for network in engine.networks.list(filters={"label": f"{compose.LABEL}={swarm}"}):
-            network.remove()
+            with contextlib.suppress(docker.errors.NotFound):
+                network.remove()
             found = True
         return record.remove_run_dir(swarm) or found
 
     def status(self, swarm: str) -> tuple[ProcessStatus, ...]:
         """The containers' states in the order of the services."""
         state = record.need_state(swarm)
-        by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
+        with _faults():
+            by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
         members = roster.services(state.spec, compose.place_of(state.spec))
         return tuple(_status(member.name, by_name.get(member.name)) for member in members)
 
@@ -140,6 +149,21 @@ class DockerRuntime:
         label = f"{compose.LABEL}={swarm}"
         found: list[Any] = _engine().containers.list(all=True, filters={"label": label})
         return found
+
+
+@contextlib.contextmanager
+def _faults() -> Iterator[None]:
+    """Turns what Docker's client, its connection and its programs raise into DeployError."""
+    import docker.errors
+    import requests
+
+    try:
+        yield
+    except subprocess.TimeoutExpired as error:
+        words = " ".join(map(str, error.cmd))
+        raise DeployError(f"{words} did not end within {error.timeout:.0f} s") from error
+    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+        raise DeployError(f"Docker cannot do what it should: {error}") from error
 
 
 def _engine() -> Any:
@@ -176,9 +200,14 @@ def _remove(container: Any) -> None:
     import docker.errors
 
     # Another `down`, or the engine itself, may remove it at the same moment.
-    with contextlib.suppress(docker.errors.NotFound):
+    try:
         container.stop(timeout=STOP_S)
         container.remove(force=True, v=True)
+    except docker.errors.NotFound:
+        return
+    except docker.errors.APIError as error:
+        if error.status_code != GOING_ALREADY:
+            raise
 
 
 def _status(service: str, container: Any | None) -> ProcessStatus:
