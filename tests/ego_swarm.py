@@ -22,7 +22,7 @@ from swarm import keyspace
 from swarm.messages import Decision, Detections, Message
 from swarm.session import Session
 
-TIMEOUT_S = 25.0
+TIMEOUT_S = 60.0
 T = TypeVar("T")
 
 

@@ -171,7 +171,7 @@ def test_a_wrong_setting_ends_the_process_with_one_clear_line(
         env={**swarm.env, **wrong},
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=60,
     )
     assert process.returncode == 1
     assert process.stdout == ""
@@ -188,7 +188,7 @@ def test_a_data_directory_that_cannot_be_read_ends_the_process_with_one_clear_li
         env={**swarm.env, **recorded(tmp_path / "none")},
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=60,
     )
     assert process.returncode == 1
     (line,) = process.stderr.splitlines()
@@ -201,7 +201,7 @@ def test_a_taken_metrics_port_ends_the_process_with_one_clear_line(swarm: Swarm)
         env={**swarm.env, "COADAPT_EGO": EGO, "COADAPT_METRICS_PORT": str(swarm.port)},
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=60,
     )
     assert process.returncode == 1
     (line,) = process.stderr.splitlines()
