@@ -119,18 +119,19 @@ def test_a_killed_robot_is_started_again_and_decisions_stay_valid(swarm: State) 
     with Watch(swarm, timeout_s=WAIT_S) as watch:
         await_(lambda: watch.alive() == {"R1", "R2", "R3"}, "all robots are alive")
         first = await_(lambda: watch.view().cycle, "a decision") or 0
-        runtime.kill(SWARM, "robot-R2", signal.SIGKILL)
-        await_(lambda: "R2" not in watch.alive(), "R2 is gone")
-        await_(lambda: "R2" in watch.alive(), "R2 is back")
         seen: dict[int, bool] = {}
 
-        def two_more() -> bool:
+        def newest() -> int:
             view = watch.view()
             if view.cycle is not None and view.valid is not None:
                 seen[view.cycle] = view.valid
-            return max(seen, default=0) >= first + 2
+            return max(seen, default=0)
 
-        await_(two_more, "two more decisions")
+        runtime.kill(SWARM, "robot-R2", signal.SIGKILL)
+        await_(lambda: newest() and "R2" not in watch.alive(), "R2 is gone")
+        await_(lambda: newest() and "R2" in watch.alive(), "R2 is back")
+        await_(lambda: newest() >= first + 2, "two more decisions")
+        assert len(seen) >= 2
         assert all(seen.values())
     robot = _status(runtime, "robot-R2")
     assert (robot.state, robot.restarts) == ("running", 1)
@@ -143,7 +144,7 @@ def test_after_a_router_crash_the_swarm_finds_together_again(swarm: State) -> No
     await_(lambda: _status(runtime, "router").state == "running", "the router runs")
     with Watch(swarm, timeout_s=WAIT_S) as watch:
         await_(lambda: watch.alive() == {"R1", "R2", "R3"}, "all robots are alive")
-        await_(watch.decided, "a valid decision")
+        await_(lambda: len(watch.view().selected or ()) > 1, "a decision with other robots")
     assert _status(runtime, "ego-R1").restarts == 0
 
 
