@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -82,8 +83,10 @@ def leave(code: int) -> NoReturn:
     Zenoh calls back on threads that Python waits for at exit, so that a session that could not
     close (its router is away) would keep the process alive.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        # A full disk below them does not change how the process ended.
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
     os._exit(code)
 
 

@@ -8,9 +8,11 @@ import sys
 
 LOG = (
     "from swarm.log import make_logger\n"
+    "from swarm.process import leave\n"
     "log = make_logger('robot', swarm='s')\n"
     "for i in range(1000): log.info('event', number=i)\n"
-    "print('done')\n"
+    "print('done', flush=True)\n"
+    "leave(0)\n"
 )
 
 
