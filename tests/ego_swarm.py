@@ -100,9 +100,14 @@ class Swarm:
             **world,
         }
 
-    def start(self, module: str, *arguments: str, **env: str) -> subprocess.Popen[bytes]:
-        """Starts `python -m module`; its logs go to a file in the directory."""
-        handle, _ = tempfile.mkstemp(prefix=f"{module}-", suffix=".log", dir=self.directory)
+    def start(
+        self, module: str, *arguments: str, logs: Path | None = None, **env: str
+    ) -> subprocess.Popen[bytes]:
+        """Starts `python -m module`; its logs go to a new file in the directory, or to `logs`."""
+        if logs is None:
+            handle, _ = tempfile.mkstemp(prefix=f"{module}-", suffix=".log", dir=self.directory)
+        else:
+            handle = os.open(logs, os.O_WRONLY)
         process = subprocess.Popen(
             [sys.executable, "-m", module, *arguments],
             env={**self.env, **{f"COADAPT_{k.upper()}": v for k, v in env.items()}},
@@ -154,7 +159,7 @@ class Swarm:
             if process.poll() is None:
                 process.kill()
         for process in self.processes:
-            process.wait(10)
+            process.wait(TIMEOUT_S)
 
 
 def factory(scans: Path, robots: int = 2) -> dict[str, str]:
@@ -204,12 +209,12 @@ def until(condition: Callable[[], bool], what: str, timeout_s: float = TIMEOUT_S
 def stop(process: subprocess.Popen[bytes]) -> int:
     """Ends a process as a service manager would; its exit status."""
     process.send_signal(signal.SIGTERM)
-    return process.wait(15)
+    return process.wait(TIMEOUT_S)
 
 
 def metrics_of(port: int) -> dict[str, float]:
     """The samples that a process serves to Prometheus, by name and labels as written."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as reply:
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=TIMEOUT_S) as reply:
         lines = reply.read().decode().splitlines()
     samples = (line.rsplit(" ", 1) for line in lines if line and not line.startswith("#"))
     return {name: float(value) for name, value in samples}

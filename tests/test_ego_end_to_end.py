@@ -147,7 +147,7 @@ def test_a_second_ego_on_the_same_journal_is_told_so(swarm: Swarm, tmp_path: Pat
     until(journal.exists, "the journal is open")
     until(lambda: len(list(read_journal(journal))) >= 1, "one line")
     second = swarm.ego(**EGO_ENV, journal=str(journal))
-    assert second.wait(15) == 1
+    assert second.wait(60) == 1
     assert "is being written by another ego" in swarm.logs()
 
 

@@ -93,6 +93,20 @@ def test_a_robot_killed_in_mid_cycle_is_missing_for_one_cycle_and_then_out(
     assert [r.cycle for r in read_journal(journal)][-1] == decisions.all[-1].cycle
 
 
+def test_a_full_log_disk_costs_no_decision_and_no_line(
+    swarm: Swarm, session: Session, journal: Path
+) -> None:
+    decisions = swarm.decisions(session, EGO)
+    swarm.robot(OTHER)
+    full = Path("/dev/full")
+    ego = swarm.start("ego_agent", logs=full, **EGO_ENV, journal=str(journal))
+    decisions.until(together)
+    decisions.until(lambda d: d.cycle >= 5)
+    assert stop(ego) == 0
+    assert_unbroken(decisions)
+    assert [r.cycle for r in read_journal(journal)][-1] == decisions.all[-1].cycle
+
+
 def test_a_router_restart_leaves_the_ego_deciding_alone_and_then_together_again(
     swarm: Swarm, session: Session, journal: Path
 ) -> None:

@@ -169,7 +169,7 @@ def test_a_second_process_on_the_same_journal_is_refused(tmp_path: Path) -> None
         ],
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=60,
     )
     journal.close()
     assert second.returncode != 0
