@@ -246,3 +246,17 @@ def test_a_robot_whose_frames_stand_still_is_excluded() -> None:
     unified = analyze(snapshot(view("E"), replace(stuck, beacon=late)), knowledge())
     assert unified.candidates == ()
     assert "newest frame was 3.0 s old" in unified.excluded["A"]
+
+
+@pytest.mark.parametrize("behind_s", [-1.0, 0.0, 0.5, 1.5])
+@pytest.mark.parametrize("clock_off_s", [-30.0, 0.0, 30.0])
+def test_a_robot_that_is_slow_to_read_its_frames_stays_a_candidate(
+    behind_s: float, clock_off_s: float
+) -> None:
+    slow = view("A", 10.0, 0.0)
+    assert slow.beacon is not None
+    sent_ns = NOW_NS + round(clock_off_s * 1e9)
+    captured_ns = sent_ns - round(behind_s * 1e9)
+    behind = msgspec.structs.replace(slow.beacon, sent_ns=sent_ns, capture_ns=captured_ns)
+    unified = analyze(snapshot(view("E"), replace(slow, beacon=behind)), knowledge())
+    assert [c.robot for c in unified.candidates] == ["A"]
