@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from ego_swarm import Heard, Swarm, swarm_of, until
 
+from ego_agent.analyze import analyze
 from ego_agent.ask import MISSING_KINDS, Asker, kind_of
 from ego_agent.execute import FrameResult, FusionLoop
 from ego_agent.knowledge import Knowledge
@@ -30,7 +31,10 @@ from swarm.session import Session
 from worlds.base import GroundTruth, Scan
 
 BOX = np.stack(np.meshgrid(*[np.linspace(-1, 1, 12)] * 3), axis=-1).reshape(-1, 3)
-DEADLINE_S = 2.0
+DEADLINE_S = 5.0
+"""Nothing waits that long but for a robot that does not answer."""
+SHORT_S = 2.0
+"""For the frames of a robot that does not answer."""
 
 
 class Crates(Fusion):
@@ -163,7 +167,7 @@ def hall() -> Hall:
 
 @pytest.fixture
 def ego(swarm: Swarm, hall: Hall) -> Iterator[Ego]:
-    with Session(swarm.address, "test", timeout_s=10) as session:
+    with Session(swarm.address, "test", timeout_s=60) as session:
         yield Ego(session, hall)
 
 
@@ -176,7 +180,7 @@ def robot(swarm: Swarm, ego: Ego) -> Iterator[Callable[[str, Answer], None]]:
     sessions: list[Session] = []
 
     def start(name: str, answer: Answer) -> None:
-        session = Session(swarm.address, "test", timeout_s=10)
+        session = Session(swarm.address, "test", timeout_s=60)
         sessions.append(session)
         session.serve(keyspace.observation("test", name), ObservationRequest, answer)
         session.declare_alive(name)
@@ -251,9 +255,10 @@ def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
     go = threading.Event()
 
     def slow(request: ObservationRequest) -> Observation:
-        go.wait(10)
+        go.wait(60)
         return honest(hall, "R2")(request)
 
+    ego.loop._deadline_s = SHORT_S
     robot("R2", slow)
     robot("R3", honest(hall, "R3"))
     first = ego.fuse("R2", "R3")
@@ -273,10 +278,36 @@ def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
     assert taken.received["R2", "early"] > 0
 
 
+def test_a_request_for_an_old_frame_is_not_sent_again(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    go = threading.Event()
+    heard: list[int] = []
+
+    def slow(request: ObservationRequest) -> Observation:
+        heard.append(request.request)
+        go.wait(60)
+        return honest(hall, "R2")(request)
+
+    def silent(request: ObservationRequest) -> Observation:
+        go.wait(60)
+        return honest(hall, "R3")(request)
+
+    ego.loop._deadline_s = SHORT_S
+    robot("R2", slow)
+    robot("R3", silent)
+    assert kind_of(ego.fuse("R2").missing["R2"]) == "deadline"
+    # The first request runs out of time while the ego still waits for the next frame's robot.
+    assert kind_of(ego.fuse("R3").missing["R3"]) == "deadline"
+    go.set()
+    until(lambda: "R2" in ego.fuse("R2").participants, "R2 takes part again")
+    assert len(heard) == len(set(heard))
+
+
 def test_a_robot_whose_queryable_comes_after_its_token_takes_part_as_soon_as_it_is_there(
     swarm: Swarm, ego: Ego, hall: Hall
 ) -> None:
-    with Session(swarm.address, "test", timeout_s=10) as session:
+    with Session(swarm.address, "test", timeout_s=60) as session:
         session.declare_alive("R2")
         until(lambda: ego.monitor.is_alive("R2"), "R2 is seen")
         assert kind_of(ego.fuse("R2").missing["R2"]) == "unanswered"
@@ -368,8 +399,11 @@ def test_an_own_scan_that_cannot_be_read_leaves_the_robots_eyes(
     assert "disk is gone" in result.own.failure
     assert result.participants == ("R1", "R2")
     assert [round(float(y)) for y in result.boxes.centers[:, 1]] == [10]
-    view = ego.monitor.snapshot(1, 0).robots["R1"]
+    view = ego.monitor.snapshot(1, time.time_ns()).robots["R1"]
     assert view.beacon is not None
+    ego.sensor.locate()
+    unified = analyze(ego.monitor.snapshot(2, time.time_ns()), Knowledge())
+    assert "R1" not in unified.excluded
 
 
 def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
