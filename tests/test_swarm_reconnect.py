@@ -10,7 +10,15 @@ from contextlib import suppress
 
 import pytest
 from message_samples import SAMPLES
-from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, free_ports, until
+from zenoh_fixtures import (
+    WAIT_S,
+    Inbox,
+    RouterProcess,
+    SessionMaker,
+    free_ports,
+    until,
+    wait_until_served,
+)
 
 from swarm import keyspace
 from swarm.errors import TransportError
@@ -115,6 +123,7 @@ def test_after_a_router_restart_everything_is_back(
     assert events.next() == ("join", "R1")
     until(lambda: robot.links() == LINKS and ego.links() == LINKS, "all links are back")
     until(lambda: ego.alive() == ("R1",), "the token is back")
+    wait_until_served(ego, key)
     answer = ego.ask(key, REQUEST, Observation, timeout_s=5.0).result(WAIT_S)
     assert answer.message.payload == b"scan"
     robot.put(keyspace.beacon(robot.swarm, "R1"), BEACON)
@@ -140,8 +149,10 @@ def test_a_single_broken_link_comes_back_and_the_robot_never_leaves(
     proxy.cut(offset)
     until(lambda: robot.links() < LINKS, "the link is broken")
     # The other links carry on meanwhile.
+    wait_until_served(ego, key)
     assert _answered(ego, key)
     until(lambda: robot.links() == LINKS, "the link is back")
+    wait_until_served(ego, key)
     assert _answered(ego, key)
     assert events.empty()
 
@@ -195,6 +206,7 @@ def test_requests_under_way_end_when_their_session_closes(
 
     key = keyspace.observation(server.swarm, "R1")
     server.serve(key, ObservationRequest, slow)
+    wait_until_served(asker, key)
     future = asker.ask(key, REQUEST, Observation, timeout_s=WAIT_S)
     begun.next()
     asker.close()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 
 import pytest
 import zenoh
 from message_samples import SAMPLES
 from prometheus_client import CollectorRegistry
-from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker
+from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, wait_until_served
 
 from swarm import keyspace, transport
 from swarm.errors import KeyspaceError, MessageError, PerceptionError, RefusedError, TransportError
@@ -44,6 +45,19 @@ def observation(request: ObservationRequest, payload: bytes = b"scan") -> Observ
 def ask(asker: Session, request: ObservationRequest = REQUEST) -> Future[Answer[Observation]]:
     key = keyspace.observation(asker.swarm, "R1")
     return asker.ask(key, request, Observation, timeout_s=5.0)
+
+
+def serve(
+    pair: Pair,
+    handler: Callable[[ObservationRequest], Observation],
+    *,
+    robot: str = "R1",
+    workers: int = 2,
+) -> None:
+    """The first session answers for a robot, and the second one knows."""
+    key = keyspace.observation(pair[0].swarm, robot)
+    pair[0].serve(key, ObservationRequest, handler, workers=workers)
+    wait_until_served(pair[1], key)
 
 
 def raw_zenoh(router: RouterProcess) -> zenoh.Session:
@@ -134,7 +148,7 @@ def test_a_message_that_misses_its_swarm_does_not_arrive(
 
 
 def test_an_answer_tells_its_bytes_and_its_round_trip(pair: Pair) -> None:
-    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, observation)
+    serve(pair, observation)
     answer = ask(pair[1]).result(WAIT_S)
     assert answer.message.request == REQUEST.request
     assert answer.wire_bytes == len(encode(answer.message))
@@ -145,7 +159,7 @@ def test_a_refusal_carries_the_reason(pair: Pair) -> None:
     def refuse(request: ObservationRequest) -> Observation:
         raise PerceptionError("no frame yet")
 
-    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, refuse)
+    serve(pair, refuse)
     with pytest.raises(RefusedError, match="no frame yet"):
         ask(pair[1]).result(WAIT_S)
 
@@ -154,7 +168,7 @@ def test_a_fault_of_the_handler_is_refused_without_its_inner_life(pair: Pair) ->
     def fail(request: ObservationRequest) -> Observation:
         raise ZeroDivisionError("secret detail")
 
-    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, fail)
+    serve(pair, fail)
     with pytest.raises(RefusedError, match="internal error: ZeroDivisionError") as caught:
         ask(pair[1]).result(WAIT_S)
     assert "secret" not in str(caught.value)
@@ -167,7 +181,7 @@ def test_a_request_that_does_not_validate_is_refused_and_counted(
     server = open_session(shared_router.address, registry=registry)
     key = keyspace.observation(server.swarm, "R1")
     server.serve(key, ObservationRequest, observation)
-    ask(open_session(shared_router.address)).result(WAIT_S)
+    _first_answer(open_session(shared_router.address)).result(WAIT_S)
     with raw_zenoh(shared_router) as asker:
         for data in (b"", b"garbage", encode(BEACON)):
             (reply,) = asker.get(key, payload=data, timeout=5.0)
@@ -180,7 +194,7 @@ def test_a_request_that_does_not_validate_is_refused_and_counted(
         "coadapt_messages_invalid_total", {"kind": "ObservationRequest"}
     )
     assert count == 4
-    assert ask(open_session(shared_router.address)).result(WAIT_S).message.payload == b"scan"
+    assert _first_answer(open_session(shared_router.address)).result().message.payload == b"scan"
 
 
 def test_an_answer_that_does_not_validate_is_a_message_error(
@@ -217,7 +231,7 @@ def test_a_server_with_too_many_requests_says_that_it_is_busy(pair: Pair) -> Non
         go.wait(WAIT_S)
         return observation(request)
 
-    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, slow, workers=1)
+    serve(pair, slow, workers=1)
     first = ask(pair[1])
     begun.next()
     rest = [ask(pair[1]) for _ in range(MAX_WAITING_QUERIES)]
@@ -242,8 +256,8 @@ def test_a_server_that_is_too_slow_is_told_apart(pair: Pair) -> None:
         go.wait(WAIT_S)
         return observation(request)
 
-    pair[0].serve(keyspace.observation(pair[0].swarm, "R1"), ObservationRequest, slow)
     key = keyspace.observation(pair[1].swarm, "R1")
+    serve(pair, slow)
     try:
         with pytest.raises(TransportError, match="none came in time"):
             pair[1].ask(key, REQUEST, Observation, timeout_s=0.5).result(WAIT_S)
@@ -259,8 +273,7 @@ def test_many_robots_answer_at_the_same_time(pair: Pair) -> None:
         return observation(request)
 
     for i in range(5):
-        key = keyspace.observation(pair[0].swarm, f"R{i}")
-        pair[0].serve(key, ObservationRequest, meet, workers=1)
+        serve(pair, meet, robot=f"R{i}", workers=1)
     futures = [
         pair[1].ask(
             keyspace.observation(pair[1].swarm, f"R{i}"), REQUEST, Observation, timeout_s=10

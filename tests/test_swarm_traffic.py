@@ -8,7 +8,7 @@ import subprocess
 from dataclasses import dataclass
 
 import pytest
-from zenoh_fixtures import WAIT_S, RouterProcess, SessionMaker, until
+from zenoh_fixtures import WAIT_S, RouterProcess, SessionMaker, until, wait_until_served
 
 from swarm import keyspace
 from swarm.messages import Observation, ObservationRequest
@@ -92,6 +92,7 @@ def test_what_is_asked_in_a_class_travels_on_its_connection_there_and_back(
     asker, server = asker_and_server
     key = keyspace.observation(server.swarm, "R1")
     server.serve(key, ObservationRequest, big)
+    wait_until_served(asker, key)
     request = ObservationRequest(ego="E", request=1, algorithm="early", capture_ns=0)
     ports = {other: own_router.port + other.value.port_offset for other in TrafficClass}
     before = {

@@ -28,6 +28,15 @@ def until(condition: Callable[[], bool], what: str, timeout_s: float = WAIT_S) -
         time.sleep(0.02)
 
 
+def wait_until_served(asker: Session, key: str) -> None:
+    """Asks without a payload, which no handler sees, until the queryable on a key refuses that:
+    it takes a moment to reach the asker."""
+    until(
+        lambda: any(asker._connection.zenoh.get(key, payload=b"", timeout=WAIT_S)),
+        f"{key} is served",
+    )
+
+
 class Inbox(Generic[T]):
     """What callbacks brought, to be awaited."""
 
