@@ -21,7 +21,16 @@ from ego_agent.monitor import Monitor
 from ego_agent.plan import plan
 from ego_agent.policies.registry import make_policy
 from swarm.arrays import pack
-from swarm.messages import Beacon, Decision, Message, NetState, SceneDescription, decode, encode
+from swarm.messages import (
+    Beacon,
+    Decision,
+    LinkState,
+    Message,
+    NetState,
+    SceneDescription,
+    decode,
+    encode,
+)
 
 ROBOTS = (6, 12, 50)
 CYCLES = 400
@@ -78,7 +87,20 @@ class Floor:
                 ground_points=20_000,
                 elapsed_ms=4.0,
             )
-        yield NetState(sent_ns=now_ns, capacity_bps=float(self._rng.uniform(1e6, 20e6)))
+        yield self._net_state(now_ns)
+
+    def _net_state(self, now_ns: int) -> NetState:
+        capacity_bps = int(self._rng.uniform(1e6, 20e6))
+        cell = LinkState(
+            robot=self._ids[0],
+            direction="down",
+            capacity_bps=capacity_bps,
+            available_bps=capacity_bps,
+            latency_ms=0.0,
+            level=0,
+            classes={},
+        )
+        return NetState(controller=1, seq=self._step, sent_ns=now_ns, links=(cell,))
 
     def _seen_from(self, place: np.ndarray) -> np.ndarray:
         """The nearest things, float32 (N, 9) as in a scene description, with noise."""

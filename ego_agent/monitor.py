@@ -149,7 +149,9 @@ class Monitor:
 
     def on_net_state(self, state: NetState) -> None:
         """Takes the network controller's word on the link."""
-        self._link.set_state(state.capacity_bps, self._monotonic())
+        cell = state.link(self.ego, "down")
+        if cell is not None:
+            self._link.set_state(float(cell.available_bps), self._monotonic())
 
     def on_join(self, robot: str) -> None:
         """A liveliness token appeared."""

@@ -12,6 +12,8 @@
     │   └── PayloadError      an encoded payload is corrupt, truncated or of another version
     ├── DecisionError         a policy or a decision cannot be used
     ├── JournalError          a journal cannot be opened, read or written
+    ├── NetworkError          a link cannot be shaped or read
+    │   └── LinkGoneError     the link is not there (any more)
     └── DeployError           a runtime cannot be started, read or stopped
 
 The command line prints the message and exits with 1; a message therefore names the thing, the
@@ -65,6 +67,14 @@ class DecisionError(CoAdaptError):
 
 class JournalError(CoAdaptError):
     """A journal cannot be opened, read or written."""
+
+
+class NetworkError(CoAdaptError):
+    """A link cannot be shaped or read."""
+
+
+class LinkGoneError(NetworkError):
+    """The link is not there, or not any more."""
 
 
 class DeployError(CoAdaptError):

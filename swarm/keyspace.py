@@ -34,6 +34,10 @@ def _ego_key(swarm: str, ego: str, leaf: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/ego/{ego}/{leaf}"
 
 
+def _net_key(swarm: str, leaf: str) -> str:
+    return f"coadapt/{check_name('swarm name', swarm)}/net/{leaf}"
+
+
 def alive(swarm: str, robot: str) -> str:
     """Liveliness token of a robot: join and leave."""
     return _robot_key(swarm, robot, "alive")
@@ -65,8 +69,24 @@ def detections(swarm: str, ego: str) -> str:
 
 
 def net_state(swarm: str) -> str:
-    """State of the links, 1 Hz, from the network controller."""
-    return f"coadapt/{check_name('swarm name', swarm)}/net/state"
+    """`messages.NetState`, 1 Hz, from the network controller."""
+    return _net_key(swarm, "state")
+
+
+def net_demand(swarm: str) -> str:
+    """`messages.NetDemand` of every ego, every control cycle."""
+    return _net_key(swarm, "demand")
+
+
+def net_shape(swarm: str) -> str:
+    """Queryable of the network controller: `messages.ShapeRequest` -> `messages.ShapeReply`."""
+    return _net_key(swarm, "shape")
+
+
+def belongs_to_robot(key: str) -> bool:
+    """Whether a robot or ego id stands in the key; only its own messages may come on it."""
+    parts = key.split("/")
+    return len(parts) > 2 and parts[2] in ("robot", "ego")
 
 
 def robot_of(key: str) -> str:

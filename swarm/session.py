@@ -106,7 +106,11 @@ class Session:
             try:
                 message = decode(sample.payload.to_bytes(), kind)
                 named = getattr(message, "robot", None) or getattr(message, "ego", None)
-                if named is not None and keyspace.robot_of(sender) != named:
+                if (
+                    named is not None
+                    and keyspace.belongs_to_robot(sender)
+                    and keyspace.robot_of(sender) != named
+                ):
                     raise MessageError(f"{kind.__name__} of {named!r} came on {sender}")
             except (MessageError, KeyspaceError) as error:
                 self._drop(kind, sender, error)
@@ -134,7 +138,7 @@ class Session:
         """
         pool = ThreadPoolExecutor(workers, thread_name_prefix="serve")
         waiting = threading.BoundedSemaphore(MAX_WAITING_QUERIES)
-        robot = keyspace.robot_of(key)
+        robot = keyspace.robot_of(key) if keyspace.belongs_to_robot(key) else ""
 
         def refuse(query: zenoh.Query, reason: str, request: int = 0) -> None:
             query.reply_err(encode(Refusal(robot=robot, request=request, reason=reason)))

@@ -12,7 +12,7 @@ from ego_agent.link import LinkEstimate
 from ego_agent.model import RobotView
 from ego_agent.monitor import DUPLICATE_WINDOW_S, FORGET_S, Monitor
 from swarm.arrays import pack
-from swarm.messages import Beacon, NetState, SceneDescription
+from swarm.messages import Beacon, LinkState, NetState, SceneDescription
 from swarm.process import Clock
 
 POSE = (1.0, 2.0, 0.5, 0.0, 0.0, 0.0)
@@ -219,7 +219,16 @@ def test_a_process_that_changes_its_instance_with_every_message_costs_bounded_me
 
 
 def test_the_controllers_word_is_the_capacity(monitor: Monitor) -> None:
-    monitor.on_net_state(NetState(sent_ns=0, capacity_bps=5e6))
+    cell = LinkState(
+        robot=monitor.ego,
+        direction="down",
+        capacity_bps=6_000_000,
+        available_bps=5_000_000,
+        latency_ms=0.0,
+        level=0,
+        classes={},
+    )
+    monitor.on_net_state(NetState(controller=1, seq=1, sent_ns=0, links=(cell,)))
     snapshot = monitor.snapshot(1, 0)
     assert (snapshot.capacity_bps, snapshot.capacity_source) == (5e6, "net/state")
 

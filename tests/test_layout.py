@@ -58,6 +58,7 @@ def test_processes_never_import_each_other(process: str) -> None:
     ("package", "allowed"),
     [
         ("swarm", set()),
+        ("network_controller", {"swarm"}),
         ("deploy", {"swarm", "worlds"}),
         ("evaluation", {"swarm", "perception", "worlds"}),
         ("robot_agent", {"swarm", "perception", "worlds"}),

@@ -166,13 +166,30 @@ def test_a_pose_that_is_not_finite_is_refused(bad: float, place: int) -> None:
         (Decision, "quality", float("nan")),
         (Decision, "capacity_bps", 0.0),
         (messages.Detections, "latency_ms", float("inf")),
-        (messages.NetState, "capacity_bps", float("nan")),
-        (messages.NetState, "classes", {"fusion": {"rate_bps": 1}}),
+        (messages.NetState, "links", [{"robot": "R1", "direction": "down"}]),
+        (messages.NetDemand, "unreachable_s", float("nan")),
+        (messages.NetDemand, "quality", 1.5),
+        (messages.ShapeRequest, "rate_bps", 0),
+        (messages.ShapeRequest, "rate_bps", 1),
+        (messages.ShapeRequest, "rate_bps", -5_000_000),
+        (messages.ShapeRequest, "rate_bps", 10**12),
+        (messages.ShapeRequest, "robot", "a/b"),
+        (messages.ShapeRequest, "profile", "sawtooth"),
+        (messages.ShapeRequest, "duration_s", float("inf")),
+        (messages.ShapeRequest, "loss", 0.9),
+        (messages.ShapeRequest, "interval_s", 0.0),
     ],
 )
 def test_a_value_out_of_range_is_refused(kind: type[Message], name: str, value: object) -> None:
     with pytest.raises(MessageError, match=kind.__name__):
         decode(broken(sample_of(kind), **{name: value}), kind)
+
+
+def test_a_number_inside_a_part_of_a_message_must_be_finite() -> None:
+    fields = plain(sample_of(messages.NetState))
+    fields["links"][0]["latency_ms"] = float("nan")
+    with pytest.raises(MessageError, match="links"):
+        decode(msgpack.packb(fields), messages.NetState)
 
 
 def test_an_oversized_message_is_refused_unread() -> None:

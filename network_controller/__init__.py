@@ -1,0 +1,1 @@
+"""The network control layer: shapes links with `tc`, measures them, and moves bandwidth slowly."""

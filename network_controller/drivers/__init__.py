@@ -1,0 +1,1 @@
+"""Drivers: what shapes and reads links in one kind of runtime, behind one small interface."""

@@ -1,0 +1,1 @@
+"""The northbound API: Quality on Demand in the shape of CAMARA."""

@@ -1,0 +1,1 @@
+"""Competing telemetry: real flows in the background class, bounded in time."""

@@ -1,0 +1,73 @@
+"""Messages between the processes of a swarm: MessagePack maps with a schema version.
+
+A message is encoded with `encode` and read with `decode`, which checks types, ranges and
+finiteness, so that code behind the boundary never meets NaN positions or unknown algorithms.
+Times are integer nanoseconds since the epoch on the sender's clock, positions metres in the world
+frame, angles radians, rates bit/s, sizes bytes.
+"""
+
+from __future__ import annotations
+
+from swarm.messages.base import (
+    ALGORITHMS,
+    MAX_MESSAGE_BYTES,
+    SCHEMA_VERSION,
+    Algorithm,
+    Count,
+    Message,
+    Ns,
+    RobotId,
+    Source,
+)
+from swarm.messages.ego import Decision, Detections
+from swarm.messages.net import (
+    MAX_RATE_BPS,
+    MIN_RATE_BPS,
+    ClassName,
+    Direction,
+    Directions,
+    LinkClass,
+    LinkState,
+    NetDemand,
+    NetState,
+    Profile,
+    ShapeInForce,
+    ShapeReply,
+    ShapeRequest,
+)
+from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
+from swarm.messages.wire import decode, encode
+
+__all__ = [
+    "ALGORITHMS",
+    "MAX_MESSAGE_BYTES",
+    "MAX_RATE_BPS",
+    "MIN_RATE_BPS",
+    "SCHEMA_VERSION",
+    "Algorithm",
+    "Beacon",
+    "ClassName",
+    "Count",
+    "Decision",
+    "Detections",
+    "Direction",
+    "Directions",
+    "LinkClass",
+    "LinkState",
+    "Message",
+    "NetDemand",
+    "NetState",
+    "Ns",
+    "Observation",
+    "ObservationRequest",
+    "Profile",
+    "Refusal",
+    "RobotId",
+    "SceneDescription",
+    "ShapeInForce",
+    "ShapeReply",
+    "ShapeRequest",
+    "Source",
+    "decode",
+    "encode",
+]

@@ -1,0 +1,155 @@
+"""What is said about links: their state, what egos need of them, what operators make of them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from swarm.messages.base import Count, Message, Ns, RobotId
+
+Direction = Literal["down", "up"]
+"""`down` goes to the robot, `up` comes from it."""
+Directions = Literal["down", "up", "both"]
+Profile = Literal["rate", "shift", "trace", "congest", "off", "show"]
+ClassName = Literal["control", "fusion", "background"]
+
+MIN_RATE_BPS = 100_000
+"""Below this, beacons alone fill the link: nobody could even ask for a higher rate."""
+MAX_RATE_BPS = 10_000_000_000
+MAX_DURATION_S = 7 * 24 * 3600.0
+Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
+Duration = Annotated[float, msgspec.Meta(gt=0, le=MAX_DURATION_S)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class LinkClass(msgspec.Struct, frozen=True, kw_only=True):
+    """One traffic class on one link: what it may have, and what went through it."""
+
+    rate_bps: Count
+    """Guaranteed."""
+    ceil_bps: Count
+    priority: Count
+    """The class with the smallest number gets what nobody else's guarantee takes."""
+    throughput_bps: Count
+    """Sent since the last state."""
+    sent_bytes: Count
+    backlog_bytes: Count
+    drops: Count
+    """Packets, since the class was made; so are the overlimits."""
+    overlimits: Count
+
+
+class LinkState(msgspec.Struct, frozen=True, kw_only=True):
+    """One shaped direction of one robot's link. An ego's cell is its own link downwards."""
+
+    robot: RobotId
+    direction: Direction
+    capacity_bps: Annotated[int, msgspec.Meta(ge=1)]
+    """What was configured, and read back from the kernel."""
+    available_bps: Count
+    """What fusion can have now, with what control and background take at present."""
+    latency_ms: NonNegative
+    """Configured delay, and how long a byte of fusion waits in the queue now."""
+    level: Count
+    """How far the controller has moved bandwidth towards fusion; 0 is the normal state."""
+    classes: dict[ClassName, LinkClass]
+    grants: dict[RobotId, Count] = msgspec.field(default_factory=dict)
+    """Each ego's fair part of `available_bps`, where egos share the link."""
+
+
+class NetState(Message, frozen=True, kw_only=True):
+    """The links that a network controller has shaped; 1 Hz. A link that is missing is unshaped."""
+
+    controller: Count
+    """Random number drawn at the controller's start: there is one controller a host."""
+    seq: Count
+    sent_ns: Ns
+    links: tuple[LinkState, ...] = ()
+
+    def link(self, robot: str, direction: Direction) -> LinkState | None:
+        """The state of one direction of a robot's link, or None where it is not shaped."""
+        for state in self.links:
+            if (state.robot, state.direction) == (robot, direction):
+                return state
+        return None
+
+
+class NetDemand(Message, frozen=True, kw_only=True):
+    """What an ego needs of its cell to reach Q_min; every control cycle."""
+
+    ego: RobotId
+    cycle: Count
+    sent_ns: Ns
+    needed_bytes_s: Count
+    """Fusion traffic of the cheapest decision that reaches Q_min, with the ego's headroom on top;
+    0 when the ego alone reaches it, or when no decision does on any link (`possible` is false)."""
+    possible: bool
+    """Some decision reaches Q_min on a link without limits."""
+    reachable: bool
+    """Such a decision fits C(t)."""
+    unreachable_s: NonNegative
+    """For how long the link has kept the ego below Q_min; 0 while it does not."""
+    quality: Ratio
+    """Predicted quality of the decision in force."""
+    q_min: Ratio
+    capacity_bps: Count
+    """C(t) that the ego reckons with."""
+
+
+class ShapeRequest(Message, frozen=True, kw_only=True):
+    """An operator's wish for a link."""
+
+    request: Count = 0
+    operator: Annotated[str, msgspec.Meta(max_length=64)] = ""
+    """Who asks; it stands in the controller's journal."""
+    robot: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{0,32}(?!\n)$")] = ""
+    """Whose link; empty is the cell towards the ego."""
+    direction: Directions = "down"
+    profile: Profile
+    rate_bps: Rate | None = None
+    """Needed by `rate`; `congest` takes 85 % of the capacity without one."""
+    rates_bps: Annotated[tuple[Count, ...], msgspec.Meta(max_length=100_000)] = ()
+    """Needed by `trace`: the capacity of one interval after the other, from the start again at
+    the end. A rate that is too small for a link is raised to the smallest possible one."""
+    interval_s: Annotated[float, msgspec.Meta(ge=0.1, le=3600)] = 1.0
+    time_scale: Annotated[float, msgspec.Meta(gt=0, le=100_000)] = 1.0
+    """Seconds of the profile a second: `shift` takes 24 h at 1."""
+    duration_s: Duration | None = None
+    """The shape expires after this; None: it stays until it is changed."""
+    delay_ms: Annotated[float, msgspec.Meta(ge=0, le=10_000)] = 0.0
+    loss: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.0
+    protocol: Literal["udp", "tcp", "both"] = "both"
+    """Of `congest`."""
+    revision: Count | None = None
+    """Refuse unless the shapes have this revision: somebody else may have changed them."""
+
+
+class ShapeInForce(msgspec.Struct, frozen=True, kw_only=True):
+    """What an operator has made of one direction of one link."""
+
+    robot: RobotId
+    direction: Direction
+    profile: Profile
+    rate_bps: Count
+    """At this moment; 0 while the link is not there."""
+    operator: str
+    since_ns: Ns
+    until_ns: Ns
+    """When it expires; 0: never."""
+    delay_ms: NonNegative = 0.0
+    loss: Ratio = 0.0
+
+
+class ShapeReply(Message, frozen=True, kw_only=True):
+    """The shapes after a request was carried out. A refused request changes nothing."""
+
+    request: Count
+    revision: Count
+    """Counts changes by operators; expiry counts, too."""
+    shapes: tuple[ShapeInForce, ...]
+    congested: tuple[RobotId, ...] = ()
+    """Robots towards which telemetry flows run."""
+    notes: tuple[str, ...] = ()
+    """What the operator should know: whose shape was replaced, what this kernel lacks."""

@@ -1,0 +1,108 @@
+"""What robots say: where they are, what they see, and what they are asked for."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from swarm.arrays import Array
+from swarm.geometry import Pose
+from swarm.messages.base import (
+    MAX_MESSAGE_BYTES,
+    Algorithm,
+    Count,
+    Message,
+    Ns,
+    Positive,
+    RobotId,
+    Sizes,
+    Vector3,
+    Vector6,
+)
+
+
+class Beacon(Message, frozen=True, kw_only=True):
+    """Where a robot is and what its observation would cost now; 10 Hz."""
+
+    robot: RobotId
+    instance: Count
+    """Random number drawn at process start: two robots with one id differ in it."""
+    seq: Count
+    sent_ns: Ns
+    capture_ns: Ns
+    frame: Count
+    pose: Vector6
+    """Sensor in the world: x, y, z, roll, pitch, yaw."""
+    velocity: Vector3
+    range_m: Positive
+    """Reach of the sensor."""
+    sizes: Sizes
+    """Encoded bytes of the newest measured frame by algorithm name, ready to be sent."""
+
+    def sensor_pose(self) -> Pose:
+        """The sensor's pose in the world frame."""
+        return Pose(*self.pose)
+
+
+class SceneDescription(Message, frozen=True, kw_only=True):
+    """What a robot sees, in the world frame (Scene Abstraction Module); 2 Hz."""
+
+    robot: RobotId
+    instance: Count
+    seq: Count
+    sent_ns: Ns
+    capture_ns: Ns
+    frame: Count
+    pose: Vector6
+    objects: Array
+    """float32 (N, 9): centroid x, y, z (world), distance m, size x, y, z m, points, density /m3."""
+    visible_m: Array
+    """float32 (S, 1): for S equal sectors of world azimuth from 0, how far the ground is seen."""
+    ground_points: Count
+    elapsed_ms: Annotated[float, msgspec.Meta(ge=0)]
+
+    def sensor_pose(self) -> Pose:
+        """The sensor's pose in the world frame."""
+        return Pose(*self.pose)
+
+
+class ObservationRequest(Message, frozen=True, kw_only=True):
+    """The ego asks a robot for one frame in one form."""
+
+    ego: RobotId
+    request: Count
+    algorithm: Algorithm
+    capture_ns: Ns
+    """Wanted capture time on the robot's own clock; 0 asks for the newest frame."""
+    max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
+    """Bound on the position error of coded points."""
+    keep_ground: bool = False
+    max_bytes: Annotated[int, msgspec.Meta(ge=1)] = MAX_MESSAGE_BYTES
+    """A larger payload is refused instead of sent."""
+
+
+class Observation(Message, frozen=True, kw_only=True):
+    """One frame of one robot, as asked."""
+
+    robot: RobotId
+    instance: Count
+    request: Count
+    algorithm: Algorithm
+    capture_ns: Ns
+    frame: Count
+    pose: Vector6
+    payload: bytes
+    encode_ms: Annotated[float, msgspec.Meta(ge=0)]
+
+    def sensor_pose(self) -> Pose:
+        """The sensor's pose in the world frame."""
+        return Pose(*self.pose)
+
+
+class Refusal(Message, frozen=True, kw_only=True):
+    """Why a robot answers a request with an error (sent as an error reply)."""
+
+    robot: str
+    request: Count
+    reason: str

@@ -1,0 +1,74 @@
+"""Messages as MessagePack: encoding, and decoding with every check."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+import msgspec
+
+from swarm.errors import MessageError
+from swarm.messages.base import MAX_MESSAGE_BYTES, Message
+from swarm.messages.ego import Decision, Detections
+from swarm.messages.net import NetDemand, NetState, ShapeReply, ShapeRequest
+from swarm.messages.robot import (
+    Beacon,
+    Observation,
+    ObservationRequest,
+    Refusal,
+    SceneDescription,
+)
+
+M = TypeVar("M", bound=Message)
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODERS: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {
+    kind: msgspec.msgpack.Decoder(kind)
+    for kind in (
+        Beacon,
+        SceneDescription,
+        ObservationRequest,
+        Observation,
+        Refusal,
+        Decision,
+        Detections,
+        NetState,
+        NetDemand,
+        ShapeRequest,
+        ShapeReply,
+    )
+}
+
+
+def encode(message: Message) -> bytes:
+    """The MessagePack bytes of a message."""
+    return _ENCODER.encode(message)
+
+
+def decode(data: bytes, kind: type[M]) -> M:
+    """A validated message of the given kind.
+
+    Raises MessageError for too many bytes, malformed MessagePack, another schema version, a field
+    of the wrong type or out of range, and a number that is not finite.
+    """
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise MessageError(
+            f"{kind.__name__} of {len(data)} bytes is larger than {MAX_MESSAGE_BYTES}"
+        )
+    try:
+        message: M = _DECODERS[kind].decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MessageError(f"not a valid {kind.__name__}: {error}") from error
+    for name in message.__struct_fields__:
+        if not _is_finite(getattr(message, name)):
+            raise MessageError(f"{kind.__name__}.{name} is not finite")
+    return message
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, tuple):
+        return all(_is_finite(item) for item in value)
+    if isinstance(value, msgspec.Struct):
+        return all(_is_finite(getattr(value, name)) for name in value.__struct_fields__)
+    return True
