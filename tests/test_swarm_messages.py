@@ -125,6 +125,8 @@ def test_a_field_of_a_wrong_type_is_refused(sample: Message, wrong: object) -> N
     for name in plain(sample):
         if name == "payload" and isinstance(wrong, bytes):
             continue
+        if name in ("rate_bps", "duration_s", "revision") and wrong is None:
+            continue  # An operator may leave them out.
         with pytest.raises(MessageError):
             decode(broken(sample, **{name: wrong}), type(sample))
 
