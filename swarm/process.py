@@ -18,7 +18,7 @@ from swarm.settings import Name, Port
 _NS = 1_000_000_000
 
 
-class ProcessSettings(msgspec.Struct, frozen=True, kw_only=True):
+class SwarmSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Settings that all processes of one swarm have in common."""
 
     swarm: Name = "local"
@@ -26,6 +26,10 @@ class ProcessSettings(msgspec.Struct, frozen=True, kw_only=True):
     metrics_host: str = "127.0.0.1"
     metrics_port: Port = 9100
     log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+
+class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
+    """Settings of the processes that live in a world."""
 
     world: Literal["factory", "opv2v"] = "factory"
     world_data: str = ""

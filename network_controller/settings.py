@@ -1,0 +1,57 @@
+"""Settings of the network controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+import msgspec
+
+from swarm.errors import SettingError
+from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
+from swarm.process import SwarmSettings
+from swarm.settings import Name, Port, load
+
+Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
+
+
+class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
+    """How the links of one host are controlled. Field `driver` is read from `COADAPT_DRIVER`."""
+
+    driver: Literal["netns", "docker"] = "netns"
+    ego: Name = "R1"
+    """Whose link is the cell that a request without a robot means."""
+    link_bps: Rate | None = None
+    """Capacity of the cell from the start; None leaves it unshaped until somebody asks."""
+    link_rates_bps: tuple[Rate, ...] = ()
+    """Capacities that follow one another instead, each for `link_interval_s`, from `epoch_ns` on."""
+    link_interval_s: Annotated[float, msgspec.Meta(ge=0.1, le=3600)] = 1.0
+    epoch_ns: Annotated[int, msgspec.Meta(ge=0)] = 0
+    state_file: str = ""
+    """Keeps operators' shapes over a restart of the controller; empty forgets them."""
+    net_journal: str = ""
+    """Path of the journal of actions; empty keeps none."""
+    window_s: Annotated[float, msgspec.Meta(ge=0.1, le=600)] = 5.0
+    """A shortfall counts when it lasts for a whole window."""
+    windows: Annotated[int, msgspec.Meta(ge=1, le=100)] = 3
+    """Windows of shortfall, or of ease, in a row before the controller acts."""
+    qod_host: str = "127.0.0.1"
+    qod_port: Port = 9104
+    """Where the Quality-on-Demand API answers; 0 takes any free port."""
+    qod_token: str = ""
+    """Bearer token that clients must show; needed to answer off this host."""
+    qod_socket: str = ""
+    """Unix socket to answer on instead of the port."""
+
+
+def load_settings(environment: Mapping[str, str] | None = None) -> ControllerSettings:
+    """The settings from the environment and the TOML file.
+
+    Raises SettingError that names the variable, its value and what is allowed.
+    """
+    settings = load(ControllerSettings, environment)
+    if settings.link_bps is not None and settings.link_rates_bps:
+        raise SettingError(
+            "COADAPT_LINK_BPS and COADAPT_LINK_RATES_BPS are both set; the cell has one or the other"
+        )
+    return settings
