@@ -8,6 +8,8 @@ floor. Control's guarantee is never touched and it is always served first.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from network_controller.model import ClassShape, LinkShape
 from swarm.traffic import TrafficClass
 
@@ -35,6 +37,25 @@ def shape(capacity_bps: int, level: int, *, delay_ms: float = 0.0, loss: float =
         for traffic, (share, priority) in shares.items()
     }
     return LinkShape(capacity_bps, classes, delay_ms, loss)
+
+
+def level_of(classes: Mapping[TrafficClass, ClassShape]) -> int | None:
+    """The level that a division is at, also when its rates were rounded; None for none of them."""
+    try:
+        fusion, background = classes[TrafficClass.FUSION], classes[TrafficClass.BACKGROUND]
+    except KeyError:
+        return None
+    for level in range(TOP + 1):
+        wanted = shape(fusion.ceil_bps, level).classes
+        if background.priority == wanted[TrafficClass.BACKGROUND].priority and all(
+            abs(have.rate_bps - wanted[traffic].rate_bps) <= 0.02 * fusion.ceil_bps
+            for traffic, have in (
+                (TrafficClass.FUSION, fusion),
+                (TrafficClass.BACKGROUND, background),
+            )
+        ):
+            return level
+    return None
 
 
 def available_bps(capacity_bps: int, level: int, control_bps: float, background_bps: float) -> int:

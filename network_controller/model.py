@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from swarm.messages import Direction
 from swarm.traffic import TrafficClass
 
+DIRECTIONS: tuple[Direction, ...] = ("down", "up")
+
 
 @dataclass(frozen=True, slots=True, order=True)
 class Link:

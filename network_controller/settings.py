@@ -24,7 +24,7 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     link_bps: Rate | None = None
     """Capacity of the cell from the start; None leaves it unshaped until somebody asks."""
     link_rates_bps: tuple[Rate, ...] = ()
-    """Capacities that follow one another instead, each for `link_interval_s`, from `epoch_ns` on."""
+    """Capacities that follow one another instead, each for `link_interval_s`, since `epoch_ns`."""
     link_interval_s: Annotated[float, msgspec.Meta(ge=0.1, le=3600)] = 1.0
     epoch_ns: Annotated[int, msgspec.Meta(ge=0)] = 0
     state_file: str = ""
@@ -52,6 +52,6 @@ def load_settings(environment: Mapping[str, str] | None = None) -> ControllerSet
     settings = load(ControllerSettings, environment)
     if settings.link_bps is not None and settings.link_rates_bps:
         raise SettingError(
-            "COADAPT_LINK_BPS and COADAPT_LINK_RATES_BPS are both set; the cell has one or the other"
+            "COADAPT_LINK_BPS and COADAPT_LINK_RATES_BPS are both set; set one of them"
         )
     return settings

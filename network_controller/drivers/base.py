@@ -5,11 +5,18 @@ A new runtime is a new file beside this one and a line in `registry.py`.
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Collection, Mapping
 from typing import Protocol
 
 from network_controller.model import Capabilities, Link, LinkReading, LinkShape
+
+
+class Running(Protocol):
+    """A program that was started at a robot."""
+
+    def poll(self) -> int | None:
+        """Its exit status, or None while it runs."""
+        ...
 
 
 class Driver(Protocol):
@@ -52,9 +59,9 @@ class Driver(Protocol):
         """The links that are shaped now, by whomever: what an earlier controller left, too."""
         ...
 
-    def start_at(self, robot: str, argv: list[str]) -> subprocess.Popen[bytes]:
+    def start_at(self, robot: str, argv: list[str]) -> Running:
         """Starts a program in a robot's network namespace, where `sys.executable` and this
-        project can be used; it ends by itself. Raises LinkGoneError for an unknown robot."""
+        project can be used; it has to end by itself. Raises LinkGoneError for an unknown robot."""
         ...
 
     def close(self) -> None:

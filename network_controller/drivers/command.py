@@ -1,0 +1,42 @@
+"""Running `tc` and `ip`: no shell, a time limit, and their own words when they fail."""
+
+from __future__ import annotations
+
+import subprocess
+
+from swarm.errors import NetworkError
+
+TIMEOUT_S = 20.0
+
+
+def run(*argv: str, text: str = "") -> str:
+    """The output of a command. Raises NetworkError with its words when it fails."""
+    done = attempt(*argv, text=text)
+    if done.returncode != 0:
+        raise NetworkError(f"{' '.join(argv)} failed: {words(done, text)}")
+    return done.stdout
+
+
+def attempt(*argv: str, text: str = "") -> subprocess.CompletedProcess[str]:
+    """Runs a command that may fail. Raises NetworkError when it cannot be run at all."""
+    try:
+        return subprocess.run(
+            argv, input=text, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
+        )
+    except FileNotFoundError as error:
+        raise NetworkError(
+            f"the program {argv[0]!r} is missing; install the package iproute2"
+        ) from error
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NetworkError(f"{' '.join(argv)} cannot be run: {error}") from error
+
+
+def words(done: subprocess.CompletedProcess[str], text: str = "") -> str:
+    """Why a command failed; of a batch also the line that it stopped at."""
+    told = " ".join((done.stderr or done.stdout).split()) or f"exit status {done.returncode}"
+    lines = text.splitlines()
+    for word in told.replace(":", " ").split("Command failed -")[1:]:
+        number = word.split()[0]
+        if number.isdigit() and 0 < int(number) <= len(lines):
+            told += f" (at: {lines[int(number) - 1]})"
+    return told

@@ -1,0 +1,204 @@
+"""Links of a swarm in Docker: the controller lives in the host's network namespace.
+
+A container's link is the veth whose index the container itself reads in /sys: seen from the host's
+mount namespace that file would show the host's own interfaces. The veth must also hang on the
+bridge of the swarm's own network, so that no other interface of the host is ever touched.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from network_controller.drivers import shaping
+from network_controller.drivers.command import attempt
+from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape
+from swarm.errors import LinkGoneError, NetworkError
+
+LABEL = "coadapt.swarm"
+SERVICE_LABEL = "coadapt.service"
+TIMEOUT_S = 10
+
+
+@dataclass(frozen=True, slots=True)
+class _Port:
+    container: str
+    device: str
+    index: int
+    address: str
+
+
+class _Exec:
+    """A program in a container, started through the engine."""
+
+    def __init__(self, api: Any, number: str) -> None:
+        self._api = api
+        self._number = number
+
+    def poll(self) -> int | None:
+        """See `base.Running`."""
+        with _faults():
+            facts = self._api.exec_inspect(self._number)
+        return None if facts["Running"] else int(facts["ExitCode"] or 0)
+
+
+class DockerDriver:
+    """Robots are the swarm's containers: `ego-R1` where there is one, else `robot-R1`."""
+
+    name = "docker"
+
+    def __init__(self, swarm: str) -> None:
+        """The engine is asked when it is needed first."""
+        self.swarm = swarm
+        self._shaper = shaping.Shaper()
+        self._engine: Any = None
+        self._ports: dict[str, _Port] = {}
+
+    def robots(self) -> Mapping[str, str]:
+        """See `Driver.robots`."""
+        return {robot: port.address for robot, port in self._find().items()}
+
+    def capabilities(self) -> Capabilities:
+        """See `Driver.capabilities`."""
+        return self._shaper.capabilities()
+
+    def apply(self, link: Link, shape: LinkShape) -> None:
+        """See `Driver.apply`."""
+        port = self._find().get(link.robot)
+        if port is None:
+            raise LinkGoneError(
+                f"robot {link.robot!r} has no running container in swarm {self.swarm!r}; there are "
+                f"{', '.join(sorted(self._ports)) or 'none'}"
+            )
+        self._shaper.apply(port.device, link.direction, shape)
+
+    def read(self, links: Collection[Link]) -> Mapping[Link, LinkReading]:
+        """See `Driver.read`."""
+        # Without asking the engine: an interface that has vanished has no reading.
+        ports = self._ports if self._ports else self._find()
+        places = {(ports[k.robot].device, k.direction): k for k in links if k.robot in ports}
+        return {places[place]: found for place, found in shaping.read(list(places)).items()}
+
+    def clear(self, link: Link) -> None:
+        """See `Driver.clear`."""
+        # Also when its container is gone: the `ifb` device of its link is still there.
+        port = self._ports.get(link.robot) or self._find().get(link.robot)
+        if port is not None:
+            shaping.clear(port.device, link.direction)
+
+    def shaped(self) -> frozenset[Link]:
+        """See `Driver.shaped`."""
+        ports = self._find()
+        return frozenset(self.read([Link(robot, way) for robot in ports for way in DIRECTIONS]))
+
+    def start_at(self, robot: str, argv: list[str]) -> _Exec:
+        """See `Driver.start_at`."""
+        port = self._find().get(robot)
+        if port is None:
+            raise LinkGoneError(f"robot {robot!r} has no running container in {self.swarm!r}")
+        with _faults():
+            api = self._api()
+            number = api.exec_create(port.container, argv)["Id"]
+            api.exec_start(number, detach=True)
+        return _Exec(api, number)
+
+    def close(self) -> None:
+        """Removes `ifb` devices whose links are gone, and lets go of the engine."""
+        here = [name for _, name in socket.if_nameindex()]
+        with suppress(NetworkError):
+            for device in shaping.orphans(here):
+                attempt("ip", "link", "del", device)
+        if self._engine is not None:
+            self._engine.close()
+
+    def _api(self) -> Any:
+        import docker
+
+        if self._engine is None:
+            self._engine = docker.APIClient(
+                base_url=docker.utils.parse_host(None), version="auto", timeout=TIMEOUT_S
+            )
+        return self._engine
+
+    def _find(self) -> Mapping[str, _Port]:
+        """The robots' links; only those of new or restarted containers are looked for."""
+        with _faults():
+            listed = self._api().containers(filters={"label": f"{LABEL}={self.swarm}"})
+        known: dict[str, _Port] = {}
+        for robot, facts in _by_robot(listed).items():
+            port = self._ports.get(robot)
+            if port is None or port.container != facts["Id"] or _index(port.device) != port.index:
+                port = self._look(facts)
+            if port is not None:
+                known[robot] = port
+        self._ports = known
+        return known
+
+    def _look(self, facts: Mapping[str, Any]) -> _Port | None:
+        """A container's link, or None while it has none. Raises NetworkError where it is on
+        another machine."""
+        networks = facts["NetworkSettings"]["Networks"].values()
+        network = next((n for n in networks if n.get("IPAddress")), None)
+        if network is None:
+            return None
+        with _faults():
+            api = self._api()
+            number = api.exec_create(facts["Id"], ["cat", "/sys/class/net/eth0/iflink"])["Id"]
+            text = api.exec_start(number)
+            bridge = api.inspect_network(network["NetworkID"])
+        try:
+            index = int(text)
+            device = socket.if_indextoname(index)
+        except (OSError, ValueError):
+            # It is just starting or ending, or it does not run on this machine.
+            return None
+        name = bridge["Options"].get("com.docker.network.bridge.name")
+        if _master(device) != (name or f"br-{network['NetworkID'][:12]}"):
+            raise NetworkError(
+                f"interface {device} of container {facts['Names'][0]} is not on the bridge of its "
+                f"network {bridge['Name']}; the engine must be on this machine"
+            )
+        return _Port(facts["Id"], device, index, network["IPAddress"])
+
+
+def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Running containers by robot; the ego's goes before its robot's."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for role in ("robot-", "ego-"):
+        for facts in listed:
+            service = facts["Labels"].get(SERVICE_LABEL, "")
+            if service.startswith(role) and facts["State"] == "running":
+                found[service.removeprefix(role)] = facts
+    return found
+
+
+def _master(device: str) -> str:
+    """The bridge that an interface hangs on; empty for none."""
+    shown = attempt("ip", "-j", "link", "show", "dev", device).stdout
+    return str(json.loads(shown)[0].get("master", "")) if shown.strip() else ""
+
+
+def _index(device: str) -> int:
+    try:
+        return socket.if_nametoindex(device)
+    except OSError:
+        return 0
+
+
+@contextlib.contextmanager
+def _faults() -> Iterator[None]:
+    """Turns what Docker's client and its connection raise into NetworkError."""
+    import docker.errors
+    import requests
+
+    try:
+        yield
+    except docker.errors.NotFound as error:
+        raise LinkGoneError(f"a container is gone: {error}") from error
+    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+        raise NetworkError(f"no Docker engine answers as it should: {error}") from error
