@@ -6,6 +6,13 @@ RUNTIME ?= auto
 POLICY ?= coverage
 SWARM ?= local
 LINK ?=
+RATE ?=
+PROFILE ?=
+TRACE ?=
+ROBOT ?=
+DIRECTION ?=
+DURATION ?=
+TIME_SCALE ?=
 ARGS ?=
 
 COADAPT = .venv/bin/coadapt
@@ -13,12 +20,14 @@ PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec roundtrip cycle
 
 .DEFAULT_GOAL := help
-.PHONY: help setup up down status logs metrics test check lint types bench lock clean
+.PHONY: help setup up down status logs metrics shape congest net test check lint types bench lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|opv2v DATA=dir RUNTIME=auto|docker|netns"
 	@echo "             POLICY=$(POLICY) LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
+	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
+	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s"
 
 setup: ## Make .venv and install what the swarm needs
 	@sh deploy/setup.sh
@@ -38,6 +47,19 @@ logs: setup ## Show the processes' logs (ARGS='ego-R1 --follow')
 
 metrics: setup ## Show Prometheus' targets and key figures
 	@$(COADAPT) metrics --swarm $(SWARM)
+
+shape: setup ## Give a link RATE=5mbit or a PROFILE (see the variables)
+	@$(COADAPT) net shape --swarm $(SWARM) $(if $(RATE),--rate $(RATE)) \
+		$(if $(PROFILE),--profile $(PROFILE)) $(if $(TRACE),--trace $(TRACE)) \
+		$(if $(TIME_SCALE),--time-scale $(TIME_SCALE)) $(if $(ROBOT),--robot $(ROBOT)) \
+		$(if $(DIRECTION),--direction $(DIRECTION)) $(if $(DURATION),--for $(DURATION)) $(ARGS)
+
+congest: setup ## Send competing telemetry, at RATE or 85 % of the link
+	@$(COADAPT) net congest --swarm $(SWARM) $(if $(RATE),--rate $(RATE)) \
+		$(if $(ROBOT),--robot $(ROBOT)) $(if $(DURATION),--for $(DURATION)) $(ARGS)
+
+net: setup ## Show the shapes in force and what links carry
+	@$(COADAPT) net show --swarm $(SWARM) $(ARGS)
 
 test: setup ## Run all tests
 	@$(PYTHON_ENV) -m pytest $(ARGS)

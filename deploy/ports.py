@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
+from collections.abc import Iterator
+from typing import Literal
 
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
@@ -29,25 +32,31 @@ def listen(port: int, what: str) -> socket.socket:
     return listener
 
 
-def listen_metrics(spec: SwarmSpec) -> tuple[socket.socket, socket.socket | None]:
-    """Listening sockets for the ego's metrics and, if the swarm has one, for Prometheus.
+Door = Literal["ego metrics", "prometheus", "qod"]
 
-    Raises DeployError when either is taken; none is held then.
+
+@contextlib.contextmanager
+def listen_doors(spec: SwarmSpec) -> Iterator[dict[Door, socket.socket]]:
+    """Listening sockets for what people on the host reach of a swarm, closed at the end.
+
+    Raises DeployError when a port is taken; none is held then.
     """
-    ego = listen(spec.ego_metrics_port, "the ego's metrics (--ego-metrics-port)")
-    if not spec.prometheus:
-        return ego, None
-    try:
-        return ego, listen(spec.prometheus_port, "Prometheus (--prometheus-port)")
-    except DeployError:
-        ego.close()
-        raise
+    with contextlib.ExitStack() as stack:
+        doors: dict[Door, socket.socket] = {}
+        for door, port, what in _doors(spec):
+            doors[door] = stack.enter_context(listen(port, what))
+        yield doors
+
+
+def _doors(spec: SwarmSpec) -> Iterator[tuple[Door, int, str]]:
+    yield "ego metrics", spec.ego_metrics_port, "the ego's metrics (--ego-metrics-port)"
+    yield "qod", spec.qod_port, "the Quality-on-Demand API (--qod-port)"
+    if spec.prometheus:
+        yield "prometheus", spec.prometheus_port, "Prometheus (--prometheus-port)"
 
 
 def check_free(spec: SwarmSpec) -> None:
     """Raises DeployError when a port that a container runtime publishes is taken."""
-    for listener in listen_metrics(spec):
-        if listener is not None:
-            listener.close()
-    for port in range(spec.router_port, spec.router_port + LINKS):
-        listen(port, "the router (--router-port)").close()
+    with listen_doors(spec):
+        for port in range(spec.router_port, spec.router_port + LINKS):
+            listen(port, "the router (--router-port)").close()

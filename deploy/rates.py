@@ -1,13 +1,17 @@
-"""Rates as people write them: 55mbit, 5.5mbit, 800kbit."""
+"""Rates, times and shares as people write them: 55mbit, 5.5mbit, 60s, 20ms, 1%."""
 
 from __future__ import annotations
 
 import re
 
 from swarm.errors import DeployError
+from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 
-_UNITS = {"bit": 1, "kbit": 1_000, "mbit": 1_000_000, "gbit": 1_000_000_000}
-_RATE = re.compile(r"(?P<number>\d+(?:\.\d+)?)(?P<unit>[kmg]?bit)")
+_UNITS = {"bit": 1, "kbit": 1_000, "mbit": 1_000_000, "gbit": 1_000_000_000, "tbit": 10**12}
+_RATE = re.compile(r"(?P<number>\d+(?:\.\d+)?)(?P<unit>[kmgt]?bit)")
+_SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
+_TIME = re.compile(r"(?P<number>\d+(?:\.\d+)?)(?P<unit>ms|s|m|h)")
+_SHARE = re.compile(r"(?P<number>\d+(?:\.\d+)?)%")
 
 
 def parse_rate(text: str) -> int:
@@ -16,6 +20,33 @@ def parse_rate(text: str) -> int:
     if match is None:
         raise DeployError(f"rate {text!r} is not valid; write it like 55mbit, 5.5mbit or 800kbit")
     return round(float(match["number"]) * _UNITS[match["unit"]])
+
+
+def parse_link_rate(text: str) -> int:
+    """Bit/s of a rate that a link may have. Raises DeployError for others."""
+    rate_bps = parse_rate(text)
+    if not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
+        raise DeployError(
+            f"rate {text!r} is not possible; a link may have {MIN_RATE_BPS // 1000}kbit to "
+            f"{MAX_RATE_BPS // 10**9}gbit"
+        )
+    return rate_bps
+
+
+def parse_seconds(text: str) -> float:
+    """Seconds of a time such as `60s`, `20ms`, `10m` or `1h`. Raises DeployError for others."""
+    match = _TIME.fullmatch(text.strip().lower())
+    if match is None or float(match["number"]) <= 0.0:
+        raise DeployError(f"time {text!r} is not valid; write it like 60s, 20ms, 10m or 1h; not 0")
+    return float(match["number"]) * _SECONDS[match["unit"]]
+
+
+def parse_share(text: str) -> float:
+    """A share such as `1%` as a number from 0 to 1. Raises DeployError for others."""
+    match = _SHARE.fullmatch(text.strip())
+    if match is None or float(match["number"]) > 100.0:
+        raise DeployError(f"share {text!r} is not valid; write it like 1% or 0.5%")
+    return float(match["number"]) / 100.0
 
 
 def format_rate(bps: float) -> str:

@@ -10,8 +10,9 @@ from typing import Literal
 import yaml
 
 from deploy.spec import SwarmSpec
+from worlds.factory.scenarios import link_steps_bps
 
-Role = Literal["router", "robot", "ego", "prometheus"]
+Role = Literal["router", "controller", "robot", "ego", "prometheus"]
 INFRA = "infra"
 ROUTER_METRICS_PORT = 9100
 ROBOT_METRICS_PORT = 9101
@@ -20,6 +21,8 @@ PROMETHEUS_PORT = 9090
 SCRAPE_S = 2
 RETENTION = "512MB"
 JOURNAL = "journal"
+NET = "net"
+"""The controller's part of `var_dir`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +34,18 @@ class Place:
     router_host: str
     """Address by which the other processes reach the router."""
     var_dir: str
-    """Holds `journal/` (the ego's) and `prometheus/` (its data); the runtime makes both."""
+    """Holds `journal/` (the ego's), `net/` (the controller's) and `prometheus/` (its data); the
+    runtime makes them."""
     prometheus_config: str
     """Path of the file with `prometheus_config`."""
+    driver: Literal["netns", "docker"] = "netns"
+    """How the network controller finds links."""
+    qod_socket: str = ""
+    """Socket of the Quality-on-Demand API; empty: it answers on the host's 127.0.0.1 itself."""
+    controller_router_host: str = ""
+    """Address by which the controller reaches the router, where that is another one."""
+    controller_metrics_host: str = "0.0.0.0"
+    """Address that the controller's metrics listen on."""
     unix_socket: str = ""
     """Socket that the router listens on as well, for tools on the host; empty for none."""
     data: str = ""
@@ -60,7 +72,7 @@ class Service:
 
 
 def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
-    """The router, the robots, the ego and Prometheus, in the order in which to start them."""
+    """Router, controller, robots, ego and Prometheus, in the order in which to start them."""
     router = Service(
         name="router",
         role="router",
@@ -72,6 +84,14 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             *(("--unix-socket", place.unix_socket) if place.unix_socket else ()),
         ),
         metrics_port=ROUTER_METRICS_PORT,
+    )
+    controller = Service(
+        name="controller",
+        role="controller",
+        host=INFRA,
+        argv=(place.python, "-m", "network_controller"),
+        env=_controller_environment(spec, place),
+        metrics_port=spec.controller_metrics_port,
     )
     robots = [
         Service(
@@ -118,7 +138,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         ),
         metrics_port=PROMETHEUS_PORT,
     )
-    return (router, *robots, ego, *([prometheus] if spec.prometheus else []))
+    return (router, controller, *robots, ego, *([prometheus] if spec.prometheus else []))
 
 
 def journal_path(spec: SwarmSpec, var_dir: str) -> str:
@@ -126,17 +146,54 @@ def journal_path(spec: SwarmSpec, var_dir: str) -> str:
     return f"{var_dir}/{JOURNAL}/{spec.ego}-{_begun(spec)}.jsonl"
 
 
+def net_journal_path(spec: SwarmSpec, var_dir: str) -> str:
+    """The controller's journal of actions."""
+    return f"{var_dir}/{NET}/actions-{_begun(spec)}.jsonl"
+
+
 def _begun(spec: SwarmSpec) -> str:
     return time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(spec.epoch_ns // 1_000_000_000))
 
 
-def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
-    """The settings that all of the swarm's own processes share (`swarm.process`)."""
+def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
+    """The network controller's settings (`network_controller.settings`)."""
+    host = place.controller_router_host or place.router_host
+    link = {}
+    if spec.link_bps:
+        link = {"COADAPT_LINK_BPS": str(spec.link_bps)}
+    elif spec.world == "factory" and (steps := link_steps_bps(spec.scenario)) is not None:
+        rates, interval_s = steps
+        link = {
+            "COADAPT_LINK_RATES_BPS": ",".join(map(str, rates)),
+            "COADAPT_LINK_INTERVAL_S": str(interval_s),
+        }
+    return {
+        **_common_environment(spec, host, spec.controller_metrics_port),
+        "COADAPT_METRICS_HOST": place.controller_metrics_host,
+        "COADAPT_DRIVER": place.driver,
+        "COADAPT_EGO": spec.ego,
+        "COADAPT_EPOCH_NS": str(spec.epoch_ns),
+        "COADAPT_STATE_FILE": f"{place.var_dir}/{NET}/shapes-{_begun(spec)}.json",
+        "COADAPT_NET_JOURNAL": net_journal_path(spec, place.var_dir),
+        "COADAPT_QOD_PORT": str(spec.qod_port),
+        "COADAPT_QOD_SOCKET": place.qod_socket,
+        **link,
+    }
+
+
+def _common_environment(spec: SwarmSpec, router_host: str, metrics_port: int) -> dict[str, str]:
     return {
         "COADAPT_SWARM": spec.swarm,
-        "COADAPT_ROUTER": f"tcp/{place.router_host}:{spec.router_port}",
+        "COADAPT_ROUTER": f"tcp/{router_host}:{spec.router_port}",
         "COADAPT_METRICS_HOST": "0.0.0.0",
         "COADAPT_METRICS_PORT": str(metrics_port),
+    }
+
+
+def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
+    """The settings that the processes which live in the world share (`swarm.process`)."""
+    return {
+        **_common_environment(spec, place.router_host, metrics_port),
         "COADAPT_WORLD": spec.world,
         "COADAPT_WORLD_DATA": place.data,
         "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),

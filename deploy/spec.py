@@ -38,6 +38,8 @@ _ALLOWED = {
     "prometheus_port": _PORT_RULE,
     "ego_metrics_port": _PORT_RULE,
     "router_port": _PORT_RULE,
+    "qod_port": _PORT_RULE,
+    "controller_metrics_port": _PORT_RULE,
     "comm_range_m": "metres > 0 and <= 10000, or unset",
     "link_bps": "bit/s >= 100000, or unset",
 }
@@ -73,6 +75,10 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the ego's metrics answer on the host's 127.0.0.1."""
     router_port: HostPort = 7447
     """First of three ports of the router, one a traffic class."""
+    qod_port: HostPort = 9104
+    """Where the Quality-on-Demand API answers on the host's 127.0.0.1."""
+    controller_metrics_port: HostPort = 9103
+    """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
     comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] | None = None
     """How far from the ego a robot may take part; None leaves it to the ego's settings."""
     link_bps: Annotated[int, msgspec.Meta(ge=100_000)] | None = None

@@ -37,6 +37,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     prometheus_url: str = ""
     """Prometheus on the host; empty when the swarm has none."""
     ego_metrics_url: str = ""
+    qod_url: str = ""
+    """The Quality-on-Demand API on the host."""
     processes: dict[str, ProcessMark] = {}
     """Processes on the host that belong to the swarm, by what they do."""
 

@@ -17,7 +17,7 @@ import msgspec
 from network_controller.model import Link
 from network_controller.profiles import Fixed, Profile, Series, Shift
 from swarm.errors import NetworkError
-from swarm.messages import MIN_RATE_BPS, Direction
+from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS, Direction
 
 Layer = Literal["start", "stays", "expires"]
 LAYERS: tuple[Layer, ...] = ("start", "stays", "expires")
@@ -61,7 +61,7 @@ class Wish(msgspec.Struct, frozen=True, kw_only=True):
         """The capacity now, as a link can have it."""
         elapsed_s = max(0.0, (now_ns - self.since_ns) / _NS)
         floor = TRACE_FLOOR_BPS if self.kind == "trace" else MIN_RATE_BPS
-        return max(floor, round(self.profile().rate_bps(elapsed_s)))
+        return min(MAX_RATE_BPS, max(floor, round(self.profile().rate_bps(elapsed_s))))
 
     def next_change_ns(self, now_ns: int) -> float:
         """When it has to be looked at again; infinity: never."""

@@ -40,6 +40,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--prometheus-port", type=int, default=9090, help="on 127.0.0.1")
     parser.add_argument("--ego-metrics-port", type=int, default=9102, help="on 127.0.0.1")
     parser.add_argument("--router-port", type=int, default=7447, help="first of three")
+    parser.add_argument("--qod-port", type=int, default=9104, help="on 127.0.0.1")
+    parser.add_argument(
+        "--controller-metrics-port", type=int, default=9103, help="on Docker's bridge, in Docker"
+    )
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
 
@@ -100,6 +104,8 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         prometheus_port=args.prometheus_port,
         ego_metrics_port=args.ego_metrics_port,
         router_port=args.router_port,
+        qod_port=args.qod_port,
+        controller_metrics_port=args.controller_metrics_port,
         comm_range_m=args.comm_range,
         link_bps=parse_rate(args.link) if args.link else None,
         **optional,
@@ -118,6 +124,7 @@ def _print_where(state: State) -> None:
     print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
     print(f"prometheus  {state.prometheus_url or 'none'}")
     print(f"ego metrics {state.ego_metrics_url}")
+    print(f"qod api     {state.qod_url}/quality-on-demand/v1")
     print(f"router      {state.router}")
     print(f"journal     {journal_path(spec, spec.var_dir)}")
-    print("next        make status, make logs, make metrics, make down")
+    print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")

@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from deploy import services as roster
+from deploy.ports import LOCALHOST
 from deploy.services import Place, Service
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
@@ -25,6 +26,15 @@ PLACE = Place(
     var_dir="/var/coadapt",
     prometheus_config="/etc/coadapt/prometheus.yml",
 )
+ENGINE_SOCKET = "/var/run/docker.sock"
+_ON_THE_HOST = {
+    "network_mode": "host",
+    # It shapes the host's ends of the containers' links, finds them through the engine's socket,
+    # and writes to the user's directory.
+    "user": "0:0",
+    "cap_drop": ["ALL"],
+    "cap_add": ["NET_ADMIN", "DAC_OVERRIDE"],
+}
 DATA, CACHE = "/data", "/cache"
 _NOT_FOR_PROCESSES = frozenset(
     {"COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_REQUIRE", "COADAPT_RUN_DIR"}
@@ -32,9 +42,16 @@ _NOT_FOR_PROCESSES = frozenset(
 """They steer `up` and the tests, or name a path that a container does not have."""
 
 
-def place_of(spec: SwarmSpec) -> Place:
-    """Where the processes of this swarm find things inside their containers."""
+def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
+    """Where the processes of this swarm find things inside their containers.
+
+    The controller alone lives in the host's network; containers reach it at `gateway`, the host's
+    address on Docker's bridge.
+    """
     return Place(
+        driver="docker",
+        controller_router_host=LOCALHOST,
+        controller_metrics_host=gateway,
         listen_host=PLACE.listen_host,
         router_host=PLACE.router_host,
         var_dir=PLACE.var_dir,
@@ -52,11 +69,14 @@ def project_of(swarm: str) -> str:
     )
 
 
-def compose_file(spec: SwarmSpec, image: str) -> str:
-    """The compose file (YAML) of a swarm that runs from `image`."""
-    members = roster.services(spec, place_of(spec))
+def compose_file(spec: SwarmSpec, image: str, gateway: str) -> str:
+    """The compose file (YAML) of a swarm that runs from `image`; see `place_of`."""
+    members = roster.services(spec, place_of(spec, gateway))
     document = {
-        "services": {m.name: _container(spec, m, image) for m in members},
+        "services": {
+            m.name: _container(spec, m, image) | (_ON_THE_HOST if m.role == "controller" else {})
+            for m in members
+        },
         "networks": {"swarm": {"driver": "bridge", "labels": {LABEL: spec.swarm}}},
     }
     text: str = yaml.safe_dump(document, sort_keys=False)
@@ -77,7 +97,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
-        "networks": ["swarm"],
+        **({} if service.role == "controller" else {"networks": ["swarm"]}),
         "labels": {LABEL: spec.swarm, SERVICE_LABEL: service.name},
         "restart": "unless-stopped" if service.restart == "always" else "no",
         "stop_grace_period": "5s",
@@ -86,6 +106,8 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     published = _published(spec, service)
     if published:
         container["ports"] = published
+    if service.role == "prometheus":
+        container["extra_hosts"] = ["controller:host-gateway"]
     if service.role != "router":
         container["depends_on"] = ["router"]
     return container
@@ -104,7 +126,9 @@ def _settings(service: Service) -> dict[str, str]:
 
 def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     volumes = []
-    if service.role in ("ego", "prometheus"):
+    if service.role == "controller":
+        volumes.append(f"{ENGINE_SOCKET}:{ENGINE_SOCKET}")
+    if service.role in ("ego", "prometheus", "controller"):
         volumes.append(f"{spec.var_dir}:{PLACE.var_dir}")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")

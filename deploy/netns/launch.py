@@ -8,12 +8,14 @@ import select
 import socket
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
 from deploy.netns import control, detached
-from deploy.netns.supervisor import EGO_METRICS_SOCKET, PROMETHEUS_SOCKET
+from deploy.netns.supervisor import EGO_METRICS_SOCKET, PROMETHEUS_SOCKET, QOD_SOCKET
+from deploy.ports import Door
 from deploy.spec import SwarmSpec
 from deploy.state import ProcessMark
 from swarm.errors import DeployError
@@ -108,13 +110,16 @@ class Launch:
             self._ready = -1
 
 
-def start_relay(
-    spec: SwarmSpec, log: Path, prometheus: socket.socket | None, ego_metrics: socket.socket
-) -> ProcessMark:
+_SOCKETS: Mapping[Door, str] = {
+    "ego metrics": EGO_METRICS_SOCKET,
+    "prometheus": PROMETHEUS_SOCKET,
+    "qod": QOD_SOCKET,
+}
+
+
+def start_relay(spec: SwarmSpec, log: Path, listeners: Mapping[Door, socket.socket]) -> ProcessMark:
     """Starts the host's relay on listening sockets, which the caller may close afterwards."""
-    doors = [(ego_metrics, EGO_METRICS_SOCKET)]
-    if prometheus is not None:
-        doors.append((prometheus, PROMETHEUS_SOCKET))
+    doors = [(listener, _SOCKETS[door]) for door, listener in listeners.items()]
     pairs = [f"{3 + i}={spec.run_dir}/{path}" for i, (_, path) in enumerate(doors)]
     with open(os.devnull) as nothing, open(log, "ab") as log_file:
         descriptors = {0: nothing.fileno(), 1: log_file.fileno(), 2: log_file.fileno()}

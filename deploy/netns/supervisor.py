@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.netns import control, link, network, relay
+from deploy.netns import control, network, relay
 from deploy.netns.children import Children
 from deploy.services import (
     EGO_METRICS_PORT,
@@ -33,6 +33,7 @@ from swarm.log import make_logger
 ROUTER_SOCKET = "router.sock"
 PROMETHEUS_SOCKET = "prometheus.sock"
 EGO_METRICS_SOCKET = "ego-metrics.sock"
+QOD_SOCKET = "qod.sock"
 PROMETHEUS_FILE = "prometheus.yml"
 
 
@@ -43,6 +44,8 @@ def place_of(spec: SwarmSpec) -> Place:
         router_host=network.BRIDGE_ADDRESS,
         unix_socket=f"{spec.run_dir}/{ROUTER_SOCKET}",
         var_dir=spec.var_dir,
+        driver="netns",
+        qod_socket=f"{spec.run_dir}/{QOD_SOCKET}",
         prometheus_config=f"{spec.run_dir}/{PROMETHEUS_FILE}",
         data=spec.data,
         cache=spec.cache,
@@ -64,10 +67,6 @@ class Supervisor:
     async def run(self) -> None:
         """Starts all, says so on standard output, and waits for `stop`, SIGTERM or SIGINT."""
         network.build(self._spec)
-        ego_link = network.link_name(self._spec, self._spec.ego)
-        rate_bps = link.wanted_bps(self._spec)
-        if rate_bps is not None:
-            link.shape(ego_link, rate_bps)
         (self._run_dir / PROMETHEUS_FILE).write_text(
             prometheus_config(self._members, lambda s: network.address(self._spec, s.host))
         )
@@ -90,12 +89,10 @@ class Supervisor:
                     PROMETHEUS_PORT,
                 )
             )
-        following = asyncio.create_task(link.follow(self._spec, ego_link, self._log))
         self._children.start()
         answer(control.Reply())
         self._log.info("swarm_up", processes=len(self._members))
         await self._stop.wait()
-        following.cancel()
         await self._children.stop()
         self._log.info("swarm_down")
 

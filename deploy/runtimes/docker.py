@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime
-import socket
 import subprocess
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,13 +14,11 @@ from deploy import services as roster
 from deploy import state as record
 from deploy.docker import compose
 from deploy.docker.image import ensure_image
-from deploy.netns import link
 from deploy.ports import check_free
 from deploy.progress import say
 from deploy.runtimes.base import ProcessState, ProcessStatus
 from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
-from worlds.factory.scenarios import link_rate_bps
 
 STOP_S = 5
 GOING_ALREADY = 409
@@ -55,11 +52,6 @@ class DockerRuntime:
                         "run `make down` first"
                     )
                 return False
-            if spec.link_bps is None and link_rate_bps(spec.scenario, 0.0) is not None:
-                raise DeployError(
-                    f"scenario {spec.scenario!r} changes the link as time goes by, which runtime "
-                    "docker cannot follow; use RUNTIME=netns, or fix the rate with --link"
-                )
             self._clear(spec.swarm)
             check_free(spec)
             self._start(spec)
@@ -75,11 +67,11 @@ class DockerRuntime:
 
     def _start_from(self, image: str, spec: SwarmSpec) -> None:
         run_dir = record.make_run_dir(spec)
-        for folder in ("journal", "prometheus"):
+        for folder in (roster.JOURNAL, roster.NET, "prometheus"):
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
         (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
         file = run_dir / "compose.yml"
-        file.write_text(compose.compose_file(spec, image))
+        file.write_text(compose.compose_file(spec, image, _gateway()))
         record.write_state(
             record.State(
                 runtime="docker",
@@ -89,11 +81,10 @@ class DockerRuntime:
                     f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else ""
                 ),
                 ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
+                qod_url=f"http://127.0.0.1:{spec.qod_port}",
             )
         )
         compose.start(spec, file)
-        if spec.link_bps is not None:
-            link.shape(_host_end(self._container(spec.swarm, f"ego-{spec.ego}")), spec.link_bps)
 
     def down(self, swarm: str) -> bool:
         """Removes every container and network that carries the swarm's label, and its record."""
@@ -180,20 +171,13 @@ def _engine() -> Any:
     return engine
 
 
-def _host_end(container: Any) -> str:
-    """The host's interface that leads to a container: what leaves it is what the container gets.
-
-    Its index is read inside the container: /sys seen from the host's mount namespace would show
-    the host's own interfaces. Raises DeployError when the engine is not on this machine.
-    """
-    code, output = container.exec_run(["cat", "/sys/class/net/eth0/iflink"])
-    try:
-        return socket.if_indextoname(int(output))
-    except (OSError, ValueError) as error:
-        raise DeployError(
-            f"the link of container {container.name} is not on this machine (exit code {code}: "
-            f"{error}); start without --link"
-        ) from error
+def _gateway() -> str:
+    """The host's address on Docker's bridge, at which containers reach the host."""
+    config = _engine().networks.get("bridge").attrs["IPAM"]["Config"]
+    for entry in config:
+        if entry.get("Gateway"):
+            return str(entry["Gateway"])
+    raise DeployError("Docker's network `bridge` has no gateway, so nothing reaches the host")
 
 
 def _remove(container: Any) -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from deploy.netns import control, detached, launch
 from deploy.netns.supervisor import ROUTER_SOCKET, place_of
-from deploy.ports import listen_metrics
+from deploy.ports import listen_doors
 from deploy.runtimes.base import ProcessStatus
-from deploy.services import JOURNAL, services
+from deploy.services import JOURNAL, NET, services
 from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,
@@ -121,13 +121,10 @@ class NetnsRuntime:
         var_dir = Path(spec.var_dir)
         logs = var_dir / "logs"
         with contextlib.ExitStack() as stack:
-            ego, prometheus = listen_metrics(spec)
-            for listener in (ego, prometheus):
-                if listener is not None:
-                    stack.enter_context(listener)
+            doors = stack.enter_context(listen_doors(spec))
             make_run_dir(spec)
             try:
-                for directory in (logs, var_dir / JOURNAL, var_dir / "prometheus"):
+                for directory in (logs, var_dir / JOURNAL, var_dir / NET, var_dir / "prometheus"):
                     directory.mkdir(parents=True, exist_ok=True)
                 for old in logs.glob("*.log"):
                     old.unlink()
@@ -138,7 +135,7 @@ class NetnsRuntime:
                 # Recorded before anything is built: `down` finds it even if this process dies.
                 write_state(_state(spec, marks))
                 start.start(spec)
-                marks[RELAY] = launch.start_relay(spec, logs / RELAY_LOG, prometheus, ego)
+                marks[RELAY] = launch.start_relay(spec, logs / RELAY_LOG, doors)
                 write_state(_state(spec, marks))
             except OSError as error:
                 self._clear(spec.swarm)
@@ -177,6 +174,7 @@ def _state(spec: SwarmSpec, marks: dict[str, ProcessMark]) -> State:
         router=f"unixsock-stream/{spec.run_dir}/{ROUTER_SOCKET}",
         prometheus_url=f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else "",
         ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
+        qod_url=f"http://127.0.0.1:{spec.qod_port}",
         processes=marks,
     )
 

@@ -43,9 +43,18 @@ def link_rate_bps(scenario: str, time_s: float) -> float | None:
 
     `bandwidth-drop`: a minute of 55 Mbit/s, then a minute of 0.75 Mbit/s, and again.
     """
+    steps = link_steps_bps(scenario)
+    if steps is None:
+        return None
+    rates, interval_s = steps
+    return float(rates[int(time_s // interval_s) % len(rates)])
+
+
+def link_steps_bps(scenario: str) -> tuple[tuple[int, ...], float] | None:
+    """The same as capacities that follow one another for ever, and the seconds that each lasts."""
     if scenario != "bandwidth-drop":
         return None
-    return FAST_BPS if time_s % DROP_EVERY_S < DROP_EVERY_S / 2 else SLOW_BPS
+    return (round(FAST_BPS), round(SLOW_BPS)), DROP_EVERY_S / 2
 
 
 def cast(scenario: str, floor: Floor, robots: int, rng: np.random.Generator) -> tuple[Actor, ...]:

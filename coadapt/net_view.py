@@ -1,0 +1,58 @@
+"""Links for people: what operators made of them, and what they carry."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from deploy.rates import format_rate
+from swarm.messages import LinkState, ShapeInForce, ShapeReply
+
+
+def render(reply: ShapeReply, links: Sequence[LinkState] | None, now_ns: int) -> str:
+    """The shapes in force, the links' state where it is known, and the controller's notes."""
+    lines = [_shape(shape, now_ns) for shape in reply.shapes] or ["no link is shaped"]
+    lines += [f"telemetry runs towards {', '.join(reply.congested)}"] if reply.congested else []
+    for link in links or ():
+        lines += ["", *_link(link)]
+    lines += [f"note: {note}" for note in reply.notes]
+    lines.append(f"revision {reply.revision}")
+    return "\n".join(lines)
+
+
+def _shape(shape: ShapeInForce, now_ns: int) -> str:
+    rate = format_rate(shape.rate_bps) if shape.rate_bps else "not applied"
+    kind = "" if shape.profile == "rate" else f" ({shape.profile})"
+    extra = f", delay {shape.delay_ms:g} ms" if shape.delay_ms else ""
+    extra += f", loss {100 * shape.loss:g} %" if shape.loss else ""
+    since = time.strftime("%H:%M:%S", time.localtime(shape.since_ns / 1e9))
+    until = f", ends in {max(0.0, (shape.until_ns - now_ns) / 1e9):.0f} s" if shape.until_ns else ""
+    return (
+        f"{shape.robot} {shape.direction}: {rate}{kind}{extra}, "
+        f"by {shape.operator} since {since}{until}"
+    )
+
+
+def _link(link: LinkState) -> list[str]:
+    head = (
+        f"{link.robot} {link.direction}: capacity {format_rate(link.capacity_bps)}, "
+        f"{format_rate(link.available_bps)} for fusion, latency {link.latency_ms:.0f} ms, "
+        f"level {link.level}"
+    )
+    rows = [("class", "guaranteed", "priority", "now", "waiting", "drops")]
+    rows += [
+        (
+            name,
+            format_rate(one.rate_bps),
+            str(one.priority),
+            format_rate(one.throughput_bps),
+            f"{one.backlog_bytes:,} B",
+            f"{one.drops:,}",
+        )
+        for name, one in link.classes.items()
+    ]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [head] + [
+        "  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
