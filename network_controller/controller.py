@@ -45,7 +45,7 @@ def _locked(
         with self._lock:
             return method(self, *args, **kwargs)
 
-    return cast(Callable[Concatenate[Controller, P], R], run)
+    return cast("Callable[Concatenate[Controller, P], R]", run)
 
 
 class Controller:
