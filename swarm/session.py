@@ -7,40 +7,29 @@ threads and may take their time.
 
 from __future__ import annotations
 
-import math
-import secrets
 import threading
-import time
 from collections.abc import Callable
-from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, TypeVar
 
 import zenoh
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from swarm import chunks, keyspace
-from swarm.chunks import Ask, Assembly, More
+from swarm import keyspace
+from swarm.asking import Answer, Question
 from swarm.connection import Connection
-from swarm.credit import Credits, Download, Window
-from swarm.errors import CoAdaptError, KeyspaceError, MessageError, RefusedError, TransportError
+from swarm.credit import Window
+from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
 from swarm.log import Logger, make_logger
-from swarm.messages import MAX_MESSAGE_BYTES, Message, Refusal, decode, encode
+from swarm.messages import Message, decode, encode
+from swarm.serving import MAX_WAITING_QUERIES, Server
 from swarm.traffic import TrafficClass
 
+__all__ = ["MAX_WAITING_QUERIES", "Answer", "Session"]
+
 M = TypeVar("M", bound=Message)
-MAX_WAITING_QUERIES = 16
 MAX_REMEMBERED_SENDERS = 256
-
-
-@dataclass(frozen=True, slots=True)
-class Answer(Generic[M]):
-    """A reply to `Session.ask`."""
-
-    message: M
-    wire_bytes: int
-    round_trip_s: float
 
 
 class Session:
@@ -64,8 +53,7 @@ class Session:
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
-        self._pools: list[ThreadPoolExecutor] = []
-        self._credits: list[Credits] = []
+        self._servers: list[Server[Any]] = []
         self._window = Window()
         self._senders_logged: set[str] = set()
         registry = registry or CollectorRegistry()
@@ -141,84 +129,19 @@ class Session:
 
         A CoAdaptError of the handler travels to the asker as a `Refusal`; so do a request that
         does not validate and one that finds too many waiting. A large answer travels in parts;
-        once its asker has stopped waiting, neither is an answer begun nor are more parts sent.
+        once its asker has stopped waiting, no answer is begun and no more parts are sent.
         """
-        pool = ThreadPoolExecutor(workers, thread_name_prefix="serve")
-        waiting = threading.BoundedSemaphore(MAX_WAITING_QUERIES)
-        robot = keyspace.robot_of(key) if keyspace.belongs_to_robot(key) else ""
-        credit = Credits()
-
-        def refuse(query: zenoh.Query, reason: str, request: int = 0) -> None:
-            query.reply_err(encode(Refusal(robot=robot, request=request, reason=reason)))
-
-        def send(query: zenoh.Query, data: bytes, asked: Ask | None, until: float) -> None:
-            if asked is None:
-                query.reply(key, data)
-                return
-            credit.open(asked.token, asked.parts)
-            try:
-                for number, (attachment, part) in enumerate(chunks.split(data), 1):
-                    if not credit.wait(asked.token, number, until):
-                        self._log.debug("answer_abandoned", key=key, parts=number - 1)
-                        return
-                    query.reply(key, part, attachment=attachment)
-            finally:
-                credit.close(asked.token)
-
-        def answer(query: zenoh.Query, asked: Ask | None, until: float) -> None:
-            try:
-                with query:
-                    if time.monotonic() >= until:
-                        return
-                    try:
-                        request = decode(query.payload.to_bytes() if query.payload else b"", kind)
-                    except MessageError as error:
-                        self._drop(kind, key, error)
-                        refuse(query, str(error))
-                        return
-                    number = getattr(request, "request", 0)
-                    try:
-                        reply = encode(handler(request))
-                        if len(reply) > MAX_MESSAGE_BYTES:
-                            raise MessageError(
-                                f"the answer has {len(reply)} bytes; allowed: {MAX_MESSAGE_BYTES}"
-                            )
-                    except CoAdaptError as error:
-                        refuse(query, str(error), number)
-                    except Exception as error:
-                        self._log.error("handler_failed", key=key, exc_info=True)
-                        refuse(query, f"internal error: {type(error).__name__}", number)
-                    else:
-                        send(query, reply, asked, until)
-            except zenoh.ZError as error:
-                self._log.warning("reply_failed", key=key, error=str(error))
-            finally:
-                waiting.release()
-
-        def receive(query: zenoh.Query) -> None:
-            attachment = query.attachment
-            asked = chunks.read_query(attachment.to_bytes() if attachment is not None else None)
-            if isinstance(asked, More):
-                with query:
-                    credit.give(asked.token, asked.parts)
-                return
-            # By this process's own clock, from now: the asker's may show another time.
-            until = math.inf if asked is None else time.monotonic() + asked.timeout_s
-            if not waiting.acquire(blocking=False):
-                with query:
-                    refuse(query, f"busy: {MAX_WAITING_QUERIES} requests are waiting already")
-                return
-            try:
-                pool.submit(answer, query, asked, until)
-            except RuntimeError:
-                # The session is closing.
-                with query:
-                    refuse(query, "closing")
-
-        self._credits.append(credit)
-        self._pools.append(pool)
+        server = Server(
+            key,
+            kind,
+            handler,
+            workers=workers,
+            log=self._log,
+            on_invalid=lambda error: self._drop(kind, key, error),
+        )
+        self._servers.append(server)
         self._connection.declare(
-            lambda session: session.declare_queryable(key, receive, complete=True)
+            lambda session: session.declare_queryable(key, server.receive, complete=True)
         )
 
     def ask(
@@ -236,82 +159,11 @@ class Session:
         missing, RefusedError when the answer is a refusal, and MessageError when the answer or one
         of its parts does not validate. It is always done soon after `timeout_s`.
         """
-        future: Future[Answer[M]] = Future()
-        begun = time.perf_counter()
-        token = secrets.randbits(64)
-        download = Download(
-            self._window, lambda parts: self._ask_more(key, More(token, parts), timeout_s)
+        question = Question(
+            key, kind, timeout_s, self._window, lambda error: self._drop(kind, key, error)
         )
-
-        def settle(answer: Answer[M] | CoAdaptError) -> None:
-            # A reply and the end of the query may race; the first one counts.
-            with suppress(InvalidStateError):
-                if isinstance(answer, CoAdaptError):
-                    future.set_exception(answer)
-                else:
-                    future.set_result(answer)
-
-        def receive(reply: zenoh.Reply) -> None:
-            if future.done():
-                return
-            if reply.ok is None:
-                settle(_failure(key, reply.err, time.perf_counter() - begun, download.assembly))
-                return
-            data = reply.ok.payload.to_bytes()
-            attachment = reply.ok.attachment
-            try:
-                if attachment is not None:
-                    whole = download.add(attachment.to_bytes(), data)
-                    if whole is None:
-                        return
-                    data = whole
-                message = decode(data, kind)
-            except MessageError as error:
-                self._drop(kind, key, error)
-                settle(error)
-                return
-            except TransportError as error:
-                settle(error)
-                return
-            settle(Answer(message, len(data), time.perf_counter() - begun))
-
-        def finished() -> None:
-            waited = time.perf_counter() - begun
-            why = "nobody serves it" if waited < timeout_s / 2 else "none came in time"
-            settle(_no_answer(key, waited, why, download.assembly))
-
-        try:
-            self._connection.zenoh.get(
-                key,
-                zenoh.handlers.Callback(receive, finished),
-                payload=encode(request),
-                attachment=Ask(token, timeout_s, download.first).pack(),
-                timeout=timeout_s,
-                target=zenoh.QueryTarget.BEST_MATCHING,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                priority=traffic.priority,
-                congestion_control=zenoh.CongestionControl.BLOCK,
-            )
-        except zenoh.ZError as error:
-            settle(TransportError(f"cannot ask {key}: {error}"))
-        return future
-
-    def _ask_more(self, key: str, more: More, timeout_s: float) -> None:
-        """Gives credit to an answer under way. Raises TransportError when the session is closed."""
-        try:
-            self._connection.zenoh.get(
-                key,
-                zenoh.handlers.RingChannel(1),
-                attachment=more.pack(),
-                timeout=timeout_s,
-                target=zenoh.QueryTarget.BEST_MATCHING,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                priority=TrafficClass.CONTROL.priority,
-                congestion_control=zenoh.CongestionControl.BLOCK,
-                express=True,
-            )
-        except zenoh.ZError as error:
-            raise TransportError(f"cannot ask {key} for more: {error}") from error
+        question.send(self._connection.zenoh, request, traffic)
+        return question.future
 
     def declare_alive(self, robot: str) -> None:
         """Shows the robot as alive until this session closes or its link breaks."""
@@ -371,11 +223,9 @@ class Session:
 
     def close(self) -> None:
         """Withdraws everything and closes; never waits longer than a few seconds."""
-        for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
-        self._pools.clear()
-        for credit in self._credits:
-            credit.close_all()
+        for server in self._servers:
+            server.close()
+        self._servers.clear()
         self._connection.close()
 
     def _drop(self, kind: type[Message], sender: str, error: CoAdaptError) -> None:
@@ -385,22 +235,3 @@ class Session:
         ):
             self._senders_logged.add(sender)
             self._log.warning("message_invalid", key=sender, error=str(error)[:300])
-
-
-def _failure(
-    key: str, reply: zenoh.ReplyError | None, waited_s: float, assembly: Assembly
-) -> TransportError:
-    """What an error reply means: a refusal of the asked process, or Zenoh's own `Timeout`."""
-    data = reply.payload.to_bytes() if reply is not None else b""
-    try:
-        return RefusedError(f"{key} refused: {decode(data, Refusal).reason}")
-    except MessageError:
-        if data == b"Timeout":
-            return _no_answer(key, waited_s, "none came in time", assembly)
-        return TransportError(f"{key} answered with an error of {len(data)} bytes")
-
-
-def _no_answer(key: str, waited_s: float, why: str, assembly: Assembly) -> TransportError:
-    if assembly.count:
-        return TransportError(f"incomplete answer on {key} after {waited_s:.3f} s: {assembly}")
-    return TransportError(f"no answer on {key} after {waited_s:.3f} s: {why}")
