@@ -11,8 +11,18 @@ import msgspec
 
 from deploy.state import State
 from swarm import keyspace
-from swarm.messages import Beacon, Decision, Detections
+from swarm.errors import TransportError
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    LinkState,
+    NetState,
+    ShapeReply,
+    ShapeRequest,
+)
 from swarm.session import Session
+from swarm.traffic import TrafficClass
 
 CONNECT_S = 5.0
 
@@ -49,6 +59,10 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     valid: bool | None
     reason: str | None
     capacity_bps: float | None
+    cell_bps: int | None
+    """What the network controller gives the cell towards the ego; None where it is not shaped."""
+    cell_level: int | None
+    """How far the controller has moved bandwidth towards fusion."""
     """C(t) that the last decision was checked against."""
     quality: float | None
     bytes_per_s: float
@@ -66,6 +80,7 @@ class _Heard:
     decision: Decision | None = None
     detections: int = 0
     bytes: dict[str, int] | None = None
+    cell: LinkState | None = None
 
 
 class Watch:
@@ -87,6 +102,7 @@ class Watch:
         self._session.subscribe(
             keyspace.detections(swarm, state.spec.ego), Detections, self._on_detections
         )
+        self._session.subscribe(keyspace.net_state(swarm), NetState, self._on_net_state)
 
     def __enter__(self) -> Watch:
         return self
@@ -113,6 +129,29 @@ class Watch:
         """Whether a valid decision has come."""
         with self._changed:
             return self._heard.decision is not None and self._heard.decision.valid
+
+    def cell(self) -> LinkState | None:
+        """The cell towards the ego, where the network controller says that it is shaped."""
+        with self._changed:
+            return self._heard.cell
+
+    def link_problems(self) -> tuple[str, ...]:
+        """Why links are not as they should be, in the network controller's words; nothing while it
+        does not answer."""
+        try:
+            return (
+                self._session.ask(
+                    keyspace.net_shape(self._session.swarm),
+                    ShapeRequest(profile="show"),
+                    ShapeReply,
+                    timeout_s=CONNECT_S,
+                    traffic=TrafficClass.CONTROL,
+                )
+                .result()
+                .message.notes
+            )
+        except TransportError:
+            return ()
 
     def wait(self, timeout_s: float) -> None:
         """Returns when a robot has joined or left or a decision has come, or after the time."""
@@ -142,6 +181,8 @@ class Watch:
                 valid=decision.valid if decision else None,
                 reason=decision.reason if decision else None,
                 capacity_bps=decision.capacity_bps if decision else None,
+                cell_bps=heard.cell.capacity_bps if heard.cell else None,
+                cell_level=heard.cell.level if heard.cell else None,
                 quality=decision.quality if decision else None,
                 bytes_per_s=round(sum(received.values()) / span_s, 1),
                 frames_per_s=round(heard.detections / span_s, 2),
@@ -188,6 +229,11 @@ class Watch:
     def _on_decision(self, decision: Decision, _: str) -> None:
         with self._changed:
             self._heard.decision = decision
+            self._changed.notify_all()
+
+    def _on_net_state(self, state: NetState, _: str) -> None:
+        with self._changed:
+            self._heard.cell = state.link(self._state.spec.ego, "down")
             self._changed.notify_all()
 
     def _on_detections(self, detections: Detections, _: str) -> None:

@@ -18,7 +18,8 @@ POLL_S = 0.5
 
 
 def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
-    """Returns once every robot is alive and senses, and the ego has published a valid decision.
+    """Returns once every robot is alive and senses, the ego has published a valid decision, and
+    the cell has the rate that was asked for.
 
     Raises DeployError with the end of the log of a process that keeps ending, or that what was
     awaited did not come in time.
@@ -34,12 +35,18 @@ def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
                 told = len(alive)
                 say(f"  {told} of {len(robots)} robots are alive")
             blind = robots - watch.sensing()
-            if alive == robots and not blind and watch.decided():
+            shaped = state.spec.link_bps is None or watch.cell() is not None
+            if alive == robots and not blind and watch.decided() and shaped:
                 say(f"  {state.spec.ego} decides")
                 return
             _check(runtime, state)
+            if not shaped and (problems := watch.link_problems()):
+                raise DeployError(
+                    f"the link towards {state.spec.ego} cannot be given {state.spec.link_bps} "
+                    f"bit/s: {'; '.join(problems)}; start without --link otherwise"
+                )
             if time.monotonic() > deadline:
-                raise _too_late(runtime, state, robots - alive, blind, timeout_s)
+                raise _too_late(runtime, state, robots - alive, blind, shaped, timeout_s)
             watch.wait(POLL_S)
 
 
@@ -75,6 +82,7 @@ def _too_late(
     state: State,
     missing: frozenset[str],
     blind: frozenset[str],
+    shaped: bool,
     timeout_s: float,
 ) -> DeployError:
     if missing:
@@ -83,6 +91,9 @@ def _too_late(
     elif blind:
         what = f"{', '.join(sorted(blind))} sent no beacon"
         service = f"robot-{min(blind)}"
+    elif not shaped:
+        what = f"the link towards {state.spec.ego} was not shaped"
+        service = "controller"
     else:
         what = f"{state.spec.ego} published no valid decision"
         service = f"ego-{state.spec.ego}"

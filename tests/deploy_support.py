@@ -70,7 +70,7 @@ def assert_nothing_is_left(spec: SwarmSpec, network: str) -> None:
     assert network not in networks_in_use()
     interfaces = {name for _, name in socket.if_nameindex()}
     assert not interfaces & {"coadapt0", "link1", "link2"}
-    for port in (spec.prometheus_port, spec.ego_metrics_port):
+    for port in (spec.prometheus_port, spec.ego_metrics_port, spec.qod_port):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(("127.0.0.1", port))

@@ -166,6 +166,8 @@ VIEW = SwarmView(
     valid=True,
     reason="because",
     capacity_bps=5e6,
+    cell_bps=6_000_000,
+    cell_level=1,
     quality=0.9,
     bytes_per_s=1234.0,
     frames_per_s=9.5,
@@ -200,7 +202,7 @@ def test_the_table_shows_each_robot_the_decision_and_each_process() -> None:
     assert "1,234" in rows["R2"]
     assert "early from R1, R2" in rows["decision"]
     assert "because" in rows["reason"]
-    assert "5.0 Mbit/s" in rows["link"]
+    assert "C(t) = 5.0 Mbit/s (cell: 6.0 Mbit/s, level 1)" in rows["link"]
     assert "restarting" in rows["robot-R2"]
     assert "last ended with x" in rows["robot-R2"]
 

@@ -43,6 +43,7 @@ def swarm() -> Iterator[SwarmSpec]:
             epoch_ns=time.time_ns() - round((DROP_AT_S - LEAD_S) * 1e9),
             prometheus=False,
             ego_metrics_port=free_port(),
+            qod_port=free_port(),
             var_dir=str(Path(directory) / "var"),
         )
         runtime = NetnsRuntime()

@@ -30,8 +30,10 @@ from deploy_support import (
 
 from deploy import state as record
 from deploy.netns import detached, launch
+from deploy.ready import wait_ready
 from deploy.runtimes.netns import RELAY, NetnsRuntime
 from deploy.spec import SwarmSpec, factory_robots, make_spec
+from deploy.state import need_state
 from swarm.errors import DeployError
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -61,6 +63,7 @@ def spec_of(base: Path, name: str, **values: Any) -> SwarmSpec:
         var_dir=str(base / "var" / name),
         prometheus_port=free_port(),
         ego_metrics_port=free_port(),
+        qod_port=free_port(),
         **values,
     )
 
@@ -140,7 +143,7 @@ def test_down_never_ends_a_process_that_took_over_a_recorded_id(
     assert not Path(spec.run_dir).exists()
 
 
-@pytest.mark.parametrize("which", ["prometheus_port", "ego_metrics_port"])
+@pytest.mark.parametrize("which", ["prometheus_port", "ego_metrics_port", "qod_port"])
 def test_a_port_in_use_is_named_before_anything_is_started(
     which: str, broken: Callable[..., SwarmSpec], runtime: NetnsRuntime
 ) -> None:
@@ -204,10 +207,12 @@ def test_a_kernel_without_shaping_is_explained_and_nothing_stays(
     refuse(tmp_path / "tc", "RTNETLINK answers: No such file or directory")
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     spec = broken("unshaped", link_bps=5_000_000)
-    with pytest.raises(DeployError, match=r"5000000 bit/s cannot be set: .*sch_htb"):
-        runtime.up(spec)
-    assert not processes_of(spec)
-    assert not Path(spec.run_dir).exists()
+    assert runtime.up(spec)
+    try:
+        with pytest.raises(DeployError, match=r"cannot be given 5000000 bit/s: .*needs htb"):
+            wait_ready(runtime, need_state(spec.swarm), WAIT_S)
+    finally:
+        runtime.down(spec.swarm)
 
 
 def test_a_run_directory_too_long_for_sockets_is_explained(
@@ -223,7 +228,7 @@ def test_an_ordinary_user_can_run_a_swarm(tmp_path: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="cu-", dir="/tmp") as home:
         if os.getuid() == 0:
             os.chown(home, NOBODY, NOBODY)
-        script = _SCRIPT.format(home=home, prometheus=free_port(), ego=free_port())
+        script = _SCRIPT.format(home=home, prometheus=free_port(), ego=free_port(), qod=free_port())
         done = subprocess.run(
             [*python, "-c", script], capture_output=True, text=True, timeout=WAIT_S * 2, cwd=home
         )
@@ -244,7 +249,7 @@ from swarm.session import Session
 
 runtime = NetnsRuntime()
 spec = make_spec(swarm="plain", robots=factory_robots(2), prometheus_port={prometheus},
-                 ego_metrics_port={ego}, link_bps=5_000_000)
+                 ego_metrics_port={ego}, qod_port={qod}, link_bps=5_000_000)
 assert runtime.up(spec)
 try:
     with Session(need_state("plain").router, "plain", timeout_s=30) as session:
@@ -255,7 +260,7 @@ try:
             targets = Prometheus(need_state("plain").prometheus_url).targets()
         except DeployError:
             targets = ()
-        if len(targets) == 5:
+        if len(targets) == 6:
             break
         assert time.monotonic() < deadline, targets
         time.sleep(0.1)

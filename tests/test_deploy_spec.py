@@ -76,7 +76,7 @@ def test_two_starts_of_one_swarm_are_the_same_specification() -> None:
 def test_every_process_is_there_once_and_the_ego_shares_its_robots_host() -> None:
     members = services(spec_of(ego="R2"), PLACE)
     assert [s.name for s in members] == [
-        *("router", "robot-R1", "robot-R2", "robot-R3"),
+        *("router", "controller", "robot-R1", "robot-R2", "robot-R3"),
         *("ego-R2", "prometheus"),
     ]
     hosts = {s.name: s.host for s in members}
@@ -108,6 +108,7 @@ def test_prometheus_scrapes_every_process_with_its_role_and_robot() -> None:
     }
     assert found == {
         "router": ("router", None),
+        "controller": ("controller", None),
         "robot-R1": ("robot", "R1"),
         "robot-R2": ("robot", "R2"),
         "robot-R3": ("robot", "R3"),

@@ -30,6 +30,7 @@ READY_S = 120.0
 SWARM = "works"
 NAME = ("--swarm", SWARM)
 UP = ("up", "--runtime", "netns", "--robots", "3", "--rings", "16", "--link", "55mbit", *NAME)
+
 Totals = dict[tuple[str, str], int]
 Cli = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -38,6 +39,12 @@ pytestmark = [
     pytest.mark.skipif(_refused is not None, reason=str(_refused)),
     pytest.mark.skipif(shutil.which("prometheus") is None, reason="prometheus is not installed"),
 ]
+
+
+def ports() -> tuple[str, ...]:
+    """Options for ports that are free."""
+    options = ("--prometheus-port", "--ego-metrics-port", "--qod-port")
+    return tuple(word for option in options for word in (option, str(free_port())))
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +73,7 @@ def cli() -> Iterator[Cli]:
 @pytest.fixture(scope="module")
 def up() -> tuple[str, ...]:
     """The command that starts the swarm."""
-    return (*UP, "--prometheus-port", str(free_port()), "--ego-metrics-port", str(free_port()))
+    return (*UP, *ports())
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +90,7 @@ def test_every_process_runs_and_decisions_flow(swarm: State, cli: Cli) -> None:
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert [p["service"] for p in table["processes"]] == [
-        *("router", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus")
+        *("router", "controller", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus")
     ]
     assert {p["state"] for p in table["processes"]} == {"running"}
     assert [r["robot"] for r in table["robots"] if r["alive"]] == ["R1", "R2", "R3"]
@@ -97,12 +104,12 @@ def test_every_process_runs_and_decisions_flow(swarm: State, cli: Cli) -> None:
 def test_prometheus_says_that_every_target_is_up(swarm: State, cli: Cli) -> None:
     server = Prometheus(swarm.prometheus_url)
     await_(lambda: {t.health for t in server.targets()} == {"up"}, "every target is up", WAIT_S)
-    assert len(server.targets()) == 6
+    assert len(server.targets()) == 7
     robots = {s.labels["robot"] for s in server.query('up{role="robot"}')}
     assert robots == {"R1", "R2", "R3"}
     shown = cli("metrics", *NAME)
     assert shown.returncode == 0, shown.stderr
-    assert "6 of 6 up" in shown.stdout
+    assert "7 of 7 up" in shown.stdout
 
 
 def test_the_second_up_finds_the_swarm_running(swarm: State, cli: Cli, up: tuple[str, ...]) -> None:
@@ -154,7 +161,9 @@ def _status(runtime: NetnsRuntime, service: str) -> ProcessStatus:
 
 def test_an_unknown_service_is_named(swarm: State) -> None:
     runtime = NetnsRuntime()
-    with pytest.raises(DeployError, match="no such process; there are router, robot-R1"):
+    with pytest.raises(
+        DeployError, match="no such process; there are router, controller, robot"
+    ):
         runtime.kill(SWARM, "robot-R9", signal.SIGKILL)
     with pytest.raises(DeployError, match="no process 'robot-R9'; there are router"):
         runtime.logs(SWARM, "robot-R9", False)
@@ -207,9 +216,8 @@ def test_recorded_vehicles_send_the_bytes_that_journal_and_prometheus_count(
     cli: Cli, opv2v_dir: Path
 ) -> None:
     name = ("--swarm", "recorded")
-    ports = ("--prometheus-port", str(free_port()), "--ego-metrics-port", str(free_port()))
     world = ("--world", "opv2v", "--data", str(opv2v_dir), "--policy", "static-early")
-    done = cli("up", "--runtime", "netns", *world, *ports, "--wait", str(READY_S), *name)
+    done = cli("up", "--runtime", "netns", *world, *ports(), "--wait", str(READY_S), *name)
     try:
         assert done.returncode == 0, done.stderr
         state = need_state("recorded")

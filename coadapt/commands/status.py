@@ -101,13 +101,16 @@ def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
 def _decision(view: SwarmView) -> list[str]:
     if view.selected is None or view.capacity_bps is None:
         return ["decision   none came while listening"]
+    cell = "" if view.cell_bps is None else f" (cell: {format_rate(view.cell_bps)}"
+    if cell:
+        cell += f", level {view.cell_level})" if view.cell_level else ")"
     valid = "" if view.valid else " (NOT VALID)"
     return [
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
         f"by         {view.policy} (source: {view.source})",
         f"reason     {view.reason}",
-        f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = {format_rate(view.capacity_bps)}; "
-        f"{view.frames_per_s:.1f} frames/s",
+        f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
+        f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
 
 
