@@ -8,6 +8,8 @@ Record-and-Replay for HTTP", USENIX ATC 2015.)
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 from swarm.errors import NetworkError
@@ -15,43 +17,66 @@ from swarm.errors import NetworkError
 PACKET_BYTES = 1_500
 MAX_MS = 24 * 3600 * 1000
 MAX_LINES = 20_000_000
+MAX_INTERVALS = 100_000
+"""As many rates as a request may carry."""
+MIN_INTERVAL_S, MAX_INTERVAL_S = 0.1, 3600.0
+_LONGEST_LINE = 32
 
 
 def read_trace(path: Path, interval_s: float = 1.0) -> tuple[int, ...]:
     """The mean capacity of each interval in bit/s, from the beginning of a trace to its end.
 
-    A last interval that the trace does not fill is left out, unless it is the only one: then it is
-    taken as long as the trace. Raises NetworkError that names the line for what is no trace.
+    The last interval may end with the trace; its capacity is the mean until then. Where that is
+    less than half an interval it is left out, so that the intervals last as long as the trace, as
+    nearly as they can. Raises NetworkError that names file and line for what is no trace.
     """
-    packets: dict[int, int] = {}
-    last_ms, number = 0, 0
+    name = f"trace {str(path)!r}"
+    if not MIN_INTERVAL_S <= interval_s <= MAX_INTERVAL_S:
+        raise NetworkError(
+            f"interval {interval_s:g} s is not possible; allowed are {MIN_INTERVAL_S:g} to "
+            f"{MAX_INTERVAL_S:g} s"
+        )
+    interval_ms = round(1e3 * interval_s, 6)
+    packets: Counter[int] = Counter()
+    last_ms = number = 0
     try:
-        with open(path, encoding="ascii") as lines:
-            for number, line in enumerate(lines, start=1):
-                time_ms = _time(path, number, line, last_ms)
-                last_ms = time_ms
-                # A packet at the very end of an interval belongs to it.
-                at = max(0, math.ceil(time_ms / (1e3 * interval_s)) - 1)
-                packets[at] = packets.get(at, 0) + 1
-    except (OSError, UnicodeDecodeError) as error:
-        raise NetworkError(f"trace {str(path)!r} cannot be read: {error}") from error
+        for number, line in enumerate(_lines(path), start=1):
+            last_ms = _time(f"{name} line {number}", line, number, last_ms)
+            # A packet at the very end of an interval belongs to it.
+            packets[max(0, math.ceil(last_ms / interval_ms) - 1)] += 1
+    except OSError as error:
+        raise NetworkError(f"{name} cannot be read: {error}") from error
     if last_ms == 0:
-        raise NetworkError(f"trace {str(path)!r} has {number} lines and lasts 0 ms; it needs more")
-    whole = int(last_ms / (1e3 * interval_s))
-    bits = PACKET_BYTES * 8
-    if whole == 0:
-        return (round(sum(packets.values()) * bits / (last_ms * 1e-3)),)
-    return tuple(round(packets.get(i, 0) * bits / interval_s) for i in range(whole))
+        what = f"ends at 0 ms after {number} lines" if number else "is empty"
+        raise NetworkError(
+            f"{name} {what}; it needs a time in ms for each packet, the last one above 0"
+        )
+    count = max(1, math.floor(last_ms / interval_ms + 0.5))
+    if count > MAX_INTERVALS:
+        raise NetworkError(
+            f"{name} has {count} intervals of {interval_s:g} s; allowed are {MAX_INTERVALS}: take "
+            "longer ones"
+        )
+    return tuple(
+        round(packets[i] * PACKET_BYTES * 8e3 / min(interval_ms, last_ms - i * interval_ms))
+        for i in range(count)
+    )
 
 
-def _time(path: Path, number: int, line: str, last_ms: int) -> int:
+def _lines(path: Path) -> Iterator[str]:
+    # What is no text either has one bad line, and never a line that fills the memory.
+    with open(path, encoding="ascii", errors="replace") as file:
+        while line := file.readline(_LONGEST_LINE):
+            yield line
+
+
+def _time(where: str, line: str, number: int, last_ms: int) -> int:
     text = line.strip()
-    where = f"trace {str(path)!r} line {number}"
     if number > MAX_LINES:
         raise NetworkError(f"{where}: a trace has at most {MAX_LINES} lines")
-    if not (text.isascii() and text.isdigit()) or len(text) > 12:
+    if not (text.isascii() and text.isdigit()) or len(line) >= _LONGEST_LINE:
         raise NetworkError(
-            f"{where} is {text[:40]!r}; it must be a whole number of milliseconds, at most {MAX_MS}"
+            f"{where} is {text!r}; it must be a whole number of milliseconds from 0 to {MAX_MS}"
         )
     time_ms = int(text)
     if time_ms > MAX_MS:
