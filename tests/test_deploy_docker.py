@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
 import tempfile
@@ -53,6 +54,11 @@ def networks() -> list[Any]:
     return found
 
 
+def ifbs() -> set[str]:
+    """Devices that the controller makes on the host for traffic from containers."""
+    return {name for _, name in socket.if_nameindex() if name.startswith("ifb-veth")}
+
+
 def containers() -> dict[str, Any]:
     """The swarm's containers by service."""
     import docker
@@ -94,7 +100,8 @@ def up() -> tuple[str, ...]:
     return (
         *("up", "--runtime", "docker", "--robots", "3", "--rings", "16", "--wait", "120"),
         *("--prometheus-port", str(free_port()), "--ego-metrics-port", str(free_port())),
-        *("--router-port", str(free_router_port())),
+        *("--router-port", str(free_router_port()), "--qod-port", str(free_port())),
+        *("--controller-metrics-port", str(free_port())),
     )
 
 
@@ -110,7 +117,7 @@ def swarm(cli: Cli, up: tuple[str, ...]) -> Iterator[State]:
 
 def test_every_process_is_a_container_and_the_ego_decides(swarm: State, cli: Cli) -> None:
     assert set(containers()) == {
-        *("router", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus"),
+        *("router", "controller", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus"),
     }
     done = cli("status", "--json")
     assert done.returncode == 0, done.stderr
@@ -156,6 +163,58 @@ def test_a_killed_robot_comes_back(swarm: State) -> None:
     assert status["robot-R2"].restarts == 1
 
 
+def links_of(cli: Cli) -> dict[tuple[str, str], dict[str, Any]]:
+    """What the controller says of the shaped links, by robot and direction."""
+    done = cli("net", "show", "--json")
+    assert done.returncode == 0, done.stderr
+    return {(k["robot"], k["direction"]): k for k in json.loads(done.stdout).get("links", [])}
+
+
+def test_both_directions_of_containers_links_are_shaped_and_carry_telemetry(
+    swarm: State, cli: Cli
+) -> None:
+    assert cli("net", "shape", "--rate", "3mbit").returncode == 0
+    up = cli("net", "shape", "--rate", "2mbit", "--robot", "R2", "--direction", "up")
+    assert up.returncode == 0, up.stderr
+
+    def shaped() -> bool:
+        links = links_of(cli)
+        return {k: v["capacity_bps"] for k, v in links.items()} == {
+            ("R1", "down"): 3_000_000,
+            ("R2", "up"): 2_000_000,
+        } and links["R2", "up"]["classes"]["fusion"]["sent_bytes"] > 0
+
+    await_(shaped, "both links are shaped, and fusion comes from R2")
+    done = cli("net", "congest", "--for", "20s")
+    assert done.returncode == 0, done.stderr
+    await_(
+        lambda: links_of(cli)["R1", "down"]["classes"]["background"]["throughput_bps"] > 1_000_000,
+        "telemetry fills the cell",
+    )
+
+
+def test_a_container_that_was_restarted_is_shaped_again(swarm: State, cli: Cli) -> None:
+    assert cli("net", "shape", "--rate", "3mbit").returncode == 0
+    containers()["ego-R1"].restart(timeout=1)
+
+    def lost_and_found() -> bool:
+        text = "".join(p.read_text() for p in Path(swarm.spec.var_dir, "net").glob("*.jsonl"))
+        return "shape_lost" in text and ("R1", "down") in links_of(cli)
+
+    await_(lost_and_found, "the new interface is shaped")
+
+
+def test_a_controller_that_is_killed_comes_back_to_its_links(swarm: State, cli: Cli) -> None:
+    assert cli("net", "shape", "--rate", "4mbit").returncode == 0
+    controller = containers()["controller"]
+    controller.exec_run(["sh", "-c", "kill -9 -1"])
+    await_(
+        lambda: "adopted" in cli("logs", "controller").stdout,
+        "the next controller adopts what it finds",
+    )
+    assert links_of(cli)["R1", "down"]["capacity_bps"] == 4_000_000
+
+
 def test_up_twice_is_harmless_and_other_settings_are_refused(
     swarm: State, cli: Cli, up: tuple[str, ...]
 ) -> None:
@@ -177,12 +236,18 @@ def test_logs_are_the_containers_output(swarm: State, cli: Cli) -> None:
 
 
 def test_down_clears_what_a_crash_left_behind(cli: Cli, up: tuple[str, ...], swarm: State) -> None:
-    # The record is lost, as after a crash of `up`: the containers' labels are enough.
+    # No controller can tidy up, and the record is lost, as after a crash of `up`: the containers'
+    # labels are enough.
+    up_link = cli("net", "shape", "--rate", "2mbit", "--robot", "R2", "--direction", "up")
+    assert up_link.returncode == 0, up_link.stderr
+    assert ifbs()
+    containers()["controller"].kill()
     record.remove_run_dir(SWARM)
     done = cli("down")
     assert done.returncode == 0
     await_(lambda: not containers(), "no container is left")
     assert not networks()
+    assert not ifbs()
     done = cli("down")
     assert done.returncode == 0
     assert "no swarm" in done.stderr + done.stdout
@@ -193,7 +258,7 @@ def test_settings_without_an_option_reach_robots_and_egos(monkeypatch: pytest.Mo
     monkeypatch.setenv("COADAPT_SWARM", "another")
     monkeypatch.setenv("COADAPT_RUN_DIR", "/tmp/somewhere")
     spec = make_spec(swarm="named", robots=("R1", "R2"), runtime="docker")
-    services = yaml.safe_load(compose.compose_file(spec, "image:tag"))["services"]
+    services = yaml.safe_load(compose.compose_file(spec, "image:tag", "172.17.0.1"))["services"]
     for name in ("robot-R2", "ego-R1"):
         assert services[name]["environment"]["COADAPT_HEADROOM"] == "0.7"
         assert services[name]["environment"]["COADAPT_SWARM"] == "named"
@@ -203,9 +268,14 @@ def test_settings_without_an_option_reach_robots_and_egos(monkeypatch: pytest.Mo
 
 def test_the_compose_file_shows_one_container_a_process() -> None:
     spec = make_spec(swarm="Named", robots=("R1", "R2"), ego="R2", runtime="docker")
-    services = yaml.safe_load(compose.compose_file(spec, "image:tag"))["services"]
-    assert list(services) == ["router", "robot-R1", "robot-R2", "ego-R2", "prometheus"]
+    services = yaml.safe_load(compose.compose_file(spec, "image:tag", "172.17.0.1"))["services"]
+    assert list(services) == [
+        *("router", "controller", "robot-R1", "robot-R2", "ego-R2", "prometheus")
+    ]
     assert services["ego-R2"]["environment"]["COADAPT_ROUTER"] == "tcp/router:7447"
     assert all("127.0.0.1:" in port for s in services.values() for port in s.get("ports", []))
+    assert services["controller"]["network_mode"] == "host"
+    assert services["controller"]["cap_drop"] == ["ALL"]
+    assert services["controller"]["environment"]["COADAPT_METRICS_HOST"] == "172.17.0.1"
     assert compose.project_of("Named").startswith("coadapt-named-")
     assert compose.project_of("named") == "coadapt-named"

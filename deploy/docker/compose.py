@@ -27,7 +27,7 @@ PLACE = Place(
     prometheus_config="/etc/coadapt/prometheus.yml",
 )
 ENGINE_SOCKET = "/var/run/docker.sock"
-_ON_THE_HOST = {
+ON_THE_HOST: dict[str, Any] = {
     "network_mode": "host",
     # It shapes the host's ends of the containers' links, finds them through the engine's socket,
     # and writes to the user's directory.
@@ -74,7 +74,7 @@ def compose_file(spec: SwarmSpec, image: str, gateway: str) -> str:
     members = roster.services(spec, place_of(spec, gateway))
     document = {
         "services": {
-            m.name: _container(spec, m, image) | (_ON_THE_HOST if m.role == "controller" else {})
+            m.name: _container(spec, m, image) | (ON_THE_HOST if m.role == "controller" else {})
             for m in members
         },
         "networks": {"swarm": {"driver": "bridge", "labels": {LABEL: spec.swarm}}},
@@ -115,7 +115,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
 
 def _settings(service: Service) -> dict[str, str]:
     """Settings that `up` has no option for, from the caller's environment."""
-    if service.role not in ("robot", "ego"):
+    if service.role not in ("robot", "ego", "controller"):
         return {}
     return {
         name: value

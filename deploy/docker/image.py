@@ -23,6 +23,7 @@ PACKAGES = (
     "deploy",
     "ego_agent",
     "evaluation",
+    "network_controller",
     "perception",
     "robot_agent",
     "swarm",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import socket
 import subprocess
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +22,8 @@ from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 
 STOP_S = 5
+IFB_PREFIX = "ifb-veth"
+"""What the controller's devices for traffic from containers are called (`drivers/shaping.py`)."""
 GOING_ALREADY = 409
 """The engine's answer while a container is being removed."""
 
@@ -106,6 +109,7 @@ class DockerRuntime:
             found = True
             with ThreadPoolExecutor(len(containers)) as pool:
                 list(pool.map(_remove, containers))
+            _sweep(engine, containers[0].attrs["Image"])
         for network in engine.networks.list(filters={"label": f"{compose.LABEL}={swarm}"}):
             with contextlib.suppress(docker.errors.NotFound):
                 network.remove()
@@ -178,6 +182,18 @@ def _gateway() -> str:
         if entry.get("Gateway"):
             return str(entry["Gateway"])
     raise DeployError("Docker's network `bridge` has no gateway, so nothing reaches the host")
+
+
+def _sweep(engine: Any, image: str) -> None:
+    """Removes what a controller that was killed left on the host. It takes a container as the
+    controller's own: whoever may use the engine need not be root here."""
+    names = {name for _, name in socket.if_nameindex()}
+    links = {name.removeprefix("ifb-") for name in names if name.startswith(IFB_PREFIX)}
+    if not links - names:
+        return
+    host = {k: v for k, v in compose.ON_THE_HOST.items() if k != "cap_add"}
+    argv = ["python3", "-m", "network_controller.sweep"]
+    engine.containers.run(image, argv, remove=True, cap_add=["NET_ADMIN"], **host)
 
 
 def _remove(container: Any) -> None:

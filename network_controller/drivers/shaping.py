@@ -123,6 +123,7 @@ def orphans(devices: Collection[str]) -> tuple[str, ...]:
     """Our `ifb` devices that belong to none of these devices: their links are gone."""
     shown = json.loads(run("ip", "-j", "link", "show", "type", "ifb") or "[]")
     names = {one["ifname"] for one in shown if one.get("ifname", "").startswith(IFB_PREFIX)}
+    names.discard(_PROBE_IFB)
     return tuple(sorted(names - {ifb_of(device) for device in devices}))
 
 

@@ -1,0 +1,28 @@
+"""Removes what a killed controller left of links that are gone: `python -m network_controller.sweep`.
+
+Only `ifb` devices outlive their link; everything else vanishes with it.
+"""
+
+from __future__ import annotations
+
+import socket
+import sys
+
+from network_controller.drivers import shaping
+from network_controller.drivers.command import run
+from swarm.errors import NetworkError
+
+
+def main() -> int:
+    """Removes them; 1 when that is not allowed here."""
+    try:
+        for device in shaping.orphans([name for _, name in socket.if_nameindex()]):
+            run("ip", "link", "del", device)
+    except NetworkError as error:
+        print(f"network_controller.sweep: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
