@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,6 +21,7 @@ MIN_RATE_BPS, MAX_RATE_BPS = 1_000, 1_000_000_000
 MAX_SECONDS = 3600.0
 SINK_EXTRA_S = 2.0
 STOP_S = 2.0
+_MODULE = "network_controller.telemetry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +32,14 @@ class _Flow:
 
 
 class Flows:
-    """At most one flow a robot; every flow ends by itself. Used under the controller's lock."""
+    """At most one flow a robot; every flow ends by itself, and when this process ends. Used under
+    the controller's lock."""
 
     def __init__(self, driver: Driver) -> None:
         self._driver = driver
         self._flows: dict[str, _Flow] = {}
+        self._ending: list[Running] = []
+        """Sinks that outlive their sources a little."""
         self._started = 0
 
     def start(
@@ -60,42 +66,70 @@ class Flows:
         address = self._driver.robots().get(robot)
         if address is None:
             raise LinkGoneError(f"robot {robot!r} has no link on this host")
-        self.stop(robot)
-        module = "network_controller.telemetry"
         port = str(FIRST_PORT + self._started % PORTS)
         self._started += 1
-        argv = [sys.executable, "-m", f"{module}.sink", "--port", port]
+        argv = [sys.executable, "-m", f"{_MODULE}.sink", "--port", port]
         sink = self._driver.start_at(robot, [*argv, "--seconds", str(seconds + SINK_EXTRA_S)])
-        source = subprocess.Popen(
-            [
-                *(sys.executable, "-m", f"{module}.source", "--to", address, "--port", port),
-                *("--rate-bps", str(rate_bps), "--seconds", str(seconds), "--protocol", protocol),
-            ],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-        )
+        self.stop(robot)
+        try:
+            source = subprocess.Popen(
+                [
+                    *(sys.executable, "-m", f"{_MODULE}.source", "--to", address, "--port", port),
+                    *("--rate-bps", str(rate_bps), "--seconds", str(seconds)),
+                    *("--protocol", protocol, "--parent", str(os.getpid())),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+            )
+        except OSError as error:
+            _end(sink)
+            raise NetworkError(f"telemetry towards {robot} cannot be started: {error}") from error
         self._flows[robot] = _Flow(source, sink, time.monotonic() + seconds)
 
     def running(self) -> Mapping[str, float]:
         """When each flow ends, `time.monotonic()` seconds, by robot."""
-        for flow in self._flows.values():
-            flow.sink.poll()
-        self._flows = {r: flow for r, flow in self._flows.items() if flow.source.poll() is None}
+        for robot, flow in list(self._flows.items()):
+            if flow.source.poll() is not None:
+                self._ending.append(self._flows.pop(robot).sink)
+        self._ending = [sink for sink in self._ending if _runs(sink)]
         return {robot: flow.until_s for robot, flow in self._flows.items()}
 
     def stop(self, robot: str | None = None) -> None:
         """Ends the flow towards a robot, or all flows."""
         for name in [robot] if robot is not None else list(self._flows):
             flow = self._flows.pop(name, None)
-            if flow is None or flow.source.poll() is not None:
-                continue
-            flow.source.terminate()
-            try:
-                flow.source.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                flow.source.kill()
-                flow.source.wait()
+            if flow is not None:
+                _terminate(flow.source)
+                _end(flow.sink)
 
     def close(self) -> None:
         """Ends all flows."""
         self.stop()
+        for sink in self._ending:
+            _end(sink)
+        self._ending = []
+
+
+def _end(sink: Running) -> None:
+    """Ends a sink at once where it is a child of this process. Another one ends by itself soon
+    after nothing comes any more."""
+    if isinstance(sink, subprocess.Popen):
+        _terminate(sink)
+
+
+def _runs(sink: Running) -> bool:
+    """Whether a sink runs; asking also lets a child that has ended go."""
+    with suppress(NetworkError):
+        return sink.poll() is None
+    return False
+
+
+def _terminate(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is not None:
+        return
+    process.terminate()
+    try:
+        process.wait(STOP_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
