@@ -1,12 +1,14 @@
 """The swarm's Zenoh router as a Python process: `python -m swarm.router`.
 
-A stock `zenohd` does the same with the file that `--print-config` writes.
+A stock `zenohd` does the same with the file that `--print-config` writes, and with the environment
+variable `ZENOH_RUNTIME` set to this module's RUNTIME.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -18,6 +20,10 @@ from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
+
+RUNTIME = "(rx: (worker_threads: 16))"
+"""A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
+answers to one slow ego stop everything that the router receives, beacons and tokens included."""
 
 
 def read_config(path: Path) -> dict[str, object]:
@@ -66,6 +72,8 @@ def main() -> int:
             return 0
         if args.unix_socket:
             Path(args.unix_socket).unlink(missing_ok=True)
+        # Zenoh reads it once, before the process's first session.
+        os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)
         session = transport.open_zenoh({"mode": "router", **config})
         metrics = (
             serve_metrics(session, args.host, args.metrics_port)

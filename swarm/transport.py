@@ -34,12 +34,19 @@ class Entity(Protocol):
         """Withdraws it."""
 
 
+WAIT_BEFORE_CLOSE_US = 10_000_000
+"""How long a link may take no message before its transport is closed: as long as Zenoh's lease,
+after which a silent peer counts as gone. The wait is for one batch (`swarm.chunks` sends nothing
+larger), 0.5 s at 1 Mbit/s; the rest is for TCP, which may stand still for seconds when a rate
+collapses and a full queue is lost."""
+
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "transport/unicast/max_links": LINKS + 1,
     # Shared memory does not cross containers, and promotes payloads silently.
     "transport/shared_memory/enabled": False,
+    "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
 }
 
 
