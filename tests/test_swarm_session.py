@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 
@@ -13,6 +14,7 @@ from prometheus_client import CollectorRegistry
 from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, wait_until_served
 
 from swarm import keyspace, transport
+from swarm.chunks import PART_BYTES, Ask, More, split
 from swarm.errors import KeyspaceError, MessageError, PerceptionError, RefusedError, TransportError
 from swarm.messages import (
     MAX_MESSAGE_BYTES,
@@ -22,6 +24,7 @@ from swarm.messages import (
     encode,
 )
 from swarm.session import MAX_WAITING_QUERIES, Answer, Session
+from swarm.traffic import LINKS
 
 BEACON = next(sample for sample in SAMPLES if isinstance(sample, Beacon))
 REQUEST = ObservationRequest(ego="E1", request=5, algorithm="early", capture_ns=0)
@@ -153,6 +156,138 @@ def test_an_answer_tells_its_bytes_and_its_round_trip(pair: Pair) -> None:
     assert answer.message.request == REQUEST.request
     assert answer.wire_bytes == len(encode(answer.message))
     assert answer.round_trip_s > 0
+
+
+LARGE = bytes(range(256)) * 8_000
+
+
+def test_a_large_answer_comes_whole_and_tells_all_its_bytes(pair: Pair) -> None:
+    serve(pair, lambda request: observation(request, LARGE))
+    answer = ask(pair[1]).result(WAIT_S)
+    assert answer.message.payload == LARGE
+    assert answer.wire_bytes == len(encode(answer.message))
+    assert pair[1].links() == LINKS
+
+
+def test_large_answers_of_one_robot_do_not_mix(pair: Pair) -> None:
+    def handle(request: ObservationRequest) -> Observation:
+        return observation(request, bytes([request.request]) * len(LARGE))
+
+    serve(pair, handle)
+    requests = [
+        ObservationRequest(ego="E1", request=number, algorithm="early", capture_ns=0)
+        for number in (1, 2, 3, 4)
+    ]
+    for future, request in [(ask(pair[1], request), request) for request in requests]:
+        assert future.result(WAIT_S).message.payload == bytes([request.request]) * len(LARGE)
+
+
+def test_an_asker_that_knows_of_no_parts_gets_a_large_answer_as_one_reply(
+    shared_router: RouterProcess, pair: Pair
+) -> None:
+    serve(pair, lambda request: observation(request, LARGE))
+    key = keyspace.observation(pair[0].swarm, "R1")
+    with raw_zenoh(shared_router) as asker:
+        (reply,) = asker.get(key, payload=encode(REQUEST), timeout=WAIT_S)
+        assert reply.ok is not None
+        assert reply.ok.attachment is None
+        assert reply.ok.payload.to_bytes() == encode(observation(REQUEST, LARGE))
+
+
+def test_a_server_sends_as_far_as_credit_goes_and_stops_when_its_asker_has_stopped(
+    shared_router: RouterProcess, pair: Pair
+) -> None:
+    serve(pair, lambda request: observation(request, LARGE), workers=1)
+    key = keyspace.observation(pair[0].swarm, "R1")
+    with raw_zenoh(shared_router) as asker:
+        # The asker itself waits longer than it tells, and so sees what comes after.
+        replies = asker.get(
+            key,
+            payload=encode(REQUEST),
+            attachment=Ask(token=1, timeout_s=2.0, parts=2).pack(),
+            timeout=WAIT_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+        seen = [next(replies), next(replies)]
+        list(asker.get(key, attachment=More(token=1, parts=3).pack(), timeout=WAIT_S))
+        seen += list(replies)
+    parts = [reply.ok.payload.to_bytes() for reply in seen if reply.ok is not None]
+    assert parts == [part for _, part in split(encode(observation(REQUEST, LARGE)))][:3]
+    # The server's only thread is free again.
+    assert ask(pair[1]).result(WAIT_S).message.payload == LARGE
+
+
+def test_a_request_whose_asker_has_stopped_waiting_is_not_handled(
+    shared_router: RouterProcess, pair: Pair
+) -> None:
+    go = threading.Event()
+    begun: Inbox[int] = Inbox()
+
+    def slow(request: ObservationRequest) -> Observation:
+        begun.put(request.request)
+        go.wait(WAIT_S)
+        return observation(request)
+
+    serve(pair, slow, workers=1)
+    key = keyspace.observation(pair[0].swarm, "R1")
+    first = ask(pair[1])
+    assert begun.next() == REQUEST.request
+    late = ObservationRequest(ego="E1", request=6, algorithm="early", capture_ns=0)
+    with pytest.raises(TransportError, match="none came in time"):
+        pair[1].ask(key, late, Observation, timeout_s=0.2).result(WAIT_S)
+    # The server's time begins with the request's arrival, a little later.
+    time.sleep(0.3)
+    go.set()
+    assert first.result(WAIT_S).message.request == REQUEST.request
+    last = ObservationRequest(ego="E1", request=7, algorithm="early", capture_ns=0)
+    assert ask(pair[1], last).result(WAIT_S).message.request == 7
+    assert begun.next() == 7
+
+
+def test_an_answer_too_large_for_a_message_is_refused_where_it_was_made(pair: Pair) -> None:
+    serve(pair, lambda request: observation(request, bytes(MAX_MESSAGE_BYTES)))
+    with pytest.raises(RefusedError, match=rf"the answer has \d+ bytes.*{MAX_MESSAGE_BYTES}"):
+        ask(pair[1]).result(WAIT_S)
+
+
+@pytest.mark.parametrize(
+    ("choose", "error", "says"),
+    [
+        (lambda parts: parts[:-1], TransportError, "incomplete answer .*missing is 2"),
+        (lambda parts: parts[1:], TransportError, "incomplete answer .*missing is 0"),
+        (lambda parts: [parts[0], parts[0]], MessageError, "came twice"),
+        (lambda parts: [(b"\x01", parts[0][1])], MessageError, "description of a part"),
+        (lambda parts: [parts[0], (parts[1][0], b"")], MessageError, "has 0 bytes"),
+    ],
+)
+def test_parts_that_make_no_answer_are_told(
+    shared_router: RouterProcess,
+    open_session: SessionMaker,
+    choose: Callable[[list[tuple[bytes, bytes]]], list[tuple[bytes, bytes]]],
+    error: type[Exception],
+    says: str,
+) -> None:
+    asker = open_session(shared_router.address)
+    key = keyspace.observation(asker.swarm, "R1")
+    parts = split(encode(observation(REQUEST, bytes(2 * PART_BYTES))))
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            if query.payload:
+                for attachment, part in choose(parts):  # type: ignore[arg-type]
+                    query.reply(key, part, attachment=attachment)
+
+    with raw_zenoh(shared_router) as server:
+        queryable = server.declare_queryable(key, answer, complete=True)
+        caught: BaseException | None = None
+        for _ in range(200):
+            caught = ask(asker).exception(WAIT_S)
+            if "nobody serves it" not in str(caught):
+                break
+        queryable.undeclare()
+    assert isinstance(caught, error)
+    with pytest.raises(error, match=says):
+        raise caught
 
 
 def test_a_refusal_carries_the_reason(pair: Pair) -> None:
