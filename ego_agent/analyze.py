@@ -59,6 +59,7 @@ class _Member:
     distance_m: float
     sizes: dict[Algorithm, int]
     seen: _Seen
+    capacity_bps: float = math.inf
 
 
 def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
@@ -93,6 +94,7 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             sizes=member.sizes,
             area=grid.visible(member.pose.x, member.pose.y, member.seen.visible_m),
             evidence=row,
+            capacity_bps=member.capacity_bps,
         )
         for member, row in zip(members, evidence, strict=True)
     )
@@ -142,9 +144,10 @@ def _member(
     if not sizes:
         return "the size of its observations is not known"
     try:
-        return _Member(robot, pose, distance, sizes, _seen(view, objective))
+        seen = _seen(view, objective)
     except MessageError as error:
         return f"its scene description is not valid: {error}"
+    return _Member(robot, pose, distance, sizes, seen, view.capacity_bps)
 
 
 def _why_not_ego(view: RobotView | None, objective: Objective) -> str | None:

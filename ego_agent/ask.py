@@ -10,13 +10,15 @@ from __future__ import annotations
 import itertools
 import queue
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from ego_agent.knowledge import Knowledge
-from ego_agent.link import LinkEstimate, Round, busy_s
+from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
+from ego_agent.rounds import Transfer, measure
 from ego_agent.tally import TallyKeeper
 from perception.fusion.base import Contribution
 from swarm import keyspace
@@ -29,6 +31,8 @@ MAX_TRANSFER_S = 1.0
 """No payload may take the link longer than this: Zenoh closes a transport blocked for 5 s."""
 MIN_PAYLOAD_BYTES = 2048
 """Boxes must always fit."""
+MAX_TRANSFERS = 512
+"""Answers that are remembered to see what else was on the link while one was on its way."""
 LATE_S = 1.25
 """How long after the deadline an answer may still come; its bytes are counted then."""
 SMALL_OFFSET_NS = 50_000_000
@@ -64,16 +68,16 @@ class FrameRound:
     algorithm: Algorithm
     begun_at: float
     deadline_s: float
-    delivered_before: int
     contributions: list[Contribution] = field(default_factory=list)
     bytes: dict[str, int] = field(default_factory=dict)
     """Payload bytes of the contributions that arrived in time, by robot."""
     missing: dict[str, str] = field(default_factory=dict)
     """Robots without a contribution: `kind: detail`."""
     waiting: set[str] = field(default_factory=set)
+    open: set[str] = field(default_factory=set)
+    """Robots whose request has not ended, be it late."""
     encode_ms: dict[str, float] = field(default_factory=dict)
     """How long each contribution's robot took to encode it."""
-    asked: int = 0
 
     @property
     def given_up_at(self) -> float:
@@ -109,9 +113,7 @@ class Asker:
         self._numbers = itertools.count(1)
         self._inbox: queue.SimpleQueue[_Arrival] = queue.SimpleQueue()
         self._owing: dict[str, _Ask] = {}
-        self._delivered = 0
-        self._on_link: list[tuple[float, float]] = []
-        """When each answer of this round can have been on its way: encoded to arrived."""
+        self._transfers: deque[Transfer] = deque(maxlen=MAX_TRANSFERS)
 
     def ask(
         self,
@@ -124,7 +126,7 @@ class Asker:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
         within `deadline_s` seconds counts as in time."""
         now = time.monotonic()
-        done = FrameRound(algorithm, now, deadline_s, self._delivered)
+        done = FrameRound(algorithm, now, deadline_s)
         asked: list[str] = []
         for robot in robots:
             owed = self._owing.get(robot)
@@ -139,11 +141,12 @@ class Asker:
         if session is None or not asked:
             return done
         capacity_bps, _ = self._link.capacity(now)
-        share = int(capacity_bps / 8.0 * MAX_TRANSFER_S / len(asked))
-        max_bytes = max(MIN_PAYLOAD_BYTES, min(share, MAX_MESSAGE_BYTES - 4096))
-        done.asked = len(asked)
+        limits = self._link.robot_limits(now)
         done.waiting.update(asked)
+        done.open.update(asked)
         for robot in asked:
+            own_bps = min(capacity_bps / len(asked), limits.get(robot, capacity_bps))
+            share = min(int(own_bps / 8.0 * MAX_TRANSFER_S), MAX_MESSAGE_BYTES - 4096)
             request = ObservationRequest(
                 ego=self._ego,
                 request=next(self._numbers),
@@ -151,7 +154,7 @@ class Asker:
                 capture_ns=capture_ns + self._clock_offset_ns(robot),
                 max_error_m=self._max_error_m,
                 keep_ground=self._keep_ground,
-                max_bytes=max_bytes,
+                max_bytes=max(MIN_PAYLOAD_BYTES, share),
             )
             self._send(session, _Ask(robot, request, done, tries=1))
         return done
@@ -175,22 +178,12 @@ class Asker:
             contribution = self._take(arrival)
             if contribution is not None:
                 take_up(contribution)
-        complete = not done.waiting
+        now = time.monotonic()
+        if done.waiting and not any(t.end_s >= done.begun_at for t in self._transfers):
+            self._link.silence(now)
         for robot in sorted(done.waiting):
             done.missing[robot] = f"deadline: no answer within {done.deadline_s:g} s"
         done.waiting.clear()
-        if done.asked:
-            if not complete:
-                self._on_link.append((done.begun_at, until))
-            self._link.add_round(
-                Round(
-                    delivered_bytes=self._delivered - done.delivered_before,
-                    busy_s=busy_s((max(start, done.begun_at), end) for start, end in self._on_link),
-                    complete=complete,
-                ),
-                time.monotonic(),
-            )
-            self._on_link.clear()
 
     def wait(self, seconds: float) -> None:
         """Takes up late answers for a while; returns early when one has come."""
@@ -240,6 +233,7 @@ class Asker:
     def _take(self, arrival: _Arrival) -> Contribution | None:
         """Counts an answer; returns what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
+        self._learn(arrival)
         if self._owing.get(ask.robot) is ask:
             del self._owing[ask.robot]
         late = ask.robot not in done.waiting
@@ -250,9 +244,6 @@ class Asker:
             return None
         answer = arrival.outcome
         seen = answer.message
-        self._delivered += answer.wire_bytes
-        encoded_at = min(done.begun_at + seen.encode_ms * 1e-3, arrival.at)
-        self._on_link.append((encoded_at, arrival.at))
         self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
         wrong = self._mismatch(ask, seen)
@@ -269,6 +260,19 @@ class Asker:
         contribution = Contribution(ask.robot, seen.payload, seen.sensor_pose().matrix())
         done.contributions.append(contribution)
         return contribution
+
+    def _learn(self, arrival: _Arrival) -> None:
+        """Notes when an answer was on its way; the last one of its frame, be it late, completes
+        what the frame shows of the links."""
+        ask, done = arrival.ask, arrival.ask.round
+        if isinstance(arrival.outcome, Answer):
+            encoded_at = done.begun_at + arrival.outcome.message.encode_ms * 1e-3
+            size, start = arrival.outcome.wire_bytes, min(encoded_at, arrival.at)
+            self._transfers.append(Transfer(ask.robot, size, start, arrival.at))
+        done.open.discard(ask.robot)
+        shown = None if done.open else measure(self._transfers, done.begun_at)
+        if shown is not None:
+            self._link.add_round(shown, arrival.at)
 
     def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
         """Why an answer is not what was asked for."""

@@ -27,7 +27,7 @@ def grow(
     The next one is always that with the largest gain, or gain a byte, that the budget still
     carries; equal gains go to the smaller id. It ends when nobody fits or nobody adds anything.
     """
-    able = sorted((c for c in candidates if algorithm in c.sizes), key=lambda c: c.robot)
+    able = sorted((c for c in candidates if scorer.can(c.robot, algorithm)), key=lambda c: c.robot)
     rows = np.array([scorer.row_of[c.robot] for c in able], dtype=np.intp)
     sizes = np.array([c.sizes[algorithm] for c in able], dtype=np.int64)
     bits, evidence = scorer.bits[0], scorer.evidence[0]

@@ -37,6 +37,8 @@ class RobotInput(msgspec.Struct, frozen=True, kw_only=True):
     clock_offset_s: float
     sizes: Mapping[str, int]
     """Bytes of one observation by algorithm."""
+    capacity_bps: float | None = None
+    """Of its own link, where that is known to be less than C(t)."""
 
 
 class Inputs(msgspec.Struct, frozen=True, kw_only=True):

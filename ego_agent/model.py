@@ -6,6 +6,7 @@ that; validation makes the `messages.Decision` that Execute carries out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -34,6 +35,8 @@ class RobotView:
     """Robot's clock minus the ego's, estimated from beacons (includes the one-way delay)."""
     duplicate: bool
     """Two processes use this id at the same time."""
+    capacity_bps: float = math.inf
+    """What its own link delivers, where that is known to be less than the cell does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,8 @@ class Snapshot:
     """C(t), the estimate of what the ego's link delivers."""
     capacity_source: str
     """`measured`, `net/state` or `prior`."""
+    capacity_error: float | None = None
+    """Share by which what was measured is off what a fresh `net/state` says; None without both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,8 @@ class Candidate:
     """(G, G) cells of the unified grid that the robot sees."""
     evidence: NDArray[np.float32]
     """(K,) how well the robot sees each unified object, in [0, 1]."""
+    capacity_bps: float = math.inf
+    """What its own link delivers, where that is known to be less than C(t)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ receipt on the ego's monotonic clock, so that a robot's bad clock does not matte
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -16,6 +17,7 @@ import msgspec
 
 from ego_agent.link import LinkEstimate
 from ego_agent.model import RobotView, Snapshot
+from ego_agent.netstate import LinkWatch
 from swarm import keyspace
 from swarm.messages import Beacon, NetState, SceneDescription
 from swarm.process import Clock
@@ -85,6 +87,7 @@ class Monitor:
     ) -> None:
         self.ego = ego
         self._link = link
+        self._watch = LinkWatch(ego, link)
         self._clock = clock or Clock()
         self._monotonic = monotonic
         self._max_robots = max_robots
@@ -148,10 +151,10 @@ class Monitor:
                 self._own_scene = (scene, now)
 
     def on_net_state(self, state: NetState) -> None:
-        """Takes the network controller's word on the link."""
-        cell = state.link(self.ego, "down")
-        if cell is not None:
-            self._link.set_state(float(cell.available_bps), self._monotonic())
+        """Takes a network controller's word on the links."""
+        with self._lock:
+            if not self._watch.take(state, self._monotonic()):
+                self._out_of_order += 1
 
     def on_join(self, robot: str) -> None:
         """A liveliness token appeared."""
@@ -194,8 +197,13 @@ class Monitor:
         """What is known now; the ego is one of the robots, alive as long as it can ask."""
         now = self._monotonic()
         capacity_bps, source = self._link.capacity(now)
+        limits = self._link.robot_limits(now)
+        error = self._link.error_ratio(now)
         with self._lock:
-            views = {robot: self._view(robot, entry, now) for robot, entry in self._robots.items()}
+            views = {
+                robot: self._view(robot, entry, now, limits.get(robot, math.inf))
+                for robot, entry in self._robots.items()
+            }
             views[self.ego] = self._own_view(now)
         return Snapshot(
             ego=self.ego,
@@ -204,9 +212,10 @@ class Monitor:
             robots=views,
             capacity_bps=capacity_bps,
             capacity_source=source,
+            capacity_error=error,
         )
 
-    def _view(self, robot: str, entry: _Robot, now: float) -> RobotView:
+    def _view(self, robot: str, entry: _Robot, now: float, capacity_bps: float) -> RobotView:
         return RobotView(
             robot=robot,
             alive=entry.alive,
@@ -217,6 +226,7 @@ class Monitor:
             round_trip_s=entry.round_trip_s,
             clock_offset_s=entry.offset_ns() * 1e-9,
             duplicate=now - entry.conflict_at <= DUPLICATE_WINDOW_S,
+            capacity_bps=capacity_bps,
         )
 
     def _own_view(self, now: float) -> RobotView:

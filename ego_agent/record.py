@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from ego_agent.journal import CycleRecord, Decided, Frames, Inputs, Latency, RobotInput
@@ -35,6 +36,7 @@ def cycle_record(
             round_trip_s=_rounded(view.round_trip_s, 4),
             clock_offset_s=round(view.clock_offset_s, 4),
             sizes=view.beacon.sizes if view.beacon else {},
+            capacity_bps=round(view.capacity_bps) if math.isfinite(view.capacity_bps) else None,
         )
     return CycleRecord(
         ego=snapshot.ego,

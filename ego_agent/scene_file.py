@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, TypeVar
 
@@ -46,6 +47,8 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     beacon_age_s: Age = 0.0
     scene_age_s: Age = 0.0
     duplicate: bool = False
+    capacity_bps: Annotated[float, msgspec.Meta(ge=1, le=1e15)] | None = None
+    """What its own link delivers, bit/s, where that is less than the cell does."""
 
 
 class PreviousEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -152,6 +155,7 @@ def _view(robot: str, entry: RobotEntry, now_ns: int) -> RobotView:
         round_trip_s=None,
         clock_offset_s=0.0,
         duplicate=entry.duplicate,
+        capacity_bps=math.inf if entry.capacity_bps is None else entry.capacity_bps,
     )
 
 

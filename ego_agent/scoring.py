@@ -35,11 +35,16 @@ class Scorer:
     words, so that a union of 20,000 cells takes microseconds.
     """
 
-    def __init__(self, scene: UnifiedScene, knowledge: Knowledge) -> None:
+    def __init__(
+        self, scene: UnifiedScene, knowledge: Knowledge, *, budget_bytes: int | None = None
+    ) -> None:
+        """`budget_bytes` is what a fused frame may cost; by default what C(t) carries."""
         self.scene = scene
         self.knowledge = knowledge
         self.objective = knowledge.objective
-        self.budget_bytes = self.objective.budget_bytes(scene.capacity_bps)
+        if budget_bytes is None:
+            budget_bytes = self.objective.budget_bytes(scene.capacity_bps)
+        self.budget_bytes = budget_bytes
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
         self.bits = _pack(robots)
@@ -76,19 +81,35 @@ class Scorer:
         added: NDArray[np.float64] = self._area_weight * cells + self._object_weight * objects
         return added
 
-    def can(self, robot: str, algorithm: Algorithm) -> bool:
+    def known(self, robot: str, algorithm: Algorithm) -> bool:
         """Whether the robot is a candidate with a known size for the algorithm."""
         row = self.row_of.get(robot, 0)
         return row > 0 and algorithm in self.scene.candidates[row - 1].sizes
 
+    def can(self, robot: str, algorithm: Algorithm) -> bool:
+        """Whether the robot is a candidate with a known size for the algorithm, and its own link
+        carries that at the fusion rate."""
+        return self.known(robot, algorithm) and (
+            self.needs_bps(robot, algorithm) <= self.allowed_bps(robot)
+        )
+
+    def needs_bps(self, robot: str, algorithm: Algorithm) -> float:
+        """bit/s of a robot's observations. Raises KeyError where `known` is false."""
+        return self.size(robot, algorithm) * 8.0 * self.objective.rate_hz
+
+    def allowed_bps(self, robot: str) -> float:
+        """bit/s that observations may take of a candidate's own link; may be infinite."""
+        capacity_bps = self.scene.candidates[self.row_of[robot] - 1].capacity_bps
+        return self.objective.headroom * capacity_bps
+
     def size(self, robot: str, algorithm: Algorithm) -> int:
-        """Bytes of one observation. Raises KeyError where `can` is false."""
+        """Bytes of one observation. Raises KeyError where `known` is false."""
         return self.scene.candidates[self.row_of[robot] - 1].sizes[algorithm]
 
     def score(self, participants: Iterable[str], algorithm: Algorithm) -> Score:
         """The score of candidates (the ego is always part of it) with an available algorithm.
 
-        Raises KeyError for a robot that `can` not send for this algorithm.
+        Raises KeyError for a robot whose size for this algorithm is not `known`.
         """
         rows = sorted({self.row_of[r] for r in participants} - {0})
         chosen = tuple(self.scene.candidates[row - 1].robot for row in rows)

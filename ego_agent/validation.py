@@ -38,7 +38,8 @@ def validate(
     None instead of a decision means that the proposal cannot be used; the last sentence says why.
     A decision is valid when its participants are the ego, first, and candidates of the scene, each
     once; its algorithm is available and everyone's size for it is known; and
-    C(P, a) * 8 * rate <= headroom * C(t), or the ego is alone.
+    C(P, a) * 8 * rate <= headroom * C(t), and the same for each one's size and its own link, or the
+    ego is alone.
     """
     repairs: list[str] = []
     if trouble := _unusable(proposal, knowledge, now_ns):
@@ -178,9 +179,7 @@ def _carried(scorer: Scorer, asked: list[str], wanted: object, repairs: list[str
             cheaper = [a for a in knowledge.algorithms if _costs_less(scorer, asked, a, algorithm)]
             best = _better(scorer, [best, *(_trimmed(scorer, asked, a) for a in cheaper)])
             if best.algorithm != algorithm:
-                repairs.append(
-                    f"took {best.algorithm} fusion: {algorithm} does not carry all that were named"
-                )
+                repairs.append(_why_cheaper(scorer, asked, algorithm, best))
     for robot in asked:
         if robot not in best.participants:
             repairs.append(f"dropped {robot}: {_why_dropped(scorer, robot, best)}")
@@ -200,8 +199,8 @@ def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:
 
 
 def _costs_less(scorer: Scorer, asked: list[str], one: Algorithm, other: Algorithm) -> bool:
-    """Whether those who can send both forms send fewer bytes in the one than in the other."""
-    both = [r for r in asked if scorer.can(r, one) and scorer.can(r, other)]
+    """Whether those whose sizes of both forms are known send fewer bytes in the one."""
+    both = [r for r in asked if scorer.known(r, one) and scorer.known(r, other)]
     return sum(scorer.size(r, one) - scorer.size(r, other) for r in both) < 0
 
 
@@ -217,9 +216,30 @@ def _better(scorer: Scorer, scores: list[Score]) -> Score:
     )
 
 
+def _why_cheaper(scorer: Scorer, asked: list[str], wanted: Algorithm, taken: Score) -> str:
+    """Why another algorithm was taken; names those whose own links are too narrow for the first."""
+    narrow = [
+        f"{robot}: {_own_link(scorer, robot, wanted)}"
+        for robot in asked
+        if scorer.known(robot, wanted) and not scorer.can(robot, wanted)
+    ]
+    why = "; ".join(narrow) or f"{wanted} does not carry all that were named"
+    return f"took {taken.algorithm} fusion: {why}"
+
+
+def _own_link(scorer: Scorer, robot: str, algorithm: Algorithm) -> str:
+    return (
+        f"{scorer.size(robot, algorithm) / 1e3:.1f} kB a frame for {algorithm} need "
+        f"{scorer.needs_bps(robot, algorithm) / 1e6:.2f} Mbit/s, its own link may carry "
+        f"{scorer.allowed_bps(robot) / 1e6:.2f}"
+    )
+
+
 def _why_dropped(scorer: Scorer, robot: str, score: Score) -> str:
-    if not scorer.can(robot, score.algorithm):
+    if not scorer.known(robot, score.algorithm):
         return f"the size of its {score.algorithm} observation is not known"
+    if not scorer.can(robot, score.algorithm):
+        return _own_link(scorer, robot, score.algorithm)
     size = scorer.size(robot, score.algorithm)
     if score.cost_bytes + size <= scorer.budget_bytes:
         return "it adds nothing to what the others see, and not all fit the link"

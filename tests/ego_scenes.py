@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -44,6 +45,7 @@ def view(
     beacon_age_s: float = 0.1,
     scene: bool = True,
     scene_age_s: float = 0.3,
+    capacity_bps: float = math.inf,
 ) -> RobotView:
     pose = (x, y, 1.5, 0.0, 0.0, 0.0)
     if visible_m is None:
@@ -71,6 +73,7 @@ def view(
         round_trip_s=None,
         clock_offset_s=0.0,
         duplicate=duplicate,
+        capacity_bps=capacity_bps,
     )
 
 
@@ -93,6 +96,7 @@ def candidate(
     of: tuple[int, int] = (8, 4),
     sizes: Mapping[Algorithm, int] | None = None,
     distance_m: float = 10.0,
+    capacity_bps: float = math.inf,
 ) -> Candidate:
     """A candidate that sees some numbered cells of a grid of `of[0]` x `of[0]` cells, and the
     first objects of `of[1]` with the given evidence."""
@@ -107,6 +111,7 @@ def candidate(
         sizes={"early": 12_000, "late": 600} if sizes is None else sizes,
         area=area.reshape(of[0], of[0]),
         evidence=table,
+        capacity_bps=capacity_bps,
     )
 
 
@@ -143,6 +148,10 @@ def assert_valid(decision: Decision, scene: UnifiedScene, knowledge: Knowledge) 
     allowed_bps = scene.capacity_bps * knowledge.objective.headroom
     needed_bps = decision.cost_bytes * 8 * knowledge.objective.rate_hz
     assert not others or needed_bps <= allowed_bps * (1 + 1e-12)
+    for robot in others:
+        size_bps = by_id[robot].sizes[decision.algorithm] * 8 * knowledge.objective.rate_hz
+        own_bps = by_id[robot].capacity_bps * knowledge.objective.headroom
+        assert size_bps <= own_bps * (1 + 1e-12)
     assert 0.0 <= decision.quality <= 1.0
     assert decision.capacity_bps == scene.capacity_bps
     assert decision.valid == (scene.ego.robot not in scene.excluded)

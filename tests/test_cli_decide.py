@@ -152,3 +152,14 @@ def test_a_policy_or_file_that_cannot_be_used_is_named(
     feed(monkeypatch, json.dumps(example).encode())
     assert main(["decide", *arguments]) == 1
     assert message in capsys.readouterr().err
+
+
+def test_a_robots_own_link_counts(
+    example: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example["robots"]["R4"]["capacity_bps"] = 500_000
+    feed(monkeypatch, json.dumps(example).encode())
+    assert main(["decide", "--policy", "static-early"]) == 0
+    decision = json.loads(capsys.readouterr().out)
+    assert decision["algorithm"] == "late" or "R4" not in decision["participants"]
+    assert any("its own link may carry 0.40" in repair for repair in decision["repairs"])

@@ -260,3 +260,10 @@ def test_a_robot_that_is_slow_to_read_its_frames_stays_a_candidate(
     behind = msgspec.structs.replace(slow.beacon, sent_ns=sent_ns, capture_ns=captured_ns)
     unified = analyze(snapshot(view("E"), replace(slow, beacon=behind)), knowledge())
     assert [c.robot for c in unified.candidates] == ["A"]
+
+
+def test_what_a_robots_own_link_delivers_goes_into_the_scene() -> None:
+    unified = analyze(
+        snapshot(view("E"), view("A", 5.0, capacity_bps=2e6), view("B", 9.0)), knowledge()
+    )
+    assert [c.capacity_bps for c in unified.candidates] == [2e6, math.inf]

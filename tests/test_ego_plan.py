@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -145,6 +146,7 @@ robots = st.builds(
     duplicate=st.integers(0, 9).map(lambda n: not n),
     beacon_age_s=st.sampled_from([0.1, 0.1, 0.1, 3.0]),
     scene_age_s=st.floats(0, 7),
+    capacity_bps=st.just(math.inf) | st.floats(5e4, 5e6),
 )
 algorithms = st.sampled_from([("early",), ("late",), ("early", "late"), ("early", "intermediate")])
 

@@ -165,3 +165,38 @@ def test_a_decision_of_an_ego_that_is_not_confirmed_is_marked() -> None:
     decision, _ = check(proposal("E"), found)
     assert decision is not None
     assert not decision.valid
+
+
+# At 10 Hz with 80 % headroom 12 kB need a link of 1.2 Mbit/s, 600 bytes one of 60 kbit/s.
+NARROW = scene(
+    candidate("E", range(20)),
+    candidate("A", range(20, 40)),
+    candidate("B", range(40, 50), capacity_bps=1e6),
+)
+
+
+def test_a_robot_is_not_asked_for_more_than_its_own_link_carries() -> None:
+    decision, repairs = check(proposal("E", "B", algorithm="early"), NARROW)
+    assert decision is not None
+    assert (decision.participants, decision.algorithm) == (("E", "B"), "late")
+    assert repairs == (
+        "took late fusion: B: 12.0 kB a frame for early need 0.96 Mbit/s, "
+        "its own link may carry 0.80",
+    )
+
+
+def test_a_robot_behind_a_narrow_link_is_dropped_where_nothing_else_can_be_fused() -> None:
+    decision, repairs = check(proposal("E", "A", "B"), NARROW, knowledge(("early",)))
+    assert decision is not None
+    assert decision.participants == ("E", "A")
+    assert repairs == (
+        "dropped B: 12.0 kB a frame for early need 0.96 Mbit/s, its own link may carry 0.80",
+    )
+
+
+def test_what_just_fits_a_robots_own_link_is_left_alone() -> None:
+    wide = scene(NARROW.ego, candidate("B", range(40, 50), capacity_bps=1.2e6))
+    decision, repairs = check(proposal("E", "B"), wide)
+    assert decision is not None
+    assert decision.algorithm == "early"
+    assert repairs == ()

@@ -1,0 +1,163 @@
+"""net/state: an ego takes the word of the controller that speaks for a link, and no other's."""
+
+from __future__ import annotations
+
+import pytest
+
+from ego_agent.link import LinkEstimate
+from ego_agent.monitor import Monitor
+from ego_agent.netstate import MAX_CONTROLLERS, MAX_LINKS, STEADY_S
+from swarm.messages import Direction, LinkState, NetState
+
+PRIOR = 55e6
+EGO = "R1"
+
+
+class Ego:
+    """A monitor and its estimate, on a clock that the test sets."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.link = LinkEstimate(PRIOR)
+        self.monitor = Monitor(EGO, self.link, monotonic=lambda: self.now_s)
+        self._seq = 0
+
+    def hear(self, *links: LinkState, controller: int = 1, seq: int | None = None) -> None:
+        self._seq += 1
+        number = self._seq if seq is None else seq
+        state = NetState(controller=controller, seq=number, sent_ns=0, links=links)
+        self.monitor.on_net_state(state)
+
+    @property
+    def capacity(self) -> tuple[float, str]:
+        shot = self.monitor.snapshot(1, 0)
+        return shot.capacity_bps, shot.capacity_source
+
+    def of(self, robot: str) -> float:
+        return self.link.robot_limits(self.now_s).get(robot, float("inf"))
+
+
+@pytest.fixture
+def ego() -> Ego:
+    return Ego()
+
+
+def state(
+    available_bps: float,
+    robot: str = EGO,
+    direction: Direction = "down",
+    *,
+    capacity_bps: float = 20e6,
+    level: int = 0,
+    grants: dict[str, int] | None = None,
+) -> LinkState:
+    return LinkState(
+        robot=robot,
+        direction=direction,
+        capacity_bps=int(capacity_bps),
+        available_bps=int(available_bps),
+        latency_ms=0.0,
+        level=level,
+        classes={},
+        grants=grants or {},
+    )
+
+
+def test_the_cell_is_the_egos_own_link_downwards(ego: Ego) -> None:
+    ego.hear(state(3e6, "R2"), state(4e6, EGO, "up"), state(5e6))
+    assert ego.capacity == (5e6, "net/state")
+
+
+def test_an_ego_reckons_with_its_grant_where_egos_share_the_link(ego: Ego) -> None:
+    ego.hear(state(10e6, grants={EGO: 4_000_000, "R9": 6_000_000}))
+    assert ego.capacity == (4e6, "net/state")
+    ego.hear(state(3e6, grants={EGO: 4_000_000}))
+    assert ego.capacity == (3e6, "net/state")
+    ego.now_s += STEADY_S + 1.0
+    ego.hear(state(10e6, grants={"R9": 6_000_000}))
+    assert ego.capacity == (10e6, "net/state")
+
+
+def test_a_state_that_was_overtaken_is_ignored_and_counted(ego: Ego) -> None:
+    ego.hear(state(5e6), seq=7)
+    ego.hear(state(9e6, capacity_bps=9e6), seq=6)
+    ego.hear(state(9e6, capacity_bps=9e6), seq=7)
+    assert ego.capacity == (5e6, "net/state")
+    assert ego.monitor.counts().out_of_order == 2
+
+
+def test_a_restarted_controller_counts_anew(ego: Ego) -> None:
+    ego.hear(state(5e6), controller=1, seq=900)
+    ego.hear(state(9e6), controller=2, seq=1)
+    assert ego.capacity == (9e6, "net/state")
+
+
+def test_a_cell_that_its_controller_no_longer_mentions_is_unshaped(ego: Ego) -> None:
+    ego.hear(state(5e6), controller=1)
+    ego.hear(controller=1)
+    assert ego.capacity == (PRIOR, "prior")
+
+
+def test_a_cell_that_another_hosts_controller_does_not_mention_stays_shaped(ego: Ego) -> None:
+    ego.hear(state(5e6), controller=1)
+    ego.hear(state(8e6, "R4", "up"), controller=2)
+    assert ego.capacity == (5e6, "net/state")
+
+
+def test_the_restarted_controller_speaks_for_the_cell_from_then_on(ego: Ego) -> None:
+    ego.hear(state(5e6), controller=1)
+    ego.hear(state(6e6), controller=2)
+    ego.hear(controller=1)
+    assert ego.capacity == (6e6, "net/state")
+    ego.hear(controller=2)
+    assert ego.capacity == (PRIOR, "prior")
+
+
+def test_a_robots_link_upwards_bounds_what_it_can_deliver(ego: Ego) -> None:
+    ego.hear(state(20e6), state(1e6, "R2", "up"), state(9e6, "R3", "down"))
+    assert ego.of("R2") == 1e6
+    assert ego.of("R3") == float("inf")
+    ego.hear(state(20e6))
+    assert ego.of("R2") == float("inf")
+
+
+def test_a_robots_link_is_in_the_snapshot(ego: Ego) -> None:
+    ego.monitor.on_join("R2")
+    ego.monitor.on_join("R3")
+    ego.hear(state(1e6, "R2", "up"))
+    robots = ego.monitor.snapshot(1, 0).robots
+    assert robots["R2"].capacity_bps == 1e6
+    assert robots["R3"].capacity_bps == float("inf")
+
+
+def test_telemetry_that_comes_and_goes_counts_as_there(ego: Ego) -> None:
+    for i in range(20):
+        ego.hear(state(12e6 if i % 2 else 18e6))
+        assert i == 0 or ego.capacity == (12e6, "net/state")
+        ego.now_s += 1.0
+
+
+def test_bandwidth_that_stays_free_is_used_after_a_few_states(ego: Ego) -> None:
+    ego.hear(state(12e6))
+    for _ in range(4):
+        ego.now_s += 1.0
+        ego.hear(state(18e6))
+    assert ego.capacity == (18e6, "net/state")
+
+
+@pytest.mark.parametrize(("capacity_bps", "level"), [(50e6, 0), (20e6, 1)])
+def test_what_is_configured_anew_counts_at_once(ego: Ego, capacity_bps: float, level: int) -> None:
+    ego.hear(state(12e6))
+    ego.hear(state(18e6, capacity_bps=capacity_bps, level=level))
+    assert ego.capacity == (18e6, "net/state")
+
+
+def test_a_flood_of_controllers_and_links_costs_bounded_memory(ego: Ego) -> None:
+    for controller in range(3 * MAX_CONTROLLERS):
+        links = (state(1e6, f"X{controller}-{i}", "up") for i in range(40))
+        ego.hear(*links, controller=controller)
+    watch = ego.monitor._watch
+    assert len(watch._seqs) <= MAX_CONTROLLERS
+    assert len(watch._words) <= MAX_LINKS
+    ego.hear(state(5e6))
+    assert ego.capacity == (5e6, "net/state")
