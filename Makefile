@@ -49,14 +49,14 @@ metrics: setup ## Show Prometheus' targets and key figures
 	@$(COADAPT) metrics --swarm $(SWARM)
 
 shape: setup ## Give a link RATE=5mbit or a PROFILE (see the variables)
-	@$(COADAPT) net shape --swarm $(SWARM) $(if $(RATE),--rate $(RATE)) \
-		$(if $(PROFILE),--profile $(PROFILE)) $(if $(TRACE),--trace $(TRACE)) \
-		$(if $(TIME_SCALE),--time-scale $(TIME_SCALE)) $(if $(ROBOT),--robot $(ROBOT)) \
-		$(if $(DIRECTION),--direction $(DIRECTION)) $(if $(DURATION),--for $(DURATION)) $(ARGS)
+	@$(COADAPT) net shape --swarm $(SWARM) $(if $(RATE),--rate '$(RATE)') \
+		$(if $(PROFILE),--profile '$(PROFILE)') $(if $(TRACE),--trace '$(TRACE)') \
+		$(if $(TIME_SCALE),--time-scale '$(TIME_SCALE)') $(if $(ROBOT),--robot '$(ROBOT)') \
+		$(if $(DIRECTION),--direction '$(DIRECTION)') $(if $(DURATION),--for '$(DURATION)') $(ARGS)
 
 congest: setup ## Send competing telemetry, at RATE or 85 % of the link
-	@$(COADAPT) net congest --swarm $(SWARM) $(if $(RATE),--rate $(RATE)) \
-		$(if $(ROBOT),--robot $(ROBOT)) $(if $(DURATION),--for $(DURATION)) $(ARGS)
+	@$(COADAPT) net congest --swarm $(SWARM) $(if $(RATE),--rate '$(RATE)') \
+		$(if $(ROBOT),--robot '$(ROBOT)') $(if $(DURATION),--for '$(DURATION)') $(ARGS)
 
 net: setup ## Show the shapes in force and what links carry
 	@$(COADAPT) net show --swarm $(SWARM) $(ARGS)

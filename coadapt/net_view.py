@@ -21,16 +21,20 @@ def render(reply: ShapeReply, links: Sequence[LinkState] | None, now_ns: int) ->
 
 
 def _shape(shape: ShapeInForce, now_ns: int) -> str:
-    rate = format_rate(shape.rate_bps) if shape.rate_bps else "not applied"
+    rate = format_rate(shape.rate_bps) if shape.rate_bps else "the link is not there"
     kind = "" if shape.profile == "rate" else f" ({shape.profile})"
     extra = f", delay {shape.delay_ms:g} ms" if shape.delay_ms else ""
     extra += f", loss {100 * shape.loss:g} %" if shape.loss else ""
-    since = time.strftime("%H:%M:%S", time.localtime(shape.since_ns / 1e9))
-    until = f", ends in {max(0.0, (shape.until_ns - now_ns) / 1e9):.0f} s" if shape.until_ns else ""
+    left_s = max(0.0, (shape.until_ns - now_ns) / 1e9)
+    until = f" until {_clock(shape.until_ns)} ({left_s:.0f} s left)" if shape.until_ns else ""
     return (
-        f"{shape.robot} {shape.direction}: {rate}{kind}{extra}, "
-        f"by {shape.operator} since {since}{until}"
+        f"{shape.robot} {shape.direction}: {rate}{kind}{extra}{until}, "
+        f"by {shape.operator} since {_clock(shape.since_ns)}"
     )
+
+
+def _clock(ns: int) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(ns / 1e9))
 
 
 def _link(link: LinkState) -> list[str]:

@@ -7,11 +7,12 @@ import re
 from swarm.errors import DeployError
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 
+_NUMBER = r"(?P<number>[0-9]{1,15}(?:\.[0-9]{1,15})?)"
 _UNITS = {"bit": 1, "kbit": 1_000, "mbit": 1_000_000, "gbit": 1_000_000_000, "tbit": 10**12}
-_RATE = re.compile(r"(?P<number>\d+(?:\.\d+)?)(?P<unit>[kmgt]?bit)")
+_RATE = re.compile(_NUMBER + r"(?P<unit>[kmgt]?bit)")
 _SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
-_TIME = re.compile(r"(?P<number>\d+(?:\.\d+)?)(?P<unit>ms|s|m|h)")
-_SHARE = re.compile(r"(?P<number>\d+(?:\.\d+)?)%")
+_TIME = re.compile(_NUMBER + r"(?P<unit>ms|s|m|h)")
+_SHARE = re.compile(_NUMBER + "%")
 
 
 def parse_rate(text: str) -> int:
@@ -24,28 +25,38 @@ def parse_rate(text: str) -> int:
 
 def parse_link_rate(text: str) -> int:
     """Bit/s of a rate that a link may have. Raises DeployError for others."""
-    rate_bps = parse_rate(text)
+    limits = f"a link may have {MIN_RATE_BPS // 1000}kbit to {MAX_RATE_BPS // 10**9}gbit"
+    try:
+        rate_bps = parse_rate(text)
+    except DeployError as error:
+        raise DeployError(f"{error}; {limits}") from error
     if not MIN_RATE_BPS <= rate_bps <= MAX_RATE_BPS:
-        raise DeployError(
-            f"rate {text!r} is not possible; a link may have {MIN_RATE_BPS // 1000}kbit to "
-            f"{MAX_RATE_BPS // 10**9}gbit"
-        )
+        raise DeployError(f"rate {text!r} is not possible; {limits}")
     return rate_bps
 
 
-def parse_seconds(text: str) -> float:
-    """Seconds of a time such as `60s`, `20ms`, `10m` or `1h`. Raises DeployError for others."""
+def parse_seconds(text: str, most_s: float) -> float:
+    """Seconds of a time such as `60s`, `20ms`, `10m` or `1h`, at most `most_s`.
+
+    Raises DeployError for others.
+    """
     match = _TIME.fullmatch(text.strip().lower())
-    if match is None or float(match["number"]) <= 0.0:
-        raise DeployError(f"time {text!r} is not valid; write it like 60s, 20ms, 10m or 1h; not 0")
-    return float(match["number"]) * _SECONDS[match["unit"]]
+    seconds = float(match["number"]) * _SECONDS[match["unit"]] if match else 0.0
+    if not 0.0 < seconds <= most_s:
+        raise DeployError(
+            f"time {text!r} is not valid; write it like 60s, 20ms, 10m or 1h, above 0 and up to "
+            f"{most_s:g}s"
+        )
+    return seconds
 
 
-def parse_share(text: str) -> float:
-    """A share such as `1%` as a number from 0 to 1. Raises DeployError for others."""
+def parse_share(text: str, most: float = 1.0) -> float:
+    """A share such as `1%` as a number from 0 to `most`. Raises DeployError for others."""
     match = _SHARE.fullmatch(text.strip())
-    if match is None or float(match["number"]) > 100.0:
-        raise DeployError(f"share {text!r} is not valid; write it like 1% or 0.5%")
+    if match is None or float(match["number"]) > 100.0 * most:
+        raise DeployError(
+            f"share {text!r} is not valid; write it like 1% or 0.5%, up to {100.0 * most:g}%"
+        )
     return float(match["number"]) / 100.0
 
 

@@ -4,159 +4,161 @@ from __future__ import annotations
 
 import argparse
 import getpass
+import re
 import socket
 import time
 from pathlib import Path
 
 import msgspec
 
+from coadapt.net_client import ask, watch_state
 from coadapt.net_view import render
-from deploy.rates import parse_link_rate, parse_rate, parse_seconds, parse_share
+from deploy.rates import parse_link_rate, parse_seconds, parse_share
 from deploy.state import need_state
 from network_controller.mahimahi import read_trace
 from swarm import keyspace
-from swarm.errors import NetworkError, TransportError
-from swarm.messages import NetState, ShapeReply, ShapeRequest
+from swarm.errors import DeployError, NetworkError, TransportError
+from swarm.messages import ShapeRequest
+from swarm.messages.net import MAX_DURATION_S
 from swarm.session import Session
-from swarm.traffic import TrafficClass
 
 CONNECT_S = 5.0
-ANSWER_S = 15.0
-STATE_S = 2.5
-"""Two periods of `net/state` and some."""
+MAX_DELAY_S, MAX_LOSS = 10.0, 0.5
+"""As `ShapeRequest` allows."""
+_NEGATIVE = re.compile(r"-\.?\d")
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Adds `net` to the command line."""
     parser = subparsers.add_parser("net", help="shape and watch links", description=__doc__)
-    commands = parser.add_subparsers(dest="net_command", required=True)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
     shape = commands.add_parser("shape", help="give a link a rate or a profile")
     what = shape.add_mutually_exclusive_group(required=True)
     what.add_argument("--rate", help="like 5mbit")
     what.add_argument("--profile", choices=("shift", "trace", "off"))
     shape.add_argument("--trace", metavar="FILE", help="of profile trace: Mahimahi's format")
-    shape.add_argument("--interval", type=float, default=1.0, help="seconds that a rate lasts")
-    shape.add_argument("--time-scale", type=float, default=1.0, help="profile seconds a second")
+    shape.add_argument(
+        "--interval", type=float, help="of profile trace: seconds of each rate (default: 1)"
+    )
+    shape.add_argument(
+        "--time-scale",
+        type=float,
+        help="of profiles shift and trace: seconds of theirs a second (default: 1)",
+    )
     shape.add_argument("--delay", help="like 20ms; needs netem")
     shape.add_argument("--loss", help="like 1%%; needs netem")
-    shape.add_argument("--direction", choices=("down", "up", "both"), default="down")
+    shape.add_argument(
+        "--direction",
+        choices=("down", "up", "both"),
+        help="to the robot or from it (default: down; of profile off: both)",
+    )
     shape.set_defaults(request=_shape)
     congest = commands.add_parser("congest", help="send competing telemetry for a while")
     congest.add_argument("--rate", help="like 4mbit (default: 85%% of the link)")
     congest.add_argument("--protocol", choices=("udp", "tcp", "both"), default="both")
     congest.set_defaults(request=_congest)
     show = commands.add_parser("show", help="shapes in force, and what links carry")
-    show.set_defaults(request=lambda args: ShapeRequest(profile="show", operator=_operator()))
+    show.set_defaults(request=_show)
     for one in (shape, congest):
-        one.add_argument("--robot", default="", help="whose link (default: the ego's cell)")
+        one.add_argument("--robot", help="whose link (default: the ego's cell)")
         one.add_argument("--for", dest="duration", help="like 60s, 10m, 1h; then it ends")
         one.add_argument(
             "--if-revision", type=int, help="only if nobody else has changed the shapes since"
         )
+        # A negative rate is a wrong rate, which its own message explains; not an option.
+        one._negative_number_matcher = _NEGATIVE
     for one in (shape, congest, show):
         one.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
         one.add_argument("--json", action="store_true", help="one object on standard output")
-        one.set_defaults(run=run)
+        one.set_defaults(run=run, parser=one)
 
 
 def run(args: argparse.Namespace) -> int:
     """Asks the network controller, and prints what is in force afterwards."""
     request: ShapeRequest = args.request(args)
     state = need_state(args.swarm)
-    with Session(state.router, state.spec.swarm, timeout_s=CONNECT_S) as session:
-        watch = _States(session) if request.profile == "show" else None
-        reply = _ask(session, request)
-        links = watch.newest() if watch is not None else None
+    try:
+        session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)
+    except TransportError as error:
+        raise DeployError(f"the router of swarm {args.swarm!r} does not answer: {error}") from error
+    with session:
+        newest = watch_state(session) if request.profile == "show" else lambda: None
+        reply = ask(session, request)
+        links = newest()
     if args.json:
         table = msgspec.to_builtins(reply)
-        if links is not None:
-            table["links"] = msgspec.to_builtins(links.links)
+        if request.profile == "show":
+            table["state"] = msgspec.to_builtins(links)
         print(msgspec.json.encode(table).decode())
     else:
         print(render(reply, links.links if links is not None else None, time.time_ns()))
+        if request.profile == "show" and links is None:
+            print("note: no net/state came: nothing is known of what links carry")
     return 0
 
 
-class _States:
-    """Keeps the newest `net/state` of each controller."""
-
-    def __init__(self, session: Session) -> None:
-        self._newest: NetState | None = None
-        session.subscribe(keyspace.net_state(session.swarm), NetState, self._on_state)
-
-    def _on_state(self, state: NetState, _: str) -> None:
-        self._newest = state
-
-    def newest(self) -> NetState | None:
-        """What came last, waiting for the first one."""
-        until = time.monotonic() + STATE_S
-        while self._newest is None and time.monotonic() < until:
-            time.sleep(0.05)
-        return self._newest
-
-
-def _ask(session: Session, request: ShapeRequest) -> ShapeReply:
-    """The controller's reply. Raises its refusal, or that there is no controller."""
-    key = keyspace.net_shape(session.swarm)
-    until = time.monotonic() + CONNECT_S
-    while True:
-        future = session.ask(
-            key, request, ShapeReply, timeout_s=ANSWER_S, traffic=TrafficClass.CONTROL
-        )
-        try:
-            return future.result().message
-        except TransportError as error:
-            # A controller that has just started may not be known to the router yet.
-            if "nobody serves it" not in str(error):
-                raise NetworkError(str(error).partition(" refused: ")[2] or str(error)) from error
-            if time.monotonic() > until:
-                raise NetworkError(
-                    f"no network controller answers in swarm {session.swarm!r}; see "
-                    "`coadapt status` and `coadapt logs controller`"
-                ) from error
-            time.sleep(0.2)
-
-
 def _shape(args: argparse.Namespace) -> ShapeRequest:
-    if (args.profile == "trace") != (args.trace is not None):
-        raise NetworkError("profile trace and --trace FILE go together")
-    if args.profile == "off" and (args.delay or args.loss or args.duration):
-        raise NetworkError("profile off takes no --delay, --loss or --for")
+    _check_usage(args)
+    off = args.profile == "off"
+    interval_s = 1.0 if args.interval is None else args.interval
     return _request(
+        args,
         profile=args.profile or "rate",
-        robot=args.robot,
-        direction=args.direction,
-        rate_bps=parse_link_rate(args.rate) if args.rate else None,
-        rates_bps=read_trace(Path(args.trace), args.interval) if args.trace else (),
-        interval_s=args.interval,
-        time_scale=args.time_scale,
-        duration_s=parse_seconds(args.duration) if args.duration else None,
-        delay_ms=parse_seconds(args.delay) * 1e3 if args.delay else 0.0,
-        loss=parse_share(args.loss) if args.loss else 0.0,
-        revision=args.if_revision,
+        direction=args.direction or ("both" if off else "down"),
+        rate_bps=None if args.rate is None else parse_link_rate(args.rate),
+        rates_bps=() if args.trace is None else read_trace(Path(args.trace), interval_s),
+        interval_s=interval_s,
+        time_scale=1.0 if args.time_scale is None else args.time_scale,
+        delay_ms=0.0 if args.delay is None else parse_seconds(args.delay, MAX_DELAY_S) * 1e3,
+        loss=0.0 if args.loss is None else parse_share(args.loss, MAX_LOSS),
     )
+
+
+def _check_usage(args: argparse.Namespace) -> None:
+    """Ends with the usage (exit status 2) where options do not belong together."""
+    if args.profile == "trace" and args.trace is None:
+        args.parser.error("--profile trace needs --trace FILE")
+    takers = {
+        "--trace": (args.trace, ("trace",)),
+        "--interval": (args.interval, ("trace",)),
+        "--time-scale": (args.time_scale, ("shift", "trace")),
+        "--delay": (args.delay, ("shift", "trace", None)),
+        "--loss": (args.loss, ("shift", "trace", None)),
+        "--for": (args.duration, ("shift", "trace", None)),
+    }
+    for option, (value, profiles) in takers.items():
+        if value is not None and args.profile not in profiles:
+            what = f"--profile {args.profile}" if args.profile else "--rate"
+            args.parser.error(f"{option} does not go with {what}")
 
 
 def _congest(args: argparse.Namespace) -> ShapeRequest:
     return _request(
+        args,
         profile="congest",
-        robot=args.robot,
-        rate_bps=parse_rate(args.rate) if args.rate else None,
-        duration_s=parse_seconds(args.duration) if args.duration else None,
+        rate_bps=None if args.rate is None else parse_link_rate(args.rate),
         protocol=args.protocol,
-        revision=args.if_revision,
     )
 
 
-def _request(**values: object) -> ShapeRequest:
-    """A request whose values are in range. Raises NetworkError that names the field."""
+def _show(args: argparse.Namespace) -> ShapeRequest:
+    return ShapeRequest(profile="show", operator=_operator())
+
+
+def _request(args: argparse.Namespace, **values: object) -> ShapeRequest:
+    """A request whose values are in range. Raises CoAdaptError that names the value."""
+    common = {
+        "operator": _operator(),
+        "robot": "" if args.robot is None else keyspace.check_name("robot id", args.robot),
+        "duration_s": (
+            None if args.duration is None else parse_seconds(args.duration, MAX_DURATION_S)
+        ),
+        "revision": args.if_revision,
+    }
     try:
-        request: ShapeRequest = msgspec.convert(
-            {"operator": _operator(), **values}, ShapeRequest, strict=True
-        )
+        return msgspec.convert(common | values, ShapeRequest, strict=True)
     except msgspec.ValidationError as error:
         raise NetworkError(f"the request is not valid: {error}") from error
-    return request
 
 
 def _operator() -> str:
