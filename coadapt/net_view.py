@@ -9,11 +9,11 @@ from deploy.rates import format_rate
 from swarm.messages import LinkState, ShapeInForce, ShapeReply
 
 
-def render(reply: ShapeReply, links: Sequence[LinkState] | None, now_ns: int) -> str:
+def render(reply: ShapeReply, links: Sequence[LinkState], now_ns: int) -> str:
     """The shapes in force, the links' state where it is known, and the controller's notes."""
     lines = [_shape(shape, now_ns) for shape in reply.shapes] or ["no link is shaped"]
     lines += [f"telemetry runs towards {', '.join(reply.congested)}"] if reply.congested else []
-    for link in links or ():
+    for link in links:
         lines += ["", *_link(link)]
     lines += [f"note: {note}" for note in reply.notes]
     lines.append(f"revision {reply.revision}")

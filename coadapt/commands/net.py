@@ -76,24 +76,25 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Asks the network controller, and prints what is in force afterwards."""
     request: ShapeRequest = args.request(args)
-    state = need_state(args.swarm)
+    swarm = need_state(args.swarm)
     try:
-        session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)
+        session = Session(swarm.router, swarm.spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:
         raise DeployError(f"the router of swarm {args.swarm!r} does not answer: {error}") from error
     with session:
-        newest = watch_state(session) if request.profile == "show" else lambda: None
+        newest = watch_state(session) if request.profile == "show" else None
         reply = ask(session, request)
-        links = newest()
+        state = newest() if newest is not None else None
     if args.json:
         table = msgspec.to_builtins(reply)
-        if request.profile == "show":
-            table["state"] = msgspec.to_builtins(links)
+        if newest is not None:
+            table["links"] = msgspec.to_builtins(state.links if state else ())
+            table["state_ns"] = state.sent_ns if state else None
         print(msgspec.json.encode(table).decode())
-    else:
-        print(render(reply, links.links if links is not None else None, time.time_ns()))
-        if request.profile == "show" and links is None:
-            print("note: no net/state came: nothing is known of what links carry")
+        return 0
+    print(render(reply, state.links if state else (), time.time_ns()))
+    if newest is not None and state is None:
+        print("note: no net/state came: nothing is known of what links carry")
     return 0
 
 
