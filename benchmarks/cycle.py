@@ -1,4 +1,5 @@
-"""Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage`.
+"""Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage`,
+and, apart, of the demand that is told the network controller after it.
 
 The messages of a synthetic floor go through the real Monitor, encoded and decoded as on the wire;
 only the cycle itself is timed. Between two cycles every robot moves, sees other things, and C(t)
@@ -15,6 +16,7 @@ import numpy as np
 
 from benchmarks.report import write_report
 from ego_agent.analyze import analyze
+from ego_agent.demand import DemandMeter
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
@@ -113,8 +115,8 @@ class Floor:
         return objects
 
 
-def run(robots: int, cycles: int = CYCLES) -> list[float]:
-    """Milliseconds of each cycle with that many robots, the ego included."""
+def run(robots: int, cycles: int = CYCLES) -> tuple[list[float], list[float]]:
+    """Milliseconds of each cycle with that many robots, the ego included; and of its demand."""
     floor = Floor(robots, seed=robots)
     knowledge = Knowledge()
     policy = make_policy("coverage", knowledge.algorithms)
@@ -123,6 +125,7 @@ def run(robots: int, cycles: int = CYCLES) -> list[float]:
         monitor.on_join(f"R{number + 1}")
     previous: Decision | None = None
     taken: list[float] = []
+    meter, demands = DemandMeter(), list[float]()
     for cycle in range(WARM_UP + cycles):
         _feed(monitor, floor)
         begun = time.perf_counter()
@@ -130,10 +133,13 @@ def run(robots: int, cycles: int = CYCLES) -> list[float]:
         snapshot = monitor.snapshot(cycle, now_ns)
         scene = analyze(snapshot, knowledge)
         previous = plan(snapshot, scene, policy, knowledge, previous, cycle, now_ns)
-        taken.append((time.perf_counter() - begun) * 1e3)
+        decided = time.perf_counter()
+        meter.take(scene, knowledge, previous, sent_ns=now_ns, now_s=time.monotonic())
+        demands.append((time.perf_counter() - decided) * 1e3)
+        taken.append((decided - begun) * 1e3)
         if not previous.valid or previous.source != "policy":
             raise RuntimeError(f"cycle {cycle} was not decided by coverage: {previous}")
-    return taken[WARM_UP:]
+    return taken[WARM_UP:], demands[WARM_UP:]
 
 
 def _feed(monitor: Monitor, floor: Floor) -> None:
@@ -159,12 +165,21 @@ def main() -> None:
     samples = {}
     for robots in ROBOTS:
         gc.collect()
-        taken = run(robots)
+        taken, demands = run(robots)
         p50, p99 = (round(float(np.percentile(taken, q)), 3) for q in (50, 99))
         figures[f"p99_ms_{robots}"] = p99
         figures[f"p50_ms_{robots}"] = p50
+        demand_p99 = round(float(np.percentile(demands, 99)), 3)
+        figures[f"demand_p99_ms_{robots}"] = demand_p99
         rows.append(
-            {"robots": robots, "p50_ms": p50, "p99_ms": p99, "max_ms": round(max(taken), 3)}
+            {
+                "robots": robots,
+                "p50_ms": p50,
+                "p99_ms": p99,
+                "max_ms": round(max(taken), 3),
+                "demand_p50_ms": round(float(np.median(demands)), 3),
+                "demand_p99_ms": demand_p99,
+            }
         )
         samples[f"ms_{robots}"] = [round(t, 3) for t in taken]
     figures["rows"] = rows
