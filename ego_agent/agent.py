@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ego_agent.analyze import analyze
+from ego_agent.demand import DemandMeter
 from ego_agent.execute import FusionLoop
 from ego_agent.journal import CycleRecord, Journal
 from ego_agent.knowledge import CycleResult, Knowledge
@@ -28,7 +29,7 @@ from ego_agent.tally import Tally, TallyKeeper
 from swarm import keyspace
 from swarm.errors import JournalError, TransportError
 from swarm.log import Logger
-from swarm.messages import Decision
+from swarm.messages import Decision, NetDemand
 from swarm.process import Clock
 from swarm.session import Session
 
@@ -42,6 +43,7 @@ class _Running:
     decision: Decision
     published: bool
     cycle_ms: float
+    demand: NetDemand | None
 
 
 class EgoAgent:
@@ -73,6 +75,7 @@ class EgoAgent:
         self._log = log
         self._session: Session | None = None
         self._ego = monitor.ego
+        self._demand = DemandMeter()
         self._ignored: dict[str, int] = defaultdict(int)
         self._detections_lost = 0
 
@@ -138,12 +141,34 @@ class EgoAgent:
             self._log.error("cycle_failed", cycle=number, exc_info=True)
             decision = self._alone(snapshot, f"the cycle failed: {type(error).__name__}")
         self._fusion.follow(decision)
-        published = self._publish(decision)
+        published = self._publish(keyspace.decision, decision)
+        cycle_ms = (time.perf_counter() - begun) * 1e3
+        demand = self._say_demand(scene, decision)
+        self._metrics.links(snapshot)
         self._metrics.participants.set(len(decision.participants))
-        self._metrics.capacity_bps.set(snapshot.capacity_bps)
         self._metrics.quality.set(decision.quality)
         self._metrics.predicted_bytes.set(decision.cost_bytes)
-        return _Running(snapshot, scene, decision, published, (time.perf_counter() - begun) * 1e3)
+        return _Running(snapshot, scene, decision, published, cycle_ms, demand)
+
+    def _say_demand(self, scene: UnifiedScene | None, decision: Decision) -> NetDemand | None:
+        """Tells the network controller what Q_min takes; no fault of it harms the cycle."""
+        if scene is None:
+            return None
+        try:
+            demand = self._demand.take(
+                scene,
+                self._knowledge,
+                decision,
+                sent_ns=self._clock.now_ns(),
+                now_s=time.monotonic(),
+            )
+            self._publish(lambda swarm, _: keyspace.net_demand(swarm), demand)
+            self._metrics.demand(demand)
+        except Exception:
+            self._metrics.publish_failures.labels("demand").inc()
+            self._log.error("demand_failed", cycle=decision.cycle, exc_info=True)
+            return None
+        return demand
 
     def _alone(self, snapshot: Snapshot, reason: str) -> Decision:
         """The decision that always holds: the ego alone costs nothing and needs nobody."""
@@ -161,15 +186,16 @@ class EgoAgent:
             capacity_bps=max(1.0, snapshot.capacity_bps),
         )
 
-    def _publish(self, decision: Decision) -> bool:
+    def _publish(self, key: Callable[[str, str], str], message: Decision | NetDemand) -> bool:
         session = self._session
         try:
             if session is None or session.links() == 0:
                 raise TransportError("no router")
-            session.put(keyspace.decision(session.swarm, self._ego), decision)
+            session.put(key(session.swarm, self._ego), message)
         except TransportError as error:
-            self._metrics.publish_failures.labels("decision").inc()
-            self._log.debug("decision_unpublished", cycle=decision.cycle, error=str(error))
+            kind = "decision" if isinstance(message, Decision) else "demand"
+            self._metrics.publish_failures.labels(kind).inc()
+            self._log.debug(f"{kind}_unpublished", cycle=message.cycle, error=str(error))
             return False
         return True
 
@@ -183,6 +209,7 @@ class EgoAgent:
             tally,
             published=running.published,
             cycle_ms=running.cycle_ms,
+            demand=running.demand,
         )
         self._knowledge.record_result(_result(running.decision, tally))
         if self._journal is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ego_agent.knowledge import Knowledge
@@ -11,7 +12,8 @@ from ego_agent.scoring import Scorer
 
 def explain(scene: UnifiedScene, knowledge: Knowledge) -> dict[str, Any]:
     """Plain values, ready for JSON: the budget in bytes a frame, the number of merged objects, each
-    candidate's distance in metres, sizes in bytes and share of all that is seen (alone, and beyond
+    candidate's distance in metres, sizes in bytes, width of its own link in bit/s (None: as wide as
+    the cell) and share of all that is seen (alone, and beyond
     what the ego sees), and why the others are excluded."""
     scorer = Scorer(scene, knowledge)
     ego_share = scorer.share([0])
@@ -25,6 +27,9 @@ def explain(scene: UnifiedScene, knowledge: Knowledge) -> dict[str, Any]:
                 "robot": candidate.robot,
                 "distance_m": round(candidate.distance_m, 2),
                 "sizes": dict(candidate.sizes),
+                "capacity_bps": candidate.capacity_bps
+                if math.isfinite(candidate.capacity_bps)
+                else None,
                 "share": round(scorer.share([row]), 4),
                 "adds_to_ego": round(scorer.share([0, row]) - ego_share, 4),
             }

@@ -49,6 +49,8 @@ class Inputs(msgspec.Struct, frozen=True, kw_only=True):
     """Robots that could not take part, and why."""
     capacity_bps: float
     capacity_source: str
+    capacity_error: float | None = None
+    """Share by which what was measured is off what a fresh `net/state` says."""
 
 
 class Decided(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,6 +87,15 @@ class Latency(msgspec.Struct, frozen=True, kw_only=True):
     frame_max_ms: float | None
 
 
+class Demand(msgspec.Struct, frozen=True, kw_only=True):
+    """What the ego said it needs of its cell to reach Q_min; see `messages.NetDemand`."""
+
+    needed_bytes_s: int
+    possible: bool
+    reachable: bool
+    unreachable_s: float
+
+
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One completed control cycle: one line of the journal."""
 
@@ -104,6 +115,8 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     latency: Latency
     outcome: str
     """`complete`, `partial` (someone was missing), `alone` or `no frames`."""
+    demand: Demand | None = None
+    """None in lines of older programs, and where the scene could not be told."""
 
 
 ByteTotals = Counter[tuple[str, str]]

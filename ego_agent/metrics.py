@@ -8,9 +8,13 @@ restart, so the two agree at any time; frames and decisions count from the start
 
 from __future__ import annotations
 
+import math
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from ego_agent.journal import ByteTotals, CycleRecord, byte_totals
+from ego_agent.model import Snapshot
+from swarm.messages import NetDemand
 
 _BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
 
@@ -70,6 +74,28 @@ class EgoMetrics:
             "C(t): what the ego takes its link to deliver, bit/s.",
             registry=registry,
         )
+        self.robot_capacity_bps = Gauge(
+            "coadapt_ego_robot_capacity_bps",
+            "What the ego takes a robot to deliver, bit/s: C(t), or its own link where narrower.",
+            ["robot"],
+            registry=registry,
+        )
+        self.estimate_error = Gauge(
+            "coadapt_link_estimate_error_ratio",
+            "(measured - configured) / configured capacity for fusion; NaN without either.",
+            registry=registry,
+        )
+        self.estimate_error.set(math.nan)
+        self.demand_bytes_s = Gauge(
+            "coadapt_demand_bytes_per_second",
+            "Capacity for the cheapest decision that reaches Q_min, bytes/s.",
+            registry=registry,
+        )
+        self.unreachable_s = Gauge(
+            "coadapt_q_min_unreachable_seconds",
+            "For how long the link has kept the ego below Q_min.",
+            registry=registry,
+        )
         self.quality = Gauge(
             "coadapt_ego_predicted_quality",
             "Q(P, a) that the decision in force predicts.",
@@ -112,6 +138,25 @@ class EgoMetrics:
             ["reason"],
             registry=registry,
         )
+
+        self._robots: set[str] = set()
+
+    def links(self, snapshot: Snapshot) -> None:
+        """Shows what a cycle takes the links to deliver; robots that were forgotten disappear."""
+        self.capacity_bps.set(snapshot.capacity_bps)
+        error = snapshot.capacity_error
+        self.estimate_error.set(math.nan if error is None else error)
+        robots = {r: v for r, v in snapshot.robots.items() if r != snapshot.ego}
+        for robot, view in robots.items():
+            self.robot_capacity_bps.labels(robot).set(min(view.capacity_bps, snapshot.capacity_bps))
+        for robot in self._robots - robots.keys():
+            self.robot_capacity_bps.remove(robot)
+        self._robots = set(robots)
+
+    def demand(self, demand: NetDemand) -> None:
+        """Shows what the ego has said that it needs."""
+        self.demand_bytes_s.set(demand.needed_bytes_s)
+        self.unreachable_s.set(demand.unreachable_s)
 
     def restore(self, totals: ByteTotals) -> None:
         """Takes over the sums of a journal that goes on, so that both stay equal."""

@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ego_agent.journal import CycleRecord, Decided, Frames, Inputs, Latency, RobotInput
+from ego_agent.journal import (
+    CycleRecord,
+    Decided,
+    Demand,
+    Frames,
+    Inputs,
+    Latency,
+    RobotInput,
+)
 from ego_agent.model import Snapshot, UnifiedScene
 from ego_agent.tally import Tally
-from swarm.messages import Decision
+from swarm.messages import Decision, NetDemand
 
 
 def cycle_record(
@@ -19,6 +27,7 @@ def cycle_record(
     *,
     published: bool,
     cycle_ms: float,
+    demand: NetDemand | None = None,
 ) -> CycleRecord:
     """The line of a cycle from what it saw, decided and received."""
     distances = {c.robot: c.distance_m for c in scene.candidates} if scene else {}
@@ -47,6 +56,7 @@ def cycle_record(
             excluded=dict(scene.excluded) if scene else {},
             capacity_bps=round(snapshot.capacity_bps),
             capacity_source=snapshot.capacity_source,
+            capacity_error=_rounded(snapshot.capacity_error, 3),
         ),
         decision=Decided(
             participants=decision.participants,
@@ -75,6 +85,14 @@ def cycle_record(
             frame_max_ms=_rounded(tally.frame_max_ms(), 3),
         ),
         outcome=_outcome(decision, tally),
+        demand=None
+        if demand is None
+        else Demand(
+            needed_bytes_s=demand.needed_bytes_s,
+            possible=demand.possible,
+            reachable=demand.reachable,
+            unreachable_s=round(demand.unreachable_s, 3),
+        ),
     )
 
 

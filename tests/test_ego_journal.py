@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -209,3 +211,15 @@ def test_lines_that_a_full_disk_refuses_are_written_when_it_takes_them_again(
 def test_reading_a_journal_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match=r"none\.jsonl"):
         list(read_journal(tmp_path / "none.jsonl"))
+
+
+def test_a_line_of_an_older_program_is_read_and_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    line = json.loads(msgspec.json.encode(record(1)))
+    del line["demand"], line["inputs"]["capacity_error"]
+    del line["inputs"]["robots"]["R2"]["capacity_bps"]
+    path.write_text(json.dumps(line) + "\n")
+    journal = Journal(path)
+    journal.commit(record(journal.next_cycle))
+    journal.close()
+    assert list(read_journal(path)) == [record(1), record(2)]
