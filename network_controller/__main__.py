@@ -13,6 +13,7 @@ from network_controller.controller import Controller
 from network_controller.drivers.registry import make_driver
 from network_controller.journal import Journal
 from network_controller.metrics import ControllerMetrics
+from network_controller.qod.server import Server
 from network_controller.settings import ControllerSettings, load_settings
 from network_controller.slow_loop import SlowLoop
 from network_controller.telemetry.flows import Flows
@@ -67,7 +68,18 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
         ego=settings.ego,
         clock=clock,
     )
+    api = Server(
+        controller,
+        settings.qod_host,
+        settings.qod_port,
+        settings.qod_token,
+        registry,
+        log,
+        socket=settings.qod_socket,
+    )
+    controller.on_lost = api.lost
     controller.start()
+    api.start()
     link = _Link(settings, controller, clock, registry, log, stop)
     worker = threading.Thread(target=controller.run, args=(stop, link.publish), name="control")
     worker.start()
@@ -79,6 +91,7 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
         stop.set()
         controller.wake()
         worker.join()
+        api.close()
         controller.close()
         server.close()
         link.close()

@@ -224,6 +224,7 @@ class Controller:
         if request.profile == "off":
             if request.robot:
                 links = links_of(request, self._ego, frozenset(self._robots))
+                self._flows.stop(request.robot)
             else:
                 links = tuple(before)
                 self._flows.stop()

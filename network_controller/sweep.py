@@ -1,6 +1,7 @@
-"""Removes what a killed controller left of links that are gone: `python -m network_controller.sweep`.
+"""Removes what a killed controller left of links that are gone.
 
-Only `ifb` devices outlive their link; everything else vanishes with it.
+`python -m network_controller.sweep`: only `ifb` devices outlive their link, everything else goes
+with it.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from deploy import ready, runtimes
 from deploy.progress import say
-from deploy.rates import parse_rate
+from deploy.rates import parse_link_rate
 from deploy.runtimes.base import Runtime
 from deploy.services import journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
@@ -107,7 +107,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         qod_port=args.qod_port,
         controller_metrics_port=args.controller_metrics_port,
         comm_range_m=args.comm_range,
-        link_bps=parse_rate(args.link) if args.link else None,
+        link_bps=parse_link_rate(args.link) if args.link else None,
         **optional,
     )
 
