@@ -29,6 +29,7 @@ from qod_client import (
 )
 
 from network_controller import ladder
+from network_controller.qod.profiles import LEVELS
 from network_controller.qod.server import Server
 from swarm.errors import NetworkError, SettingError
 from swarm.traffic import TrafficClass
@@ -243,6 +244,16 @@ def test_profiles_say_what_the_ladder_gives(api: Api) -> None:
     assert f"{fusion / 1e6:.0%} of the link" in top["description"]
     assert top["status"] == "ACTIVE"
     assert top["maxDuration"] == {"value": 86_400, "unit": "Seconds"}
+
+
+def test_the_page_about_the_profiles_says_what_the_ladder_gives() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "qod.md").read_text()
+    for name, level in LEVELS.items():
+        classes = ladder.shape(1_000_000, level).classes
+        fusion, background = classes[TrafficClass.FUSION], classes[TrafficClass.BACKGROUND]
+        assert fusion.priority < background.priority
+        shares = " | ".join(f"{one.rate_bps / 1e4:.0f} %" for one in (fusion, background))
+        assert f"| `{name}` | {level} | {shares} |" in page
 
 
 def test_with_a_device_profiles_say_the_rate_on_its_link(api: Api) -> None:

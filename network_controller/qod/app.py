@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 import re
 import uuid
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 
 import msgspec
 from starlette.applications import Starlette
@@ -107,11 +107,8 @@ async def _read(request: Request) -> bytes:
     return bytes(raw)
 
 
-def _error(info: ErrorInfo, headers: object = None) -> Response:
-    response = Response(msgspec.json.encode(info), info.status, media_type="application/json")
-    if isinstance(headers, dict):
-        response.headers.update(headers)
-    return response
+def _error(info: ErrorInfo, headers: Mapping[str, str] | None = None) -> Response:
+    return Response(msgspec.json.encode(info), info.status, headers, "application/json")
 
 
 class _Gate:

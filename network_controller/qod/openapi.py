@@ -67,14 +67,13 @@ def _describe(operation: Operation, by_kind: dict[str, Any]) -> dict[str, Any]:
         "security": [] if operation.path in OPEN_PATHS else [{"token": []}],
     }
     if operation.body is not None:
-        described["requestBody"] = {"required": True, "content": _json(_of(operation, by_kind))}
+        described["requestBody"] = {
+            "required": True,
+            "content": _json(by_kind[repr(operation.body)]),
+        }
     if operation.name == "createSession":
         described["callbacks"] = {"notifications": _callback(by_kind[repr(StatusEvent)])}
     return described
-
-
-def _of(operation: Operation, by_kind: dict[str, Any]) -> Any:
-    return by_kind[repr(operation.body)]
 
 
 def _json(schema: Any) -> dict[str, Any]:

@@ -55,9 +55,8 @@ def rounded_down(rate_bps: int) -> Rate:
 def _describe(level: int) -> str:
     classes = ladder.shape(_WHOLE_BPS, level).classes
     fusion, background = classes[TrafficClass.FUSION], classes[TrafficClass.BACKGROUND]
-    first = "is served before background" if fusion.priority < background.priority else "is equal"
     return (
-        f"Towards the device, fusion traffic as a whole {first}, with at least "
+        "Towards the device, fusion traffic as a whole is served before background, with at least "
         f"{_share(fusion)} of the link's capacity; background keeps {_share(background)}. "
         "Delay follows from that, but no figure is promised."
     )
