@@ -14,6 +14,9 @@ from dataclasses import dataclass, field
 
 LATENCY_S = 0.05
 """What is over within this time shows latency, not capacity."""
+MIN_FILL_BYTES = 1_500
+"""Fewer bytes cannot fill a link: when a few boxes take long, a busy machine is late, and to send
+even less would help nobody."""
 BUCKET_S = 0.02
 """A shaper lets what it would send in this time pass at once: the depth of the network
 controller's buckets."""
@@ -89,7 +92,7 @@ def _cell(parts: Sequence[Transfer]) -> Sample:
     for part in parts:
         arrived += part.wire_bytes
         busy = sum(max(0.0, min(end, part.end_s) - start) for start, end in spans)
-        if busy >= LATENCY_S:
+        if busy >= LATENCY_S and arrived >= MIN_FILL_BYTES:
             filled_bps = max(filled_bps, _rate(arrived, busy))
         elif arrived >= total * QUICK_SHARE:
             quick_bps = max(quick_bps, _at_least(arrived, busy))
@@ -102,7 +105,7 @@ def _own(part: Transfer, parts: Sequence[Transfer], cell: Sample, *, alone: bool
     """What a robot's answer shows of its own link: that was the limit where the cell, in the same
     round, did much more than what it carried while this answer was on its way."""
     span = part.end_s - part.start_s
-    if span < LATENCY_S:
+    if span < LATENCY_S or part.wire_bytes < MIN_FILL_BYTES:
         return Sample(part.wire_bytes, _at_least(part.wire_bytes, span), filled=False)
     rate = _rate(part.wire_bytes, span)
     if alone:

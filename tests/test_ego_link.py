@@ -69,6 +69,15 @@ def test_small_rounds_cannot_lower_the_estimate() -> None:
     assert link.capacity(5.0) == (PRIOR, "prior")
 
 
+def test_boxes_that_a_busy_machine_delays_do_not_lower_the_estimate() -> None:
+    link = LinkEstimate(PRIOR)
+    for i in range(50):
+        boxes = [Transfer(r, 300, i * 0.3, i * 0.3 + 0.04 * n) for n, r in enumerate(ROBOTS, 3)]
+        link.add_round(round_of(*boxes, begun_s=i * 0.3), i * 0.3 + 0.24)
+    assert link.capacity(15.0) == (PRIOR, "prior")
+    assert link.robot_limits(15.0) == {}
+
+
 def test_one_hiccup_of_a_busy_machine_lowers_nothing() -> None:
     link = LinkEstimate(PRIOR)
     for i in range(20):
