@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 
 from swarm.errors import NetworkError
 
 TIMEOUT_S = 20.0
+_STOPPED = re.compile(r"Command failed \S*:(\d+)")
 
 
 def run(*argv: str, text: str = "") -> str:
@@ -34,9 +36,8 @@ def attempt(*argv: str, text: str = "") -> subprocess.CompletedProcess[str]:
 def words(done: subprocess.CompletedProcess[str], text: str = "") -> str:
     """Why a command failed; of a batch also the line that it stopped at."""
     told = " ".join((done.stderr or done.stdout).split()) or f"exit status {done.returncode}"
+    stopped = _STOPPED.search(told)
     lines = text.splitlines()
-    for word in told.replace(":", " ").split("Command failed -")[1:]:
-        number = word.split()[0]
-        if number.isdigit() and 0 < int(number) <= len(lines):
-            told += f" (at: {lines[int(number) - 1]})"
+    if stopped and 0 < int(stopped[1]) <= len(lines):
+        return f"{told[: stopped.start()].strip()} (at: {lines[int(stopped[1]) - 1]})"
     return told

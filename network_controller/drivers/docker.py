@@ -8,7 +8,6 @@ bridge of the swarm's own network, so that no other interface of the host is eve
 from __future__ import annotations
 
 import contextlib
-import json
 import socket
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
@@ -17,11 +16,14 @@ from typing import Any
 
 from network_controller.drivers import shaping
 from network_controller.drivers.command import attempt
+from network_controller.drivers.interfaces import facts_of, index_of, master_of
 from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 
 LABEL = "coadapt.swarm"
 SERVICE_LABEL = "coadapt.service"
+INSIDE = "eth0"
+"""A container's end of its link."""
 TIMEOUT_S = 10
 
 
@@ -30,6 +32,7 @@ class _Port:
     container: str
     device: str
     index: int
+    bridge: str
     address: str
 
 
@@ -55,9 +58,11 @@ class DockerDriver:
     def __init__(self, swarm: str) -> None:
         """The engine is asked when it is needed first."""
         self.swarm = swarm
-        self._shaper = shaping.Shaper()
+        self._shaper = shaping.Shaper(swarm)
         self._engine: Any = None
         self._ports: dict[str, _Port] = {}
+        self._refused: dict[str, str] = {}
+        """Robots whose link must not be touched, and why."""
 
     def robots(self) -> Mapping[str, str]:
         """See `Driver.robots`."""
@@ -70,10 +75,17 @@ class DockerDriver:
     def apply(self, link: Link, shape: LinkShape) -> None:
         """See `Driver.apply`."""
         port = self._find().get(link.robot)
+        if link.robot in self._refused:
+            raise NetworkError(self._refused[link.robot])
         if port is None:
             raise LinkGoneError(
                 f"robot {link.robot!r} has no running container in swarm {self.swarm!r}; there are "
                 f"{', '.join(sorted(self._ports)) or 'none'}"
+            )
+        if master_of(port.device) != port.bridge:
+            raise NetworkError(
+                f"interface {port.device} of robot {link.robot!r} no longer hangs on the swarm's "
+                f"bridge {port.bridge}; it is left alone"
             )
         self._shaper.apply(port.device, link.direction, shape)
 
@@ -120,9 +132,8 @@ class DockerDriver:
         import docker
 
         if self._engine is None:
-            self._engine = docker.APIClient(
-                base_url=docker.utils.parse_host(None), version="auto", timeout=TIMEOUT_S
-            )
+            environment = docker.utils.kwargs_from_env()
+            self._engine = docker.APIClient(version="auto", timeout=TIMEOUT_S, **environment)
         return self._engine
 
     def _find(self) -> Mapping[str, _Port]:
@@ -130,40 +141,67 @@ class DockerDriver:
         with _faults():
             listed = self._api().containers(filters={"label": f"{LABEL}={self.swarm}"})
         known: dict[str, _Port] = {}
+        self._refused = {}
         for robot, facts in _by_robot(listed).items():
             port = self._ports.get(robot)
-            if port is None or port.container != facts["Id"] or _index(port.device) != port.index:
-                port = self._look(facts)
+            if port is None or port.container != facts["Id"] or index_of(port.device) != port.index:
+                port = self._look(robot, facts)
             if port is not None:
                 known[robot] = port
+        shaping.forget(
+            port.device for robot, port in self._ports.items() if known.get(robot) != port
+        )
         self._ports = known
         return known
 
-    def _look(self, facts: Mapping[str, Any]) -> _Port | None:
-        """A container's link, or None while it has none. Raises NetworkError where it is on
-        another machine."""
+    def _look(self, robot: str, facts: Mapping[str, Any]) -> _Port | None:
+        """A container's link, or None while it has none or where it must not be touched."""
+        inside = self._inside(facts["Id"])
+        if inside is None:
+            return None
+        number, outside, mac = inside
         networks = facts["NetworkSettings"]["Networks"].values()
-        network = next((n for n in networks if n.get("IPAddress")), None)
-        if network is None:
+        network = next((n for n in networks if n.get("MacAddress") == mac), None)
+        if network is None or not network.get("IPAddress"):
             return None
         with _faults():
-            api = self._api()
-            number = api.exec_create(facts["Id"], ["cat", "/sys/class/net/eth0/iflink"])["Id"]
-            text = api.exec_start(number)
-            bridge = api.inspect_network(network["NetworkID"])
-        try:
-            index = int(text)
-            device = socket.if_indextoname(index)
-        except (OSError, ValueError):
-            # It is just starting or ending, or it does not run on this machine.
-            return None
+            bridge = self._api().inspect_network(network["NetworkID"])
         name = bridge["Options"].get("com.docker.network.bridge.name")
-        if _master(device) != (name or f"br-{network['NetworkID'][:12]}"):
-            raise NetworkError(
-                f"interface {device} of container {facts['Names'][0]} is not on the bridge of its "
-                f"network {bridge['Name']}; the engine must be on this machine"
+        name = str(name or f"br-{network['NetworkID'][:12]}")
+        try:
+            device = socket.if_indextoname(outside)
+        except OSError:
+            device = ""
+        link = facts_of(device) if device else {}
+        if link.get("master") != name or link.get("link_index") != number:
+            self._refused[robot] = (
+                f"interface {outside} ({device or 'not here'}), where the link of container "
+                f"{facts['Names'][0]} should end, is not on bridge {name} of its network "
+                f"{bridge['Name']}; the engine must be on this machine, and the controller in the "
+                "host's network namespace"
             )
-        return _Port(facts["Id"], device, index, network["IPAddress"])
+            return None
+        return _Port(facts["Id"], device, outside, name, network["IPAddress"])
+
+    def _inside(self, container: str) -> tuple[int, int, str] | None:
+        """Index, other end's index and MAC address of a container's `eth0`, read inside; None
+        while it is starting or ending."""
+        import docker.errors
+
+        files = [f"/sys/class/net/{INSIDE}/{name}" for name in ("ifindex", "iflink", "address")]
+        with _faults():
+            api = self._api()
+            try:
+                text = api.exec_start(api.exec_create(container, ["cat", *files])["Id"])
+            except docker.errors.APIError as error:
+                if error.is_client_error():
+                    return None
+                raise
+        try:
+            number, outside, mac = text.decode().split()
+            return int(number), int(outside), mac
+        except ValueError:
+            return None
 
 
 def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
@@ -175,19 +213,6 @@ def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, A
             if service.startswith(role) and facts["State"] == "running":
                 found[service.removeprefix(role)] = facts
     return found
-
-
-def _master(device: str) -> str:
-    """The bridge that an interface hangs on; empty for none."""
-    shown = attempt("ip", "-j", "link", "show", "dev", device).stdout
-    return str(json.loads(shown)[0].get("master", "")) if shown.strip() else ""
-
-
-def _index(device: str) -> int:
-    try:
-        return socket.if_nametoindex(device)
-    except OSError:
-        return 0
 
 
 @contextlib.contextmanager

@@ -26,8 +26,15 @@ MIN_QUANTUM_BYTES, MAX_QUANTUM_BYTES = 1_600, 60_000
 those of one priority share what the guarantees leave in equal parts."""
 QUEUE_S = 0.1
 """How much a class may queue at the link's rate: about a Wi-Fi access point's buffer."""
-MIN_QUEUE_BYTES = 128 * 1024
-"""Two segments as large as the stack hands them down (64 kB): a shorter queue would refuse one."""
+MIN_QUEUE_BYTES = 64 * 1024
+"""Half a second at 1 Mbit/s. TCP that just had a faster link delivers 98 % of 1 Mbit/s with it, by
+BBR and by CUBIC; with 32 kB CUBIC loses a quarter of that, with 128 kB BBR a fifth. One lump of a
+whole 64 kB from a sender that still believes in the old rate is refused; it comes back in pieces.
+"""
+TARGET_MS, TARGET_PACKETS = 5.0, 1.5
+"""fq_codel's target delay; at low rates as long as it takes to send a packet and a half, or every
+packet would come too late (RFC 8289, section 4.3)."""
+FULL_PACKET_BYTES = 1514
 
 
 def lines(device: str, shape: LinkShape, *, shaped: bool, fq_codel: bool) -> list[str]:
@@ -75,11 +82,17 @@ def _queues(device: str, shape: LinkShape, fq_codel: bool) -> Iterator[str]:
         packets = max(1000, (limit + held) // 1000)
         queue = f"netem delay {shape.delay_ms:g}ms loss {100 * shape.loss:g}% limit {packets}"
     elif fq_codel:
-        queue = f"fq_codel memory_limit {limit}"
+        target = max(TARGET_MS, 8e3 * TARGET_PACKETS * FULL_PACKET_BYTES / shape.capacity_bps)
+        # Its limit counts the memory of packets, which is about twice what they weigh.
+        queue = (
+            f"fq_codel target {target:.1f}ms interval {20 * target:.0f}ms memory_limit {2 * limit}"
+        )
     else:
         queue = f"bfifo limit {limit}"
+    # Without a handle: the kernel changes a queue of the same kind in place and replaces one of
+    # another kind, but refuses a handle that a queue of another kind has already.
     for number in NUMBERS.values():
-        yield f"qdisc replace dev {device} parent 1:{number} handle {number}: {queue}"
+        yield f"qdisc replace dev {device} parent 1:{number} {queue}"
 
 
 def _filters(device: str) -> Iterator[str]:
@@ -89,3 +102,12 @@ def _filters(device: str) -> Iterator[str]:
             f"match ip dsfield {traffic.tos:#04x} {DSCP_MASK:#04x} flowid 1:{number}"
         )
     yield f"filter add dev {device} parent 1: protocol arp prio 4 u32 match u32 0 0 flowid 1:10"
+
+
+def filters() -> frozenset[tuple[int, str]]:
+    """What `tc filter show` prints of the filters: a class's number and `value/mask`."""
+    marks = {
+        (number, f"00{traffic.tos:02x}0000/00{DSCP_MASK:02x}0000")
+        for traffic, number in NUMBERS.items()
+    }
+    return frozenset(marks | {(NUMBERS[TrafficClass.CONTROL], "00000000/00000000")})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import subprocess
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from network_controller.drivers import shaping
 from network_controller.drivers.command import attempt, run
+from network_controller.drivers.interfaces import index_of, master_of
 from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 
@@ -39,7 +39,7 @@ class NetnsDriver:
         self.swarm = swarm
         self._bridge = bridge
         self._namespaces = namespaces
-        self._shaper = shaping.Shaper()
+        self._shaper = shaping.Shaper(swarm)
         self._ports: dict[str, _Port] = {}
 
     def robots(self) -> Mapping[str, str]:
@@ -57,6 +57,11 @@ class NetnsDriver:
             raise LinkGoneError(
                 f"robot {link.robot!r} has no link on bridge {self._bridge}; there are "
                 f"{', '.join(sorted(self._ports)) or 'none'}"
+            )
+        if master_of(port.device) != self._bridge:
+            raise NetworkError(
+                f"interface {port.device} of robot {link.robot!r} no longer hangs on the swarm's "
+                f"bridge {self._bridge}; it is left alone"
             )
         self._shaper.apply(port.device, link.direction, shape)
 
@@ -99,33 +104,45 @@ class NetnsDriver:
         known = {
             robot: port
             for robot, port in self._ports.items()
-            if robot in names and _index(port.device) == port.index
+            if robot in names and index_of(port.device) == port.index
         }
         if names - known.keys():
-            shown = json.loads(run("ip", "-j", "link", "show", "master", self._bridge) or "[]")
-            by_index = {one["ifindex"]: one["ifname"] for one in shown if "ifindex" in one}
+            ends = _host_ends(self._bridge)
             for robot in sorted(names - known.keys()):
-                port = self._look(robot, by_index)
+                port = _look(robot, ends)
                 if port is not None:
                     known[robot] = port
+        shaping.forget(
+            port.device for robot, port in self._ports.items() if known.get(robot) != port
+        )
         self._ports = known
         return known
 
-    def _look(self, robot: str, bridge_ports: Mapping[int, str]) -> _Port | None:
-        """A robot's link, found from the robot's end: the kernel knows the other end's index."""
-        done = attempt("ip", "-n", robot, "-j", "-4", "addr", "show", "dev", INSIDE)
-        if done.returncode != 0 or not done.stdout.strip():
-            return None
-        (inside, *_) = json.loads(done.stdout)
-        device = bridge_ports.get(inside.get("link_index", 0))
-        addresses = inside.get("addr_info", [])
-        if device is None or not addresses:
-            return None
-        return _Port(device, inside["link_index"], addresses[0]["local"])
+
+def _host_ends(bridge: str) -> Mapping[tuple[str, int], tuple[str, int]]:
+    """Name and index of the bridge's ports, by the namespace and the index of their other end."""
+    shown = attempt("ip", "-j", "link", "show", "master", bridge)
+    if shown.returncode != 0:
+        return {}
+    ids = {
+        one.get("id"): one["name"] for one in json.loads(run("ip", "-j", "netns", "list") or "[]")
+    }
+    return {
+        (ids[one["link_netnsid"]], one["link_index"]): (one["ifname"], one["ifindex"])
+        for one in json.loads(shown.stdout or "[]")
+        if one.get("link_netnsid") in ids
+    }
 
 
-def _index(device: str) -> int:
-    try:
-        return socket.if_nametoindex(device)
-    except OSError:
-        return 0
+def _look(robot: str, host_ends: Mapping[tuple[str, int], tuple[str, int]]) -> _Port | None:
+    """A robot's link, when both ends tell of each other: an index alone may be that of another
+    interface in another namespace."""
+    done = attempt("ip", "-n", robot, "-j", "-4", "addr", "show", "dev", INSIDE)
+    if done.returncode != 0 or not done.stdout.strip():
+        return None
+    (inside, *_) = json.loads(done.stdout)
+    device, index = host_ends.get((robot, inside.get("ifindex", 0)), ("", 0))
+    addresses = inside.get("addr_info", [])
+    if not device or inside.get("link_index") != index or not addresses:
+        return None
+    return _Port(device, index, addresses[0]["local"])

@@ -20,13 +20,13 @@ _CLASS = re.compile(
     r"(?: leaf \S+)?(?: prio (?P<prio>\d+))?(?: quantum \S+)? rate (?P<rate>\S+)bit"
     r"(?: overhead \S+)? ceil (?P<ceil>\S+)bit"
 )
+_LEAF = re.compile(r"^parent 1:(?P<number>[0-9a-f]+)")
 _SENT = re.compile(r"Sent (?P<sent>\d+) bytes .*dropped (?P<drops>\d+), overlimits (?P<over>\d+)")
 _BACKLOG = re.compile(r"backlog (?P<backlog>\S+)b ")
 _DELAY = re.compile(r"delay (?P<number>[\d.]+)(?P<unit>us|ms|s)")
 _LOSS = re.compile(r"loss (?P<percent>[\d.]+)%")
-_BY_NUMBER = {f"{number:x}": traffic for traffic, number in NUMBERS.items()} | {
-    str(number): traffic for traffic, number in NUMBERS.items()
-}
+_FILTER = re.compile(r"flowid 1:(?P<number>[0-9a-f]+).*\n\s*match (?P<match>[0-9a-f/]+) at 0")
+_BY_NUMBER = {str(number): traffic for traffic, number in NUMBERS.items()}
 
 
 def read_devices(devices: Collection[str]) -> Mapping[str, LinkReading]:
@@ -63,6 +63,11 @@ def parse(text: str, devices: Sequence[str]) -> Mapping[str, LinkReading]:
     return {name: reading for name, reading in found.items() if reading is not None}
 
 
+def filters(text: str) -> frozenset[tuple[int, str]]:
+    """The filters in the output of `filter show`; see `htb.filters`."""
+    return frozenset((int(f["number"]), f["match"]) for f in _FILTER.finditer(text))
+
+
 class _Device:
     """Gathers the lines about one device."""
 
@@ -71,11 +76,14 @@ class _Device:
         self._shapes: dict[str, ClassShape] = {}
         self._counts: dict[str, list[int]] = {}
         self._now = ""
+        self._leaf = ""
+        self._leaf_drops: dict[str, int] = {}
         self._delay_ms = 0.0
         self._loss = 0.0
 
     def queue(self, kind: str, rest: str) -> None:
-        self._now = ""
+        leaf = _LEAF.search(rest)
+        self._now, self._leaf = "", leaf["number"] if leaf else ""
         if kind != "netem":
             return
         if delay := _DELAY.search(rest):
@@ -86,6 +94,7 @@ class _Device:
 
     def line(self, line: str) -> None:
         if line.startswith("class "):
+            self._leaf = ""
             match = _CLASS.match(line)
             self._now = match["number"] if match else ""
             if match and match["place"] == "root":
@@ -94,6 +103,8 @@ class _Device:
                 self._shapes[self._now] = ClassShape(
                     rate_bps(match["rate"]), rate_bps(match["ceil"]), int(match["prio"] or 0)
                 )
+        elif self._leaf and (sent := _SENT.search(line)):
+            self._leaf_drops[self._leaf] = int(sent["drops"])
         elif self._now and (sent := _SENT.search(line)):
             self._counts[self._now] = [int(sent["sent"]), 0, int(sent["drops"]), int(sent["over"])]
         elif self._now in self._counts and (waiting := _BACKLOG.match(line)):
@@ -101,13 +112,19 @@ class _Device:
 
     def reading(self) -> LinkReading | None:
         classes = {
-            _BY_NUMBER[number]: ClassReading(shape, *self._counts.get(number, (0, 0, 0, 0)))
+            _BY_NUMBER[number]: self._class(number, shape)
             for number, shape in self._shapes.items()
             if number in _BY_NUMBER
         }
         if not self._capacity_bps or not classes:
             return None
         return LinkReading(self._capacity_bps, classes, self._delay_ms, self._loss)
+
+    def _class(self, number: str, shape: ClassShape) -> ClassReading:
+        sent, backlog, drops, overlimits = self._counts.get(number, (0, 0, 0, 0))
+        # What a queue drops while it holds packets, as fq_codel does, its class does not count.
+        drops = max(drops, self._leaf_drops.get(number, 0))
+        return ClassReading(shape, sent, backlog, drops, overlimits)
 
 
 def rate_bps(text: str) -> int:

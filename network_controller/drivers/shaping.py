@@ -1,4 +1,4 @@
-"""Shaping devices with HTB: verified, rolled back when it fails, in both directions.
+"""Shapes devices with `tc`: verified, rolled back when it fails, in both directions.
 
 What goes to a robot leaves through the host's end of its link: HTB there. What comes from it
 arrives there, and cannot be queued on arrival: it is redirected to an `ifb` device of its own,
@@ -7,42 +7,42 @@ which has the HTB. So nothing enters a robot's namespace.
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from network_controller.drivers import htb
 from network_controller.drivers.command import attempt, run, words
-from network_controller.drivers.readings import read_devices
-from network_controller.model import (
-    FEATURES,
-    NEEDED,
-    Capabilities,
-    ClassShape,
-    LinkReading,
-    LinkShape,
-)
+from network_controller.drivers.interfaces import facts_of, index_of
+from network_controller.drivers.probe import probe
+from network_controller.drivers.readings import filters, parse, read_devices
+from network_controller.model import NEEDED, Capabilities, ClassShape, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 from swarm.messages import Direction
 
 IFB_PREFIX = "ifb-"
+IFB_MARK = "coadapt "
+"""How the alias of our `ifb` devices begins, before the device that they queue for."""
 MAX_NAME = 15
 """Of an interface, in bytes."""
-_PROBE, _PEER, _PROBE_IFB = "coadapt-probe", "coadapt-peer", "ifb-probe"
 _TOLERANCE = 0.01
 """`tc` prints rates rounded."""
+_REDIRECT = re.compile(r"Redirect to device (\S+?)\)")
 
 
 class Shaper:
     """Shapes devices of this network namespace. Who calls it has made sure that they are ours."""
 
-    def __init__(self) -> None:
+    def __init__(self, swarm: str) -> None:
+        """The swarm's name keeps what is tried here apart from other swarms on this host."""
+        self._swarm = swarm
         self._capabilities: Capabilities | None = None
 
     def capabilities(self) -> Capabilities:
         """What the kernel can do, tried once. Raises NetworkError when nothing can be tried."""
         if self._capabilities is None:
-            self._capabilities = probe()
+            self._capabilities = probe(self._swarm)
         return self._capabilities
 
     def apply(self, device: str, direction: Direction, shape: LinkShape) -> None:
@@ -51,15 +51,13 @@ class Shaper:
         Raises NetworkError with the kernel's words, LinkGoneError when the device vanished.
         """
         self._check(direction, shape)
-        target = device if direction == "down" else ifb_of(device)
         try:
-            if direction == "up":
-                _redirect(device, target)
-            self._shape(target, shape)
+            if direction == "down":
+                self._shape(device, shape)
+            else:
+                self._shape_up(device, ifb_of(device), shape)
         except NetworkError as error:
-            if direction == "up" and not read_devices([target]):
-                clear(device, "up")
-            if not exists(device):
+            if not index_of(device):
                 raise LinkGoneError(f"interface {device} has vanished: {error}") from error
             raise
 
@@ -74,28 +72,60 @@ class Shaper:
             what = "delay and loss need" if wants == ["netem"] else f"shaping {direction} needs"
             raise NetworkError(f"{what} {', '.join(wants)}, which this kernel lacks ({reasons})")
 
-    def _shape(self, device: str, shape: LinkShape) -> None:
-        before = read_devices([device]).get(device)
-        fq_codel = "fq_codel" in self.capabilities().present
+    def _shape_up(self, device: str, ifb: str, shape: LinkShape) -> None:
+        before = read([(device, "up")])
         try:
-            if before is None:
-                # Half of a shape that somebody left, or the queue that the system gave it.
-                attempt("tc", "qdisc", "del", "dev", device, "root")
-            batch = htb.lines(device, shape, shaped=before is not None, fq_codel=fq_codel)
-            run("tc", "-batch", "-", text="\n".join(batch) + "\n")
-            _verify(device, shape)
+            _make_ifb(ifb, device)
+            self._shape(ifb, shape)
+            _redirect(device, ifb)
         except NetworkError:
+            if not before:
+                clear(device, "up")
+            raise
+
+    def _shape(self, device: str, shape: LinkShape) -> None:
+        show = f"qdisc show dev {device}\nclass show dev {device}\n"
+        before = _reading(device, attempt("tc", "-batch", "-", text=show + _filters(device)).stdout)
+        if before is None:
+            # Half of a shape that somebody left, or the queue that the system gave it.
+            attempt("tc", "qdisc", "del", "dev", device, "root")
+        try:
+            self._write(device, shape, shaped=before is not None)
+        except NetworkError as error:
             if before is None:
                 attempt("tc", "qdisc", "del", "dev", device, "root")
-            else:
-                again = htb.lines(device, _shape_of(before), shaped=True, fq_codel=fq_codel)
-                attempt("tc", "-force", "-batch", "-", text="\n".join(again) + "\n")
+                raise
+            try:
+                self._write(device, _shape_of(before), shaped=True)
+            except NetworkError as again:
+                raise NetworkError(
+                    f"{error}; nor can its last shape be restored: {again}"
+                ) from error
             raise
+
+    def _write(self, device: str, shape: LinkShape, *, shaped: bool) -> None:
+        """Changes a device and reads it back, by one process."""
+        fq_codel = "fq_codel" in self.capabilities().present
+        changes = "\n".join(htb.lines(device, shape, shaped=shaped, fq_codel=fq_codel))
+        show = f"\nqdisc show dev {device}\nclass show dev {device}\n"
+        text = changes + show + _filters(device)
+        done = attempt("tc", "-batch", "-", text=text)
+        if done.returncode != 0:
+            raise NetworkError(f"tc refuses to shape {device}: {words(done, text)}")
+        reading = _reading(device, done.stdout)
+        if reading is None:
+            raise NetworkError(f"{device} should be shaped, but `tc` shows no whole shape")
+        wrong = list(_differences(reading, shape))
+        if wrong:
+            raise NetworkError(f"{device} has another shape than it should: {'; '.join(wrong)}")
 
 
 def ifb_of(device: str) -> str:
     """The name of the device that queues what comes through a device."""
-    return (IFB_PREFIX + device)[:MAX_NAME]
+    name = IFB_PREFIX + device
+    if len(name) <= MAX_NAME:
+        return name
+    return IFB_PREFIX + hashlib.blake2s(device.encode(), digest_size=5).hexdigest()
 
 
 def clear(device: str, direction: Direction) -> None:
@@ -104,70 +134,106 @@ def clear(device: str, direction: Direction) -> None:
         attempt("tc", "qdisc", "del", "dev", device, "root")
     else:
         attempt("tc", "qdisc", "del", "dev", device, "ingress")
-        attempt("ip", "link", "del", ifb_of(device))
+        ifb = ifb_of(device)
+        if index_of(ifb) and _is_ours(facts_of(ifb)):
+            attempt("ip", "link", "del", ifb)
+
+
+def forget(devices: Iterable[str]) -> None:
+    """Removes what outlives those of these devices that have vanished."""
+    for device in devices:
+        if not index_of(device):
+            clear(device, "up")
 
 
 def read(devices: Collection[tuple[str, Direction]]) -> Mapping[tuple[str, Direction], LinkReading]:
     """Readings of directions of devices; those that are not shaped are left out."""
+    fed = _redirected([device for device, way in devices if way == "up"])
     names = {(d, way): d if way == "down" else ifb_of(d) for d, way in devices}
-    found = read_devices(sorted(set(names.values())))
+    found = read_devices(sorted({n for (_, way), n in names.items() if way == "down" or n in fed}))
     return {place: found[name] for place, name in names.items() if name in found}
-
-
-def exists(device: str) -> bool:
-    """Whether there is such an interface."""
-    return attempt("ip", "link", "show", "dev", device).returncode == 0
 
 
 def orphans(devices: Collection[str]) -> tuple[str, ...]:
     """Our `ifb` devices that belong to none of these devices: their links are gone."""
     shown = json.loads(run("ip", "-j", "link", "show", "type", "ifb") or "[]")
-    names = {one["ifname"] for one in shown if one.get("ifname", "").startswith(IFB_PREFIX)}
-    names.discard(_PROBE_IFB)
+    names = {one["ifname"] for one in shown if _is_ours(one)}
     return tuple(sorted(names - {ifb_of(device) for device in devices}))
+
+
+def _is_ours(facts: Mapping[str, object]) -> bool:
+    return str(facts.get("ifalias", "")).startswith(IFB_MARK)
+
+
+def _make_ifb(ifb: str, device: str) -> None:
+    if not index_of(ifb):
+        run("ip", "link", "add", ifb, "type", "ifb")
+        run("ip", "link", "set", ifb, "alias", IFB_MARK + device, "up")
+    elif not _is_ours(facts_of(ifb)):
+        raise NetworkError(
+            f"interface {ifb}, which should queue what comes through {device}, is not the swarm's: "
+            f"its alias does not begin with {IFB_MARK.strip()!r}; rename or remove it"
+        )
 
 
 def _redirect(device: str, ifb: str) -> None:
     """Sends all that comes through a device through its `ifb` first."""
-    if not exists(ifb):
-        run("ip", "link", "add", ifb, "type", "ifb")
-    run("ip", "link", "set", ifb, "up")
-    if "ingress" not in run("tc", "qdisc", "show", "dev", device, "ingress"):
-        run("tc", "qdisc", "add", "dev", device, "handle", "ffff:", "ingress")
-    if "mirred" not in run("tc", "filter", "show", "dev", device, "parent", "ffff:"):
-        run(
-            *("tc", "filter", "add", "dev", device, "parent", "ffff:", "protocol", "all"),
-            *("prio", "1", "u32", "match", "u32", "0", "0"),
-            *("action", "mirred", "egress", "redirect", "dev", ifb),
-        )
+    if ifb in _redirected([device]):
+        return
+    # Also a redirection to an `ifb` that is no more: it lets nothing through.
+    attempt("tc", "qdisc", "del", "dev", device, "ingress")
+    lines = (
+        f"qdisc add dev {device} handle ffff: ingress\n"
+        f"filter add dev {device} parent ffff: protocol all prio 1 u32 match u32 0 0 "
+        f"action mirred egress redirect dev {ifb}\n"
+    )
+    run("tc", "-batch", "-", text=lines)
 
 
-def _verify(device: str, shape: LinkShape) -> None:
-    """Raises NetworkError when the kernel has another shape than it should."""
-    have = read_devices([device]).get(device)
-    if have is None:
-        raise NetworkError(f"{device} should be shaped, but `tc` shows no shape")
-    pairs = [("capacity", have.capacity_bps, shape.capacity_bps)]
-    for traffic, wanted in shape.classes.items():
-        one = have.classes.get(traffic)
-        name = traffic.name.lower()
-        if one is None:
-            raise NetworkError(f"{device} has no class for {name} after it was shaped")
+def _redirected(devices: Collection[str]) -> frozenset[str]:
+    """Where redirections of what comes through devices lead to."""
+    if not devices:
+        return frozenset()
+    batch = "".join(f"filter show dev {device} parent ffff:\n" for device in devices)
+    shown = attempt("tc", "-force", "-batch", "-", text=batch).stdout
+    return frozenset(_REDIRECT.findall(shown))
+
+
+def _filters(device: str) -> str:
+    return f"filter show dev {device} parent 1:\n"
+
+
+def _reading(device: str, text: str) -> LinkReading | None:
+    """A device's shape in what `tc` shows of it; None unless it is whole, filters and all."""
+    reading = parse(text, [device]).get(device)
+    if (
+        reading is None
+        or set(reading.classes) != set(htb.NUMBERS)
+        or filters(text) != htb.filters()
+    ):
+        return None
+    return reading
+
+
+def _differences(have: LinkReading, wanted: LinkShape) -> Iterator[str]:
+    """What a reading has otherwise than a shape."""
+    pairs = [
+        ("the capacity in bit/s", have.capacity_bps, wanted.capacity_bps),
+        ("the delay in ms", have.delay_ms, wanted.delay_ms),
+        ("the loss in %", 100 * have.loss, 100 * wanted.loss),
+    ]
+    for traffic, should in wanted.classes.items():
+        has, name = have.classes[traffic].shape, traffic.name.lower()
         pairs += [
-            (f"{name}'s rate", one.shape.rate_bps, wanted.rate_bps),
-            (f"{name}'s ceiling", one.shape.ceil_bps, wanted.ceil_bps),
+            (f"{name}'s rate in bit/s", has.rate_bps, should.rate_bps),
+            (f"{name}'s ceiling in bit/s", has.ceil_bps, should.ceil_bps),
         ]
-        if one.shape.priority != wanted.priority:
-            raise NetworkError(
-                f"{device}: {name} should have priority {wanted.priority}, but has "
-                f"{one.shape.priority}"
-            )
-    for what, has, should in pairs:
-        if abs(has - should) > max(8, _TOLERANCE * should):
-            raise NetworkError(f"{device}: {what} should be {should} bit/s, but is {has}")
-    filters = run("tc", "filter", "show", "dev", device, "parent", "1:").count("flowid")
-    if filters < len(htb.NUMBERS):
-        raise NetworkError(f"{device} has {filters} filters after it was shaped")
+        if has.priority != should.priority:
+            yield f"{name}'s priority is {has.priority}, not {should.priority}"
+    for what, is_now, should_be in pairs:
+        slack = 8.0 if what.endswith("bit/s") else 0.01
+        if abs(is_now - should_be) > max(slack, _TOLERANCE * should_be):
+            yield f"{what} is {is_now:g}, not {should_be:g}"
 
 
 def _shape_of(reading: LinkReading) -> LinkShape:
@@ -176,47 +242,3 @@ def _shape_of(reading: LinkReading) -> LinkShape:
         for traffic, one in reading.classes.items()
     }
     return LinkShape(reading.capacity_bps, classes, reading.delay_ms, reading.loss)
-
-
-def probe() -> Capabilities:
-    """Tries every feature on a pair of devices of its own, and removes them.
-
-    Raises NetworkError when no device can be made: then links cannot be shaped at all.
-    """
-    attempt("ip", "link", "del", _PROBE)
-    made = attempt("ip", "link", "add", _PROBE, "type", "veth", "peer", "name", _PEER)
-    if made.returncode != 0:
-        raise NetworkError(
-            f"links cannot be shaped here: {words(made)}; the controller needs NET_ADMIN in the "
-            "network namespace of the links"
-        )
-    missing: dict[str, str] = {}
-    try:
-        for feature, argv in _trials():
-            done = attempt(*argv)
-            if done.returncode != 0:
-                missing[feature] = words(done)
-    finally:
-        for device in (_PROBE, _PROBE_IFB):
-            with suppress(NetworkError):
-                attempt("ip", "link", "del", device)
-    return Capabilities(frozenset(FEATURES) - frozenset(missing), missing)
-
-
-def _trials() -> list[tuple[str, tuple[str, ...]]]:
-    """What to run for each feature, in an order in which each finds what it needs."""
-    add = ("tc", "qdisc", "add", "dev", _PROBE)
-    root = ("tc", "qdisc", "replace", "dev", _PROBE, "root")
-    rule = ("tc", "filter", "add", "dev", _PROBE, "parent")
-    everything = ("u32", "match", "u32", "0", "0")
-    redirect = ("action", "mirred", "egress", "redirect", "dev", _PEER)
-    return [
-        ("ifb", ("ip", "link", "add", _PROBE_IFB, "type", "ifb")),
-        ("ingress", (*add, "handle", "ffff:", "ingress")),
-        ("mirred", (*rule, "ffff:", "protocol", "all", "prio", "1", *everything, *redirect)),
-        ("netem", (*root, "netem", "delay", "1ms")),
-        ("fq_codel", (*root, "fq_codel")),
-        ("bfifo", (*root, "bfifo", "limit", "10000")),
-        ("htb", (*root, "handle", "1:", "htb", "default", "1")),
-        ("u32", (*rule, "1:", "protocol", "ip", "prio", "1", *everything, "flowid", "1:1")),
-    ]
