@@ -1,0 +1,111 @@
+"""From shapes to the lines of `tc`, and from its output to readings."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from network_controller import ladder
+from network_controller.drivers import htb
+from network_controller.drivers.readings import parse, rate_bps, size_bytes
+from swarm.messages.net import MAX_RATE_BPS, MIN_RATE_BPS
+from swarm.traffic import TrafficClass
+
+rates = st.integers(MIN_RATE_BPS, MAX_RATE_BPS)
+levels = st.integers(0, ladder.TOP)
+
+
+def lines(rate_bps: int, level: int = 0, **options: float) -> list[str]:
+    shape = ladder.shape(rate_bps, level, **options)
+    return htb.lines("dev0", shape, shaped=False, fq_codel=False)
+
+
+def numbers(text: list[str], word: str) -> list[int]:
+    return [int(n) for line in text for n in re.findall(rf" {word} (\d+)", line)]
+
+
+@given(rate=rates, level=levels)
+def test_every_class_has_a_bucket_for_two_packets_and_a_quantum_that_htb_takes(
+    rate: int, level: int
+) -> None:
+    text = lines(rate, level)
+    assert all(n >= 2 * 1514 for n in numbers(text, "c?burst"))
+    quanta = numbers(text, "quantum")
+    assert len(set(quanta)) == 1, "classes of one priority share the rest in equal parts"
+    assert 1514 <= quanta[0] <= 60_000
+
+
+@given(rate=rates, level=levels)
+def test_guarantees_never_exceed_the_capacity(rate: int, level: int) -> None:
+    classes = ladder.shape(rate, level).classes.values()
+    assert sum(c.rate_bps for c in classes) <= rate
+    assert all(c.ceil_bps == rate for c in classes)
+
+
+def test_a_change_touches_neither_the_root_nor_the_filters() -> None:
+    changed = htb.lines("dev0", ladder.shape(5_000_000, 1), shaped=True, fq_codel=False)
+    assert not [line for line in changed if line.startswith("filter") or " root " in line]
+
+
+def test_delay_and_loss_take_the_place_of_the_plain_queue() -> None:
+    text = "\n".join(lines(5_000_000, delay_ms=20.0, loss=0.01))
+    assert text.count("netem delay 20ms loss 1%") == 3
+    assert "bfifo" not in text
+
+
+@pytest.mark.parametrize(("rate", "target_ms"), [(100_000_000, 5.0), (1_000_000, 18.2)])
+def test_fq_codel_aims_at_no_less_than_a_packet_takes(rate: int, target_ms: float) -> None:
+    text = htb.lines("dev0", ladder.shape(rate, 0), shaped=False, fq_codel=True)
+    assert sum(f"fq_codel target {target_ms}ms" in line for line in text) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "bps"), [("5500K", 5_500_000), ("55M", 55_000_000), ("1G", 10**9), ("8", 8)]
+)
+def test_rates_are_read_in_tcs_words(text: str, bps: int) -> None:
+    assert rate_bps(text) == bps
+
+
+def test_sizes_are_read_in_tcs_words() -> None:
+    assert [size_bytes(t) for t in ("0", "1514", "12K", "3M")] == [0, 1514, 12288, 3145728]
+
+
+SHOWN = """\
+qdisc htb 1: root refcnt 2 r2q 10 default 0x30 direct_packets_stat 0 direct_qlen 1000
+ Sent 9 bytes 1 pkt (dropped 0, overlimits 7 requeues 0)
+ backlog 0b 0p requeues 0
+qdisc fq_codel 8001: parent 1:20 limit 10240p flows 1024
+ Sent 9 bytes 1 pkt (dropped 5, overlimits 0 requeues 0)
+ backlog 0b 0p requeues 0
+qdisc netem 8002: parent 1:30 limit 1000 delay 20ms loss 1%
+ Sent 9 bytes 1 pkt (dropped 0, overlimits 0 requeues 0)
+ backlog 0b 0p requeues 0
+class htb 1:1 root rate 5500Kbit ceil 5500Kbit burst 13750b cburst 13750b
+ Sent 9 bytes 1 pkt (dropped 0, overlimits 3 requeues 0)
+ backlog 0b 0p requeues 0
+class htb 1:20 parent 1:1 leaf 8001: prio 1 rate 1375Kbit ceil 5500Kbit burst 3437b cburst 13750b
+ Sent 123456 bytes 99 pkt (dropped 2, overlimits 4 requeues 0)
+ backlog 12Kb 8p requeues 0
+"""
+
+
+def test_readings_are_of_the_device_whose_turn_it_is() -> None:
+    none = "qdisc noqueue 0: root refcnt 2\n Sent 0 bytes 0 pkt (dropped 0, overlimits 0 x)\n"
+    found = parse(none + SHOWN, ["plain", "shaped"])
+    assert set(found) == {"shaped"}
+    reading = found["shaped"]
+    fusion = reading.classes[TrafficClass.FUSION]
+    assert (reading.capacity_bps, reading.delay_ms, reading.loss) == (5_500_000, 20.0, 0.01)
+    assert (fusion.shape.rate_bps, fusion.shape.ceil_bps, fusion.shape.priority) == (
+        *(1_375_000, 5_500_000),
+        1,
+    )
+    assert (fusion.sent_bytes, fusion.backlog_bytes, fusion.overlimits) == (123_456, 12_288, 4)
+
+
+def test_drops_of_a_queue_that_drops_late_are_counted() -> None:
+    reading = parse(SHOWN, ["shaped"])["shaped"]
+    assert reading.classes[TrafficClass.FUSION].drops == 5
