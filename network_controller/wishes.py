@@ -154,8 +154,8 @@ class Wishes:
 
         Raises NetworkError when the file cannot be written.
         """
-        self.revision += 1
         if self._path is None:
+            self.revision += 1
             return
         kept = tuple(
             wish
@@ -166,10 +166,11 @@ class Wishes:
         draft = self._path.with_suffix(".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_bytes(msgspec.json.encode(_Saved(self.revision, kept)))
+            draft.write_bytes(msgspec.json.encode(_Saved(self.revision + 1, kept)))
             draft.replace(self._path)
         except OSError as error:
             raise NetworkError(f"shapes cannot be kept in {str(self._path)!r}: {error}") from error
+        self.revision += 1
 
 
 def _top(layers: Mapping[Layer, Wish]) -> Layer:

@@ -1,0 +1,53 @@
+"""What every link should be now: the wish that counts, at the level that somebody needs."""
+
+from __future__ import annotations
+
+import math
+
+from network_controller import ladder
+from network_controller.model import Link, LinkShape
+from network_controller.slow_loop import SlowLoop
+from network_controller.wishes import Wish, Wishes
+from swarm.process import Clock
+
+
+class Targets:
+    """Joins operators' wishes with the levels of the slow loop and of API sessions."""
+
+    def __init__(self, wishes: Wishes, loop: SlowLoop, clock: Clock) -> None:
+        self._wishes = wishes
+        self._loop = loop
+        self._clock = clock
+        self._holds: dict[str, tuple[Link, int]] = {}
+
+    def shapes(self) -> dict[Link, LinkShape]:
+        """The shape of every link that should have one."""
+        now_ns = self._clock.now_ns()
+        return {wish.link: self._shape(wish, now_ns) for wish in self._wishes}
+
+    def level(self, link: Link) -> int:
+        """What the slow loop says, or a session that needs more."""
+        held = [level for held, level in self._holds.values() if held == link]
+        return max([self._loop.level(link), *held])
+
+    def held(self, session_id: str) -> tuple[Link, int] | None:
+        """The link and the level that a session holds."""
+        return self._holds.get(session_id)
+
+    def hold(self, session_id: str, holding: tuple[Link, int] | None) -> None:
+        """Has a session hold a level of a link, or nothing."""
+        if holding is None:
+            self._holds.pop(session_id, None)
+        else:
+            self._holds[session_id] = holding
+
+    def next_change_s(self) -> float:
+        """Seconds until a shape changes by itself; infinity: never."""
+        now_ns = self._clock.now_ns()
+        changes = [wish.next_change_ns(now_ns) for wish in self._wishes]
+        return (min(changes, default=math.inf) - now_ns) / 1e9
+
+    def _shape(self, wish: Wish, now_ns: int) -> LinkShape:
+        level = self.level(wish.link)
+        rate_bps = wish.rate_bps(now_ns)
+        return ladder.shape(rate_bps, level, delay_ms=wish.delay_ms, loss=wish.loss)
