@@ -109,3 +109,15 @@ def test_readings_are_of_the_device_whose_turn_it_is() -> None:
 def test_drops_of_a_queue_that_drops_late_are_counted() -> None:
     reading = parse(SHOWN, ["shaped"])["shaped"]
     assert reading.classes[TrafficClass.FUSION].drops == 5
+
+
+def test_counters_of_filters_are_not_taken_for_those_of_a_class() -> None:
+    rule = (
+        "filter protocol all pref 1 u32 chain 0 fh 800::800 order 2048 key ht 800 bkt 0\n"
+        "  match 00000000/00000000 at 0\n"
+        "\taction order 1: mirred (Egress Redirect to device ifb-link1) stolen\n"
+        "\tAction statistics:\n"
+        "\tSent 777 bytes 7 pkt (dropped 7, overlimits 7 requeues 0)\n"
+        "\tbacklog 7b 0p requeues 0\n"
+    )
+    assert parse(SHOWN + rule, ["shaped"]) == parse(SHOWN, ["shaped"])

@@ -29,20 +29,22 @@ _FILTER = re.compile(r"flowid 1:(?P<number>[0-9a-f]+).*\n\s*match (?P<match>[0-9
 _BY_NUMBER = {str(number): traffic for traffic, number in NUMBERS.items()}
 
 
-def read_devices(devices: Collection[str]) -> Mapping[str, LinkReading]:
-    """Readings of all devices that carry our shape, by one `tc` process.
+def read_devices(devices: Collection[str], more: str = "") -> tuple[Mapping[str, LinkReading], str]:
+    """Readings of all devices that carry our shape, and what else `tc` prints for the lines of
+    `more`, all by one process.
 
     Raises NetworkError when `tc` cannot be run.
     """
     if not devices:
-        return {}
+        return {}, ""
     names = list(devices)
     batch = "".join(f"qdisc show dev {name}\nclass show dev {name}\n" for name in names)
     # With -force a device that has just vanished costs only its own lines.
-    done = attempt("tc", "-s", "-force", "-batch", "-", text=batch)
+    done = attempt("tc", "-s", "-force", "-batch", "-", text=batch + more)
     failed = {int(number) for number in _FAILED.findall(done.stderr)}
     # Its queues are asked for on line 1, 3, 5 ... of the batch.
-    return parse(done.stdout, [n for i, n in enumerate(names) if 2 * i + 1 not in failed])
+    found = parse(done.stdout, [n for i, n in enumerate(names) if 2 * i + 1 not in failed])
+    return found, done.stdout
 
 
 def parse(text: str, devices: Sequence[str]) -> Mapping[str, LinkReading]:
@@ -103,6 +105,8 @@ class _Device:
                 self._shapes[self._now] = ClassShape(
                     rate_bps(match["rate"]), rate_bps(match["ceil"]), int(match["prio"] or 0)
                 )
+        elif line.startswith("filter "):
+            self._now = self._leaf = ""
         elif self._leaf and (sent := _SENT.search(line)):
             self._leaf_drops[self._leaf] = int(sent["drops"])
         elif self._now and (sent := _SENT.search(line)):

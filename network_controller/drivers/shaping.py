@@ -148,10 +148,15 @@ def forget(devices: Iterable[str]) -> None:
 
 def read(devices: Collection[tuple[str, Direction]]) -> Mapping[tuple[str, Direction], LinkReading]:
     """Readings of directions of devices; those that are not shaped are left out."""
-    fed = _redirected([device for device, way in devices if way == "up"])
     names = {(d, way): d if way == "down" else ifb_of(d) for d, way in devices}
-    found = read_devices(sorted({n for (_, way), n in names.items() if way == "down" or n in fed}))
-    return {place: found[name] for place, name in names.items() if name in found}
+    redirections = "".join(_show_redirection(d) for d, way in devices if way == "up")
+    found, text = read_devices(sorted(set(names.values())), redirections)
+    fed = _REDIRECT.findall(text)
+    return {
+        place: found[name]
+        for place, name in names.items()
+        if name in found and (place[1] == "down" or name in fed)
+    }
 
 
 def orphans(devices: Collection[str]) -> tuple[str, ...]:
@@ -178,7 +183,9 @@ def _make_ifb(ifb: str, device: str) -> None:
 
 def _redirect(device: str, ifb: str) -> None:
     """Sends all that comes through a device through its `ifb` first."""
-    if ifb in _redirected([device]):
+    if ifb in _REDIRECT.findall(
+        attempt("tc", "-batch", "-", text=_show_redirection(device)).stdout
+    ):
         return
     # Also a redirection to an `ifb` that is no more: it lets nothing through.
     attempt("tc", "qdisc", "del", "dev", device, "ingress")
@@ -190,13 +197,8 @@ def _redirect(device: str, ifb: str) -> None:
     run("tc", "-batch", "-", text=lines)
 
 
-def _redirected(devices: Collection[str]) -> frozenset[str]:
-    """Where redirections of what comes through devices lead to."""
-    if not devices:
-        return frozenset()
-    batch = "".join(f"filter show dev {device} parent ffff:\n" for device in devices)
-    shown = attempt("tc", "-force", "-batch", "-", text=batch).stdout
-    return frozenset(_REDIRECT.findall(shown))
+def _show_redirection(device: str) -> str:
+    return f"filter show dev {device} parent ffff:\n"
 
 
 def _filters(device: str) -> str:
