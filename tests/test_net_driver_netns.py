@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import pytest
 from link_support import Links, add_link, fill, links, must, send
 
+from deploy.netns import launch
 from network_controller import ladder
 from network_controller.drivers import shaping
 from network_controller.drivers.netns import NetnsDriver
@@ -334,3 +335,28 @@ def test_names_of_devices_fit_and_differ_for_long_links() -> None:
 
 def test_without_a_bridge_there_are_no_robots() -> None:
     assert NetnsDriver("links", bridge="no-bridge-here").robots() == {}
+
+
+def test_without_the_right_to_shape_the_kernels_words_and_the_remedy_are_told(net: Links) -> None:
+    program = (
+        "from network_controller.drivers.netns import NetnsDriver\n"
+        "from swarm.errors import NetworkError\n"
+        "try:\n NetnsDriver('links').capabilities()\n"
+        "except NetworkError as error:\n print(error)\n"
+    )
+    told = must("setpriv", "--bounding-set", "-net_admin", sys.executable, "-c", program)
+    assert "Operation not permitted" in told
+    assert "the controller needs NET_ADMIN" in told
+
+
+def test_in_a_users_own_namespaces_both_directions_can_be_shaped() -> None:
+    program = (
+        "from network_controller.drivers.netns import NetnsDriver\n"
+        "found = NetnsDriver('links').capabilities().present\n"
+        "print(found >= {'htb', 'bfifo', 'u32', 'ingress', 'mirred', 'ifb'})\n"
+    )
+    own = ("unshare", "--user", "--map-root-user", "--net", "--mount")
+    refused = launch.why_not()
+    if refused is not None:
+        pytest.skip(refused)
+    assert must(*own, sys.executable, "-c", program).strip() == "True"
