@@ -17,7 +17,7 @@ ARGS ?=
 
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec roundtrip cycle
+BENCHMARKS = sam codec roundtrip cycle shaping priority trace adapt controller
 
 .DEFAULT_GOAL := help
 .PHONY: help setup up down status logs metrics shape congest net test check lint types bench lock clean

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
@@ -36,6 +37,7 @@ from swarm.process import Clock
 STATE_S = 1.0
 MIN_WAIT_S = 0.005
 RETRY_S = 1.0
+MAX_HEARD = 1024
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -97,6 +99,8 @@ class Controller:
         self._wake = threading.Event()
         self._unready = ""
         self._lost: list[str] = []
+        self._heard: deque[tuple[NetDemand, float]] = deque(maxlen=MAX_HEARD)
+        """Demands since the last look; Zenoh's threads fill it and must not wait for the lock."""
         self.on_lost: Callable[[str], None] = lambda robot: None
         """Hears of robots on whose links nothing can be promised any more."""
 
@@ -166,6 +170,8 @@ class Controller:
         self._enforcer.check(readings, self._robots)
         classes = self._observer.look(readings, now_s)
         loads = {link: self._observer.load(link, reading) for link, reading in readings.items()}
+        while self._heard:
+            self._loop.on_demand(*self._heard.popleft())
         shaped = self._enforcer.links()
         for action in self._loop.tick({k: v for k, v in loads.items() if k in shaped}, now_s):
             self._take(action)
@@ -190,7 +196,7 @@ class Controller:
 
     def on_demand(self, demand: NetDemand) -> None:
         """Takes an ego's demand; never waits, so it may be called on Zenoh's threads."""
-        self._loop.on_demand(demand, time.monotonic())
+        self._heard.append((demand, time.monotonic()))
 
     @_locked
     def request(self, request: ShapeRequest) -> ShapeReply:
