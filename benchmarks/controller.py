@@ -1,8 +1,8 @@
 """What the network controller costs: its processor time as a share of one core.
 
 The controller process itself in network namespaces with the links of 6 and of 50 robots, a real
-router, and an ego's demand every second. Only the ego's cell is shaped, as in a running swarm, or
-every link in both directions; the cell follows a series of rates second by second.
+router, and an ego's demand every second. Only the ego's cell is shaped, as in a running swarm; or
+it follows a series of rates second by second; or every link is shaped in both directions.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 from benchmarks.report import write_report
 from benchmarks.stage import inside, netns_stage
@@ -26,9 +25,10 @@ ROUTER_PORT = 17610
 SECONDS = 30
 RATE_BPS = 20_000_000
 SWARM = "bench"
+CASES = ("cell", "follows", "all")
 
 
-def share(robots: int, *, all_links: bool) -> float:
+def share(robots: int, what: str) -> float:
     """Share of a core over `SECONDS`, once everything is shaped."""
     with netns_stage(robots) as stage:
         router = stage.start(
@@ -46,7 +46,7 @@ def share(robots: int, *, all_links: bool) -> float:
         controller = stage.start("infra", "network_controller")
         try:
             with Session(environment["COADAPT_ROUTER"], SWARM, timeout_s=20) as session:
-                _shape(session, stage.driver.robots() if all_links else ["R1"])
+                _shape(session, _wishes(what, list(stage.driver.robots())))
                 begun, used = time.monotonic(), cpu_s(controller.pid)
                 while time.monotonic() < begun + SECONDS:
                     session.put(keyspace.net_demand(SWARM), demand())
@@ -58,14 +58,21 @@ def share(robots: int, *, all_links: bool) -> float:
                 process.wait()
 
 
-def _shape(session: Session, robots: Any) -> None:
-    """Shapes both directions of links; the cell follows a series."""
-    wishes = [
+def _wishes(what: str, robots: list[str]) -> list[ShapeRequest]:
+    """What is asked for in one of CASES."""
+    if what == "follows":
+        rates = tuple(RATE_BPS + 100_000 * (i % 7) for i in range(60))
+        return [ShapeRequest(profile="trace", rates_bps=rates)]
+    if what == "cell":
+        return [ShapeRequest(profile="rate", rate_bps=RATE_BPS)]
+    return [
         ShapeRequest(profile="rate", rate_bps=RATE_BPS, robot=robot, direction="both")
         for robot in robots
     ]
-    rates = tuple(RATE_BPS + 100_000 * (i % 7) for i in range(60))
-    wishes.append(ShapeRequest(profile="trace", rates_bps=rates))
+
+
+def _shape(session: Session, wishes: list[ShapeRequest]) -> None:
+    """Has the controller carry out wishes, once it is there."""
     key = keyspace.net_shape(SWARM)
     deadline = time.monotonic() + 30
     for wish in wishes:
@@ -104,23 +111,23 @@ def main() -> int:
     """Measures and writes controller.json."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--inside", type=int, help=argparse.SUPPRESS)
-    parser.add_argument("--all-links", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--what", choices=CASES, default="cell", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.inside:
-        print(json.dumps(share(args.inside, all_links=args.all_links)))
+        print(json.dumps(share(args.inside, args.what)))
         return 0
     found = {
-        (robots, every): inside(
-            "benchmarks.controller", "--inside", str(robots), *(["--all-links"] if every else [])
-        )
+        (robots, what): inside("benchmarks.controller", "--inside", str(robots), "--what", what)
         for robots in (6, 50)
-        for every in (False, True)
+        for what in CASES
     }
     figures = {
-        "cpu_share_6": round(found[6, False], 4),
-        "cpu_share_50": round(found[50, False], 4),
-        "cpu_share_6_all_links": round(found[6, True], 4),
-        "cpu_share_50_all_links": round(found[50, True], 4),
+        "cpu_share_6": round(found[6, "cell"], 4),
+        "cpu_share_50": round(found[50, "cell"], 4),
+        "cpu_share_6_follows": round(found[6, "follows"], 4),
+        "cpu_share_50_follows": round(found[50, "follows"], 4),
+        "cpu_share_6_all_links": round(found[6, "all"], 4),
+        "cpu_share_50_all_links": round(found[50, "all"], 4),
         "seconds": SECONDS,
     }
     print(
