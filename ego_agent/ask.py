@@ -28,7 +28,7 @@ from swarm.process import Clock
 from swarm.session import Answer, Session
 
 MAX_TRANSFER_S = 1.0
-"""No payload may take the link longer than this: Zenoh closes a transport blocked for 5 s."""
+"""No payload may take the link longer than this: what is older shows another moment."""
 MIN_PAYLOAD_BYTES = 2048
 """Boxes must always fit."""
 MAX_TRANSFERS = 512

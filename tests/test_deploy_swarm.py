@@ -161,9 +161,7 @@ def _status(runtime: NetnsRuntime, service: str) -> ProcessStatus:
 
 def test_an_unknown_service_is_named(swarm: State) -> None:
     runtime = NetnsRuntime()
-    with pytest.raises(
-        DeployError, match="no such process; there are router, controller, robot"
-    ):
+    with pytest.raises(DeployError, match="no such process; there are router, controller, robot"):
         runtime.kill(SWARM, "robot-R9", signal.SIGKILL)
     with pytest.raises(DeployError, match="no process 'robot-R9'; there are router"):
         runtime.logs(SWARM, "robot-R9", False)

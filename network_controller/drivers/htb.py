@@ -27,10 +27,10 @@ those of one priority share what the guarantees leave in equal parts."""
 QUEUE_S = 0.1
 """How much a class may queue at the link's rate: about a Wi-Fi access point's buffer."""
 MIN_QUEUE_BYTES = 64 * 1024
-"""Half a second at 1 Mbit/s. TCP that just had a faster link delivers 98 % of 1 Mbit/s with it, by
-BBR and by CUBIC; with 32 kB CUBIC loses a quarter of that, with 128 kB BBR a fifth. One lump of a
-whole 64 kB from a sender that still believes in the old rate is refused; it comes back in pieces.
-"""
+"""Half a second at 1 Mbit/s. In single runs TCP that just had a faster link delivered 98 % of
+1 Mbit/s with it, by BBR and by CUBIC; CUBIC lost a quarter of that with 32 kB, and half of it with
+128 kB. A lump of a whole 64 kB from a sender that still believes in the old rate is refused; it
+comes back in pieces."""
 TARGET_MS, TARGET_PACKETS = 5.0, 1.5
 """fq_codel's target delay; at low rates as long as it takes to send a packet and a half, or every
 packet would come too late (RFC 8289, section 4.3)."""
