@@ -18,13 +18,6 @@ WAIT_S = 60.0
 T = TypeVar("T")
 
 
-def free_port() -> int:
-    """A port of 127.0.0.1 that nothing listens on."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def await_(probe: Callable[[], T], what: str, timeout_s: float = WAIT_S) -> T:
     """The first true value; what is awaited with it has no event that could be waited for."""
     deadline = time.monotonic() + timeout_s

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import queue
-import random
 import signal
 import socket
 import subprocess
@@ -18,33 +17,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from free_ports import free_ports
+
 from swarm import keyspace
 from swarm.messages import Decision, Detections, Message
 from swarm.session import Session
 
 TIMEOUT_S = 60.0
 T = TypeVar("T")
-
-
-def free_ports(count: int) -> int:
-    """The first of `count` consecutive TCP ports that are free on 127.0.0.1."""
-    for _ in range(200):
-        first = random.randrange(20_000, 32_000)
-        taken = False
-        for port in range(first, first + count):
-            with socket.socket() as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                taken = taken or probe.connect_ex(("127.0.0.1", port)) == 0
-                try:
-                    probe.close()
-                    with socket.socket() as bound:
-                        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                        bound.bind(("127.0.0.1", port))
-                except OSError:
-                    taken = True
-        if not taken:
-            return first
-    raise RuntimeError("no free ports")
 
 
 class Heard(Generic[T]):

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from deploy_support import await_, free_port
+from deploy_support import await_
+from free_ports import free_port
 
 from deploy.netns import launch
 from deploy.observe import Watch

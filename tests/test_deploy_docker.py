@@ -13,16 +13,15 @@ from typing import Any
 
 import pytest
 import yaml
-from deploy_support import await_, free_port
+from deploy_support import await_
+from free_ports import free_port, free_ports
 
-from deploy import ports
 from deploy import state as record
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
 from deploy.runtimes.docker import DockerRuntime
 from deploy.spec import make_spec
 from deploy.state import State, need_state
-from swarm.errors import DeployError
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # The first start builds the image: wheels, and a base where none can be pulled.
@@ -30,18 +29,6 @@ READY_S = 900
 SWARM = "boxed"
 pytestmark = pytest.mark.timeout(READY_S)
 Cli = Callable[..., subprocess.CompletedProcess[str]]
-
-
-def free_router_port() -> int:
-    """The first of three free ports."""
-    while True:
-        first = free_port()
-        try:
-            for port in range(first, first + 3):
-                ports.listen(port, "the test").close()
-        except (DeployError, OverflowError):
-            continue
-        return first
 
 
 def networks() -> list[Any]:
@@ -100,7 +87,7 @@ def up() -> tuple[str, ...]:
     return (
         *("up", "--runtime", "docker", "--robots", "3", "--rings", "16", "--wait", "120"),
         *("--prometheus-port", str(free_port()), "--ego-metrics-port", str(free_port())),
-        *("--router-port", str(free_router_port()), "--qod-port", str(free_port())),
+        *("--router-port", str(free_ports(3)), "--qod-port", str(free_port())),
         *("--controller-metrics-port", str(free_port())),
     )
 

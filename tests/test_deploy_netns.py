@@ -21,12 +21,12 @@ import pytest
 from deploy_support import (
     WAIT_S,
     assert_nothing_is_left,
-    free_port,
     network_of,
     networks_in_use,
     processes_of,
     supervisor_of,
 )
+from free_ports import free_port
 
 from deploy import state as record
 from deploy.netns import detached, launch

@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from deploy_support import WAIT_S, await_, free_port, supervisor_of
+from deploy_support import WAIT_S, await_, supervisor_of
+from free_ports import free_port
 
 from deploy.netns import launch
 from deploy.observe import Watch

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 from ego_scenes import NOW_NS, assert_valid, candidate, knowledge, scene
-from ego_swarm import Heard, Swarm, factory, free_ports, hear, metrics_of, stop, swarm_of
+from ego_swarm import Heard, Swarm, factory, hear, metrics_of, stop, swarm_of
+from free_ports import free_ports
 
 from ego_agent.journal import read_journal
 from ego_agent.knowledge import Knowledge

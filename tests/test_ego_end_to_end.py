@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ego_swarm import Swarm, factory, free_ports, metrics_of, recorded, stop, swarm_of, until
+from ego_swarm import Swarm, factory, metrics_of, recorded, stop, swarm_of, until
+from free_ports import free_ports
 
 from ego_agent.journal import byte_totals, read_journal
 from ego_agent.settings import load_settings

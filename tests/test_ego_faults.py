@@ -18,7 +18,6 @@ from ego_swarm import (
     Heard,
     Swarm,
     factory,
-    free_ports,
     hear,
     metrics_of,
     recorded,
@@ -26,6 +25,7 @@ from ego_swarm import (
     swarm_of,
     until,
 )
+from free_ports import free_ports
 
 from ego_agent.journal import read_journal
 from swarm import keyspace, transport

@@ -8,6 +8,7 @@ import re
 import shutil
 import socket
 import subprocess
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -234,7 +235,7 @@ def test_a_controller_that_is_not_in_the_hosts_network_touches_nothing(yard: Yar
         "except NetworkError as error:\n print(error)\n"
     )
     done = subprocess.run(
-        ["unshare", "--net", shutil.which("python3") or "python3", "-c", program],
+        ["unshare", "--net", sys.executable, "-c", program],
         capture_output=True,
         text=True,
         timeout=60,

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from deploy_support import await_, free_port
+from deploy_support import await_
+from free_ports import free_port
 
 from deploy.netns import launch
 from deploy.observe import SwarmView, Watch

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
+from free_ports import free_ports
 from message_samples import SAMPLES
 from zenoh_fixtures import (
     WAIT_S,
     Inbox,
     RouterProcess,
     SessionMaker,
-    free_ports,
     until,
     wait_until_served,
 )

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from zenoh_fixtures import WAIT_S, RouterProcess, free_ports
+from free_ports import free_ports
+from zenoh_fixtures import WAIT_S, RouterProcess
 
 from swarm import transport
 from swarm.errors import SettingError, TransportError

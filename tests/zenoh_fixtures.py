@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import queue
-import random
-import socket
 import subprocess
 import sys
 import time
@@ -13,6 +11,7 @@ from contextlib import ExitStack
 from typing import Generic, TypeVar
 
 import pytest
+from free_ports import free_ports
 
 from swarm.session import Session
 
@@ -58,21 +57,6 @@ class Inbox(Generic[T]):
 
     def empty(self) -> bool:
         return self._items.empty()
-
-
-def free_ports(count: int) -> int:
-    """The first of some consecutive TCP ports on which nobody listens."""
-    for _ in range(100):
-        first = random.randrange(20_000, 32_000)
-        with ExitStack() as stack:
-            try:
-                for port in range(first, first + count):
-                    taken = stack.enter_context(socket.socket())
-                    taken.bind(("127.0.0.1", port))
-            except OSError:
-                continue
-        return first
-    raise AssertionError("no free ports")
 
 
 class RouterProcess:
