@@ -97,3 +97,5 @@ class Proposal:
     source: Source
     made_ns: int | None = None
     """When the scene that it was made from was taken, on the ego's clock; None: in this cycle."""
+    model: str = ""
+    """The language model that proposed it."""

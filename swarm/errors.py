@@ -14,11 +14,20 @@
     ├── JournalError          a journal cannot be opened, read or written
     ├── NetworkError          a link cannot be shaped or read
     │   └── LinkGoneError     the link is not there (any more)
+    ├── GatewayError          a request to a language model got no answer
     └── DeployError           a runtime cannot be started, read or stopped
 
 The command line prints the message and exits with 1; a message therefore names the thing, the
 value and what is allowed.
 """
+
+from __future__ import annotations
+
+from typing import Literal
+
+GatewayCode = Literal["expired", "busy", "too_large", "unavailable", "failed", "invalid"]
+"""Past its deadline; no room in the queue; more than the model reads; no back end, or its breaker
+is open; the back end failed; the model's answer does not follow the schema."""
 
 
 class CoAdaptError(Exception):
@@ -75,6 +84,18 @@ class NetworkError(CoAdaptError):
 
 class LinkGoneError(NetworkError):
     """The link is not there, or not any more."""
+
+
+class GatewayError(CoAdaptError):
+    """A request to a language model got no answer that can be used.
+
+    `code` says what kind of trouble it was; the text begins with it, so that it survives a
+    `Refusal` on the wire.
+    """
+
+    def __init__(self, code: GatewayCode, why: str) -> None:
+        super().__init__(f"{code}: {why}")
+        self.code: GatewayCode = code
 
 
 class DeployError(CoAdaptError):

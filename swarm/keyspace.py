@@ -38,6 +38,10 @@ def _net_key(swarm: str, leaf: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/net/{leaf}"
 
 
+def _llm_key(swarm: str, leaf: str) -> str:
+    return f"coadapt/{check_name('swarm name', swarm)}/llm/{leaf}"
+
+
 def alive(swarm: str, robot: str) -> str:
     """Liveliness token of a robot: join and leave."""
     return _robot_key(swarm, robot, "alive")
@@ -81,6 +85,16 @@ def net_demand(swarm: str) -> str:
 def net_shape(swarm: str) -> str:
     """Queryable of the network controller: `messages.ShapeRequest` -> `messages.ShapeReply`."""
     return _net_key(swarm, "shape")
+
+
+def llm_decide(swarm: str) -> str:
+    """Queryable of the LLM gateway: `messages.DecideRequest` -> `messages.DecideAnswer`."""
+    return _llm_key(swarm, "decide")
+
+
+def llm_alive(swarm: str) -> str:
+    """Liveliness token of the LLM gateway."""
+    return _llm_key(swarm, "alive")
 
 
 def belongs_to_robot(key: str) -> bool:

@@ -32,10 +32,12 @@ class Server(Generic[M]):
         handler: Callable[[M], Message],
         *,
         workers: int,
+        waiting: int = MAX_WAITING_QUERIES,
         log: Logger,
         on_invalid: Callable[[MessageError], None],
     ) -> None:
-        """`on_invalid` hears of a request that does not validate."""
+        """At most `waiting` queries are taken at a time; `on_invalid` hears of a request that
+        does not validate."""
         self._key = key
         self._kind = kind
         self._handler = handler
@@ -43,7 +45,8 @@ class Server(Generic[M]):
         self._on_invalid = on_invalid
         self._robot = keyspace.robot_of(key) if keyspace.belongs_to_robot(key) else ""
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="serve")
-        self._waiting = threading.BoundedSemaphore(MAX_WAITING_QUERIES)
+        self._max_waiting = waiting
+        self._waiting = threading.BoundedSemaphore(waiting)
         self._credits = Credits()
 
     def receive(self, query: zenoh.Query) -> None:
@@ -58,7 +61,7 @@ class Server(Generic[M]):
         until = math.inf if asked is None else time.monotonic() + asked.timeout_s
         if not self._waiting.acquire(blocking=False):
             with query:
-                self._refuse(query, f"busy: {MAX_WAITING_QUERIES} requests are waiting already")
+                self._refuse(query, f"busy: {self._max_waiting} requests are waiting already")
             return
         try:
             self._pool.submit(self._answer, query, asked, until)

@@ -124,11 +124,12 @@ class Session:
         handler: Callable[[M], Message],
         *,
         workers: int = 2,
+        waiting: int = MAX_WAITING_QUERIES,
     ) -> None:
         """Answers queries on a key with `handler(request)`, on `workers` threads.
 
         A CoAdaptError of the handler travels to the asker as a `Refusal`; so do a request that
-        does not validate and one that finds too many waiting. A large answer travels in parts;
+        does not validate and one that finds `waiting` others. A large answer travels in parts;
         once its asker has stopped waiting, no answer is begun and no more parts are sent.
         """
         server = Server(
@@ -136,6 +137,7 @@ class Session:
             kind,
             handler,
             workers=workers,
+            waiting=waiting,
             log=self._log,
             on_invalid=lambda error: self._drop(kind, key, error),
         )
@@ -194,6 +196,25 @@ class Session:
                 self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
 
         key = keyspace.alive(self.swarm, keyspace.ANY)
+        self._connection.declare(
+            lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
+        )
+
+    def declare_gateway(self) -> None:
+        """Shows the LLM gateway as alive until this session closes or its link breaks."""
+        key = keyspace.llm_alive(self.swarm)
+        self._connection.declare(lambda session: session.liveliness().declare_token(key))
+
+    def watch_gateway(self, on_change: Callable[[bool], None]) -> None:
+        """Calls back with whether an LLM gateway is alive, whenever its token comes or goes."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            try:
+                on_change(sample.kind == zenoh.SampleKind.PUT)
+            except Exception:
+                self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
+
+        key = keyspace.llm_alive(self.swarm)
         self._connection.declare(
             lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )

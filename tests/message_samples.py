@@ -12,10 +12,15 @@ import numpy as np
 from swarm.arrays import pack
 from swarm.messages import (
     Beacon,
+    ChatMessage,
+    DecideAnswer,
+    DecideRequest,
     Decision,
     Detections,
     LinkClass,
     LinkState,
+    LlmTimings,
+    LlmTokens,
     Message,
     NetDemand,
     NetState,
@@ -177,6 +182,25 @@ SAMPLES: tuple[Message, ...] = (
         ),
         congested=("R2",),
         notes=("netem is missing",),
+    ),
+    DecideRequest(
+        request=7,
+        ego="R1",
+        messages=(ChatMessage("system", "Choose."), ChatMessage("user", "C(t) 20 Mbit/s")),
+        schema='{"type":"object"}',
+        fingerprint="0123456789abcdef",
+        deadline_s=10.0,
+        max_tokens=120,
+    ),
+    DecideAnswer(
+        request=7,
+        decision='{"algorithm":"late","participants":["R1"]}',
+        source="cache",
+        hit="fingerprint",
+        model="smollm2-135m",
+        age_s=12.5,
+        tokens=LlmTokens(prompt=900, reused=700, output=40),
+        timings=LlmTimings(queue_ms=0.5, model_ms=900.0, total_ms=901.0),
     ),
 )
 

@@ -23,6 +23,7 @@ PACKAGES = (
     "deploy",
     "ego_agent",
     "evaluation",
+    "llm_gateway",
     "network_controller",
     "perception",
     "robot_agent",

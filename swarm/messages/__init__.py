@@ -20,6 +20,14 @@ from swarm.messages.base import (
     Source,
 )
 from swarm.messages.ego import Decision, Detections
+from swarm.messages.llm import (
+    MAX_PROMPT_CHARS,
+    ChatMessage,
+    DecideAnswer,
+    DecideRequest,
+    LlmTimings,
+    LlmTokens,
+)
 from swarm.messages.net import (
     MAX_RATE_BPS,
     MIN_RATE_BPS,
@@ -41,19 +49,25 @@ from swarm.messages.wire import decode, encode
 __all__ = [
     "ALGORITHMS",
     "MAX_MESSAGE_BYTES",
+    "MAX_PROMPT_CHARS",
     "MAX_RATE_BPS",
     "MIN_RATE_BPS",
     "SCHEMA_VERSION",
     "Algorithm",
     "Beacon",
+    "ChatMessage",
     "ClassName",
     "Count",
+    "DecideAnswer",
+    "DecideRequest",
     "Decision",
     "Detections",
     "Direction",
     "Directions",
     "LinkClass",
     "LinkState",
+    "LlmTimings",
+    "LlmTokens",
     "Message",
     "NetDemand",
     "NetState",

@@ -22,6 +22,8 @@ class Decision(Message, frozen=True, kw_only=True):
     reason: str
     source: Source
     policy: str
+    model: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    """The language model whose advice it follows; empty for none."""
     valid: bool
     """False only where even the ego alone could not be confirmed."""
     repairs: tuple[str, ...] = ()

@@ -10,6 +10,7 @@ import msgspec
 from swarm.errors import MessageError
 from swarm.messages.base import MAX_MESSAGE_BYTES, Message
 from swarm.messages.ego import Decision, Detections
+from swarm.messages.llm import DecideAnswer, DecideRequest
 from swarm.messages.net import NetDemand, NetState, ShapeReply, ShapeRequest
 from swarm.messages.robot import (
     Beacon,
@@ -35,6 +36,8 @@ _DECODERS: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {
         NetDemand,
         ShapeRequest,
         ShapeReply,
+        DecideRequest,
+        DecideAnswer,
     )
 }
 

@@ -1,0 +1,1 @@
+"""The LLM gateway: queues, batches and caches what egos ask of a language model."""

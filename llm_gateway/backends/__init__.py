@@ -1,0 +1,1 @@
+"""What answers prompts: a server, an embedded model, or nothing."""
