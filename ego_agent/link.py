@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import OrderedDict, deque
+from typing import NamedTuple
 
 from ego_agent.rounds import FLOOR_BPS, OUTPACED, Round, Sample
 
@@ -71,6 +72,15 @@ class _Filter:
         return rate_bps * math.exp2(min(64.0, max(0.0, now_s - at) / DOUBLING_S))
 
 
+class _Uplink(NamedTuple):
+    """What `net/state` says of a robot's link upwards."""
+
+    available_bps: float
+    reference_bps: float
+    """What it said when the measurements of now began."""
+    at_s: float
+
+
 class LinkEstimate:
     """Thread-safe estimate of C(t). Times are `time.monotonic()` seconds, given by the caller."""
 
@@ -83,8 +93,7 @@ class LinkEstimate:
         """The prior when the measurements of now began."""
         self._cell = _Filter()
         self._robots: OrderedDict[str, _Filter] = OrderedDict()
-        self._uplinks: dict[str, tuple[float, float]] = {}
-        """By robot: bit/s that `net/state` says, and what it said when measuring began."""
+        self._uplinks: dict[str, _Uplink] = {}
 
     def add_round(self, done: Round, now_s: float) -> None:
         """Takes what one round shows of the links."""
@@ -119,21 +128,22 @@ class LinkEstimate:
             self._prior_bps = self._setting_bps
             self._forget(self._setting_bps)
 
-    def set_uplink(self, robot: str, available_bps: float | None) -> None:
+    def set_uplink(self, robot: str, available_bps: float | None, now_s: float) -> None:
         """Takes the network controller's word for what fusion can have of a robot's link upwards;
-        None: that link is not shaped any longer."""
+        None: that link is not shaped any longer. A word that is not repeated goes stale."""
         with self._lock:
             if available_bps is None:
                 if self._uplinks.pop(robot, None) is not None:
                     self._robots.pop(robot, None)
                 return
             available_bps = max(FLOOR_BPS, available_bps)
-            _, reference_bps = self._uplinks.get(robot, (0.0, 0.0))
-            if _another(available_bps, reference_bps):
+            before = self._uplinks.get(robot)
+            reference_bps = available_bps if before is None else before.reference_bps
+            if before is None or _another(available_bps, reference_bps):
                 self._robots.pop(robot, None)
                 reference_bps = available_bps
-            if robot in self._uplinks or len(self._uplinks) < MAX_ROBOTS:
-                self._uplinks[robot] = (available_bps, reference_bps)
+            if before is not None or len(self._uplinks) < MAX_ROBOTS:
+                self._uplinks[robot] = _Uplink(available_bps, reference_bps, now_s)
 
     def capacity(self, now_s: float) -> tuple[float, str]:
         """C(t) in bit/s and where it comes from: `measured`, `net/state` or `prior`."""
@@ -175,7 +185,9 @@ class LinkEstimate:
 
     def _limit(self, robot: str, now_s: float) -> float:
         """bit/s of a robot's own link, infinite where nothing is known of it."""
-        said_bps, _ = self._uplinks.get(robot, (math.inf, 0.0))
+        said = self._uplinks.get(robot)
+        fresh = said is not None and now_s - said.at_s <= STATE_FRESH_S
+        said_bps = said.available_bps if said is not None and fresh else math.inf
         held = self._robots.get(robot)
         return min(said_bps, held.risen(now_s)) if held is not None else said_bps
 

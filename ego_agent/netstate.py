@@ -86,4 +86,4 @@ class LinkWatch:
             else:
                 self._link.set_state(bps, now_s)
         elif name[1] == "up" and name[0] != self._ego:
-            self._link.set_uplink(name[0], bps)
+            self._link.set_uplink(name[0], bps, now_s)

@@ -93,6 +93,8 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
         worker.join()
         api.close()
         controller.close()
+        # No link is shaped any more: egos need not wait until the last word has gone stale.
+        link.publish(())
         server.close()
         link.close()
         if journal is not None:

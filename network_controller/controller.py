@@ -38,6 +38,7 @@ STATE_S = 1.0
 MIN_WAIT_S = 0.005
 RETRY_S = 1.0
 MAX_HEARD = 1024
+RENEW_LOOKS = 5
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -98,6 +99,9 @@ class Controller:
         self._lock = threading.RLock()
         self._wake = threading.Event()
         self._unready = ""
+        self._adopted = False
+        self._closed = False
+        self._looks = 0
         self._lost: list[str] = []
         self._heard: deque[tuple[NetDemand, float]] = deque(maxlen=MAX_HEARD)
         """Demands since the last look; Zenoh's threads fill it and must not wait for the lock."""
@@ -107,41 +111,31 @@ class Controller:
     @_locked
     def start(self) -> None:
         """Takes over the links that an earlier controller shaped and that are still wanted, and
-        clears the others. A kernel that cannot shape is told of, and asked again later."""
+        clears the others. A kernel that cannot shape is told of, and asked again later; what was
+        there is taken over then."""
         self._look_around()
-        if self._unready:
-            return
-        wanted = self._targets.shapes()
-        found = self._driver.shaped()
-        for link, reading in self._driver.read(found).items():
-            level = ladder.level_of({t: one.shape for t, one in reading.classes.items()})
-            if link in wanted and level is not None:
-                self._loop.levels[link] = level
-                self._enforcer.adopt(link, ladder.shape(reading.capacity_bps, level))
-                self._notes.note("adopted", "an earlier controller shaped it", link, level=level)
-        for link in found - set(wanted):
-            self._driver.clear(link)
-            self._notes.note("cleared", "an earlier controller left it; nobody wants it", link)
-        self._enforcer.reconcile(self._targets.shapes())
+        if not self._unready:
+            self._enforcer.reconcile(self._targets.shapes())
 
     def run(self, stop: threading.Event, publish: Callable[[tuple[LinkState, ...]], None]) -> None:
         """Follows profiles and measures until `stop` is set; `publish` gets the states, 1 Hz."""
         state_due = time.monotonic()
         while not stop.is_set():
             self._wake.clear()
+            due_s = RETRY_S
             try:
                 self.follow()
                 if (late_s := time.monotonic() - state_due) >= 0.0:
                     state_due += (1 + int(late_s / STATE_S)) * STATE_S
                     publish(self.observe())
+                self._tell_lost()
+                due_s = self._next_change_s()
             except NetworkError as error:
                 self._log.error("step_failed", error=str(error))
             except Exception:
                 # One broken step must not leave links without anybody who follows their profile.
                 self._log.error("step_failed", exc_info=True)
-            self._tell_lost()
-            due_s = min(state_due - time.monotonic(), self._next_change_s())
-            self._wake.wait(max(MIN_WAIT_S, due_s))
+            self._wake.wait(max(MIN_WAIT_S, min(state_due - time.monotonic(), due_s)))
 
     def wake(self) -> None:
         """Has `run` look again at once: at what has changed, or whether it should stop."""
@@ -150,6 +144,8 @@ class Controller:
     @_locked
     def follow(self) -> None:
         """Ends what has expired, and brings links to what is wanted now."""
+        if self._closed:
+            return
         expired = self._wishes.expire(self._clock.now_ns())
         if not self._unready:
             self._enforcer.reconcile(self._targets.shapes())
@@ -164,7 +160,12 @@ class Controller:
     @_locked
     def observe(self) -> tuple[LinkState, ...]:
         """Reads all counters, takes the slow loop's steps, and returns the links' states."""
+        if self._closed:
+            return ()
         self._look_around()
+        self._looks += 1
+        if self._looks % RENEW_LOOKS == 0:
+            self._enforcer.renew()
         now_s = time.monotonic()
         readings = self._driver.read(self._enforcer.links())
         self._enforcer.check(readings, self._robots)
@@ -204,6 +205,7 @@ class Controller:
 
         Raises NetworkError that says why not.
         """
+        self._refuse_when_closed()
         if request.profile != "show" and self._unready:
             raise NetworkError(self._unready)
         reply = self._operators.carry_out(request)
@@ -227,14 +229,15 @@ class Controller:
     @_locked
     def hold(self, session_id: str, robot: str, level: int) -> None:
         """Keeps a robot's link at a level or above, until `release`. Raises NetworkError."""
+        self._refuse_when_closed()
         link = Link(robot, "down")
         before = self._targets.held(session_id)
         if link not in self._enforcer.links():
             raise NetworkError(f"the link towards {robot} is not shaped: nothing can be promised")
-        self._targets.hold(session_id, (link, level))
         try:
+            self._targets.hold(session_id, (link, level))
             self._enforcer.change({link: self._targets.shapes()[link]})
-        except NetworkError:
+        except Exception:
             self._metrics.failures.inc()
             self._targets.hold(session_id, before)
             raise
@@ -245,7 +248,7 @@ class Controller:
     def release(self, session_id: str) -> None:
         """Ends a hold. The link falls to the level that others still need."""
         held = self._targets.held(session_id)
-        if held is None:
+        if held is None or self._closed:
             return
         link, _ = held
         self._targets.hold(session_id, None)
@@ -257,6 +260,7 @@ class Controller:
     def close(self) -> None:
         """Ends telemetry flows and makes all links unshaped; the wishes are kept for the next
         start. Only a controller that is killed leaves shapes behind, which `start` finds."""
+        self._closed = True
         self._flows.close()
         self._enforcer.reconcile({})
         self._driver.close()
@@ -290,12 +294,31 @@ class Controller:
         if self._unready:
             self._notes.note("ready", "links can be shaped again")
         self._unready = ""
+        if not self._adopted:
+            self._adopt()
+
+    def _adopt(self) -> None:
+        """Takes over what an earlier controller shaped, at the level that it had reached."""
+        wanted = self._targets.shapes()
+        found = self._driver.shaped()
+        for link, reading in self._driver.read(found).items():
+            level = ladder.level_of({t: one.shape for t, one in reading.classes.items()})
+            if link in wanted and level is not None:
+                self._loop.levels[link] = level
+                self._notes.note("adopted", "an earlier controller shaped it", link, level=level)
+        for link in found - set(wanted):
+            self._notes.note("cleared", "an earlier controller left it; nobody wants it", link)
+        self._enforcer.adopt(found)
+        self._adopted = True
+
+    def _refuse_when_closed(self) -> None:
+        if self._closed:
+            raise NetworkError("the controller is ending; ask the next one")
 
     def _next_change_s(self) -> float:
         with self._lock:
-            if self._enforcer.problems or self._unready:
-                return RETRY_S
-            return self._targets.next_change_s()
+            troubled = self._enforcer.problems or self._unready
+            return min(RETRY_S if troubled else math.inf, self._targets.next_change_s())
 
     def _link_event(self, action: str, reason: str, link: Link) -> None:
         self._notes.note(action, reason, link)
@@ -305,7 +328,8 @@ class Controller:
     def _unshaped(self, link: Link) -> None:
         """A link has no shape any more: it starts at level 0 when it gets one again."""
         self._loop.forget(link)
-        self._lost.append(link.robot)
+        if link.direction == "down":
+            self._lost.append(link.robot)
 
     def _tell_lost(self) -> None:
         """Outside the lock: who hears of it may call back."""

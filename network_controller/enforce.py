@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 
 from network_controller.drivers.base import Driver
-from network_controller.model import Link, LinkReading, LinkShape
+from network_controller.model import ClassShape, Link, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 
 TOLERANCE = 0.01
@@ -21,6 +21,9 @@ class Enforcer:
         self._driver = driver
         self._on_event = on_event
         self._applied: dict[Link, LinkShape] = {}
+        self._touched: set[Link] = set()
+        """Links that may carry a shape, also one that is not as it should be."""
+        self._renewed: Link | None = None
         self.problems: dict[Link, str] = {}
         """Links that are not as they should be, and why."""
 
@@ -32,16 +35,19 @@ class Enforcer:
         """The links that are shaped."""
         return frozenset(self._applied)
 
-    def adopt(self, link: Link, shape: LinkShape) -> None:
-        """Takes over a link that an earlier controller shaped like this."""
-        self._applied[link] = shape
+    def adopt(self, links: Collection[Link]) -> None:
+        """Takes over links that an earlier controller shaped: the next `reconcile` shapes them as
+        they should be, or clears them."""
+        self._touched.update(links)
 
     def apply(self, link: Link, shape: LinkShape | None) -> None:
         """Shapes a link, or clears it for None. Raises NetworkError; it is then as before."""
         if shape is None:
             self._driver.clear(link)
             self._applied.pop(link, None)
+            self._touched.discard(link)
         elif self._applied.get(link) != shape:
+            self._touched.add(link)
             self._driver.apply(link, shape)
             self._applied[link] = shape
         self.problems.pop(link, None)
@@ -62,8 +68,10 @@ class Enforcer:
 
     def reconcile(self, wanted: Mapping[Link, LinkShape]) -> None:
         """Brings all links to what is wanted. What fails is tried again the next time."""
-        for link in self.links() - set(wanted):
+        for link in self._touched - set(wanted):
             self._try(link, None)
+        for link in self.problems.keys() - self._touched - set(wanted):
+            del self.problems[link]
         for link, shape in wanted.items():
             if self._applied.get(link) != shape or link in self.problems:
                 self._try(link, shape)
@@ -83,11 +91,22 @@ class Enforcer:
             else:
                 self._on_event("shape_changed", "somebody else changed it", link)
 
+    def renew(self) -> None:
+        """Applies one link again, the next one with each call: readings do not show that a filter
+        is missing, and the class of a mark would stay empty for good."""
+        if not self._applied:
+            return
+        links = sorted(self._applied)
+        later = (link for link in links if self._renewed is not None and link > self._renewed)
+        self._renewed = next(later, links[0])
+        self._try(self._renewed, self._applied.pop(self._renewed))
+
     def _try(self, link: Link, shape: LinkShape | None) -> None:
         try:
             self.apply(link, shape)
         except LinkGoneError as error:
             self._applied.pop(link, None)
+            self._touched.discard(link)
             self._tell(link, "link_gone", str(error))
         except NetworkError as error:
             self._tell(link, "apply_failed", str(error))
@@ -104,9 +123,16 @@ def _alike(reading: LinkReading, shape: LinkShape) -> bool:
     def near(a: int, b: int) -> bool:
         return abs(a - b) <= max(8, TOLERANCE * b)
 
-    return near(reading.capacity_bps, shape.capacity_bps) and all(
-        traffic in reading.classes
-        and near(reading.classes[traffic].shape.rate_bps, wanted.rate_bps)
-        and reading.classes[traffic].shape.priority == wanted.priority
-        for traffic, wanted in shape.classes.items()
+    def same(a: ClassShape, b: ClassShape) -> bool:
+        rates = near(a.rate_bps, b.rate_bps) and near(a.ceil_bps, b.ceil_bps)
+        return rates and a.priority == b.priority
+
+    return (
+        near(reading.capacity_bps, shape.capacity_bps)
+        and abs(reading.delay_ms - shape.delay_ms) <= max(0.01, TOLERANCE * shape.delay_ms)
+        and abs(reading.loss - shape.loss) <= max(1e-4, TOLERANCE * shape.loss)
+        and all(
+            traffic in reading.classes and same(reading.classes[traffic].shape, wanted)
+            for traffic, wanted in shape.classes.items()
+        )
     )

@@ -79,14 +79,20 @@ class Observer:
     def load(self, link: Link, reading: LinkReading) -> Load:
         """What the other classes take of a link, after `look`."""
         background = reading.classes.get(TrafficClass.BACKGROUND)
-        waiting = background is not None and background.backlog_bytes > 0
+        throughput_bps = self._smooth.get((link, TrafficClass.BACKGROUND), 0.0)
+        waiting = background is not None and _waiting_bytes(background, reading, throughput_bps) > 0
         return Load(
             capacity_bps=reading.capacity_bps,
             control_bps=self._smooth.get((link, TrafficClass.CONTROL), 0.0),
-            background_bps=math.inf
-            if waiting
-            else self._smooth.get((link, TrafficClass.BACKGROUND), 0.0),
+            background_bps=math.inf if waiting else throughput_bps,
         )
+
+
+def _waiting_bytes(cls: ClassReading, reading: LinkReading, throughput_bps: float) -> float:
+    """What waits for the link. netem's backlog also holds what is under way: the throughput times
+    the delay, give or take half as much again for bursts."""
+    under_way_bytes = 1.5 * throughput_bps * reading.delay_ms / 8e3
+    return max(0.0, cls.backlog_bytes - under_way_bytes)
 
 
 def link_state(
@@ -102,8 +108,10 @@ def link_state(
     available_bps = ladder.available_bps(
         reading.capacity_bps, level, load.control_bps, load.background_bps
     )
-    fusion = classes.get(TrafficClass.FUSION)
-    waiting_bits = 8.0 * fusion.backlog_bytes if fusion is not None else 0.0
+    fusion, seen = reading.classes.get(TrafficClass.FUSION), classes.get(TrafficClass.FUSION)
+    waiting_bits = 0.0
+    if fusion is not None and seen is not None:
+        waiting_bits = 8.0 * _waiting_bytes(fusion, reading, seen.throughput_bps)
     grants = max_min(available_bps, egos) if len(egos) > 1 else {}
     return LinkState(
         robot=link.robot,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from network_controller.drivers.base import Driver
 from network_controller.enforce import Enforcer
 from network_controller.metrics import ControllerMetrics
-from network_controller.model import Link
+from network_controller.model import DIRECTIONS, Link
 from network_controller.notes import Notes
 from network_controller.requests import CONGEST_S, UTILISATION, links_of, wish_of
 from network_controller.targets import Targets
@@ -115,15 +116,30 @@ class Operators:
         return replaced
 
     def _off(self, request: ShapeRequest) -> tuple[str, ...]:
-        """Without a robot it ends all that operators have made, telemetry too."""
-        links = self._links(request) if request.robot else tuple(self._wishes.copy())
+        """Without a robot it ends what operators have made of all links in the direction; where
+        that is downwards, telemetry too."""
+        meant = DIRECTIONS if request.direction == "both" else (request.direction,)
+        wished = self._wishes.copy()
+        # Also of a robot that has left: its shape would be waiting for its return.
+        if request.robot and request.robot not in {link.robot for link in wished}:
+            self._links(request)
+        links = tuple(
+            link
+            for link in wished
+            if link.direction in meant
+            and request.robot in ("", link.robot)
+            and set(wished[link]) != {"start"}
+        )
 
         def drop() -> None:
             for link in links:
                 self._wishes.drop(link)
 
-        self._change(links, drop)
-        self._flows.stop(request.robot or None)
+        # The links of robots that have left are not there to be changed.
+        present = self._driver.robots()
+        self._change(tuple(link for link in links if link.robot in present), drop)
+        if "down" in meant:
+            self._flows.stop(request.robot or None)
         for link in links:
             if self._wishes.get(link) is None:
                 self._on_unshaped(link)
@@ -135,15 +151,17 @@ class Operators:
         """Edits the wishes, applies and keeps them. Raises NetworkError; all is as before then."""
         before = self._wishes.copy()
         applied = {link: self._enforcer.shape_of(link) for link in links}
-        edit()
-        wanted = self._targets.shapes()
         try:
+            edit()
+            wanted = self._targets.shapes()
             self._enforcer.change({link: wanted.get(link) for link in links})
             self._wishes.changed()
-        except NetworkError:
+        except Exception:
             self._metrics.failures.inc()
             self._wishes.restore(before)
-            self._enforcer.change(applied)
+            # What cannot be undone now is a difference, which the next look finds.
+            with suppress(NetworkError):
+                self._enforcer.change(applied)
             raise
 
     def _congest(self, request: ShapeRequest) -> tuple[str, ...]:

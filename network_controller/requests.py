@@ -10,6 +10,7 @@ from swarm.messages import ShapeRequest
 UTILISATION = 0.85
 """Of the capacity, by default, for competing telemetry: the paper's third motivating snapshot."""
 CONGEST_S = 30.0
+MIN_STEP_S = 0.05
 _NS = 1_000_000_000
 
 
@@ -43,6 +44,11 @@ def wish_of(request: ShapeRequest, link: Link, now_ns: int) -> Wish:
         rates = request.rates_bps
     elif kind != "shift":
         raise NetworkError(f"profile {kind!r} is no shape; shapes are rate, shift and trace")
+    if kind == "trace" and request.interval_s / request.time_scale < MIN_STEP_S:
+        raise NetworkError(
+            f"interval_s / time_scale is {request.interval_s / request.time_scale:g} s; a trace "
+            f"may change the link every {MIN_STEP_S} s at most"
+        )
     for_ns = 0 if request.duration_s is None else round(request.duration_s * _NS)
     return Wish(
         robot=link.robot,

@@ -200,20 +200,27 @@ def test_a_robots_link_that_has_recovered_is_found_out() -> None:
 
 def test_the_controllers_word_bounds_a_robots_link() -> None:
     link = LinkEstimate(PRIOR)
-    link.set_uplink("R2", 1e6)
-    link.set_uplink("R3", 80e6)
+    link.set_uplink("R2", 1e6, 0.0)
+    link.set_uplink("R3", 80e6, 0.0)
     assert link.robot_limits(0.0) == {"R2": 1e6}
-    link.set_uplink("R2", None)
+    link.set_uplink("R2", None, 0.0)
     assert link.robot_limits(0.0) == {}
+
+
+def test_the_controllers_word_about_a_robots_link_goes_stale() -> None:
+    link = LinkEstimate(PRIOR)
+    link.set_uplink("R2", 1e6, 0.0)
+    assert link.robot_limits(STATE_FRESH_S) == {"R2": 1e6}
+    assert link.robot_limits(STATE_FRESH_S + 0.1) == {}
 
 
 def test_a_robots_link_that_is_configured_anew_forgets_what_was_measured() -> None:
     link = LinkEstimate(PRIOR)
-    link.set_uplink("R5", 1e6)
+    link.set_uplink("R5", 1e6, 0.0)
     for i in range(5):
         link.add_round(straggling(0.5e6, i * 0.2), i * 0.2 + 0.192)
     assert link.robot_limits(1.0)["R5"] < 0.7e6
-    link.set_uplink("R5", 10e6)
+    link.set_uplink("R5", 10e6, 1.0)
     assert link.robot_limits(1.0) == {"R5": 10e6}
 
 

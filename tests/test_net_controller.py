@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 from prometheus_client import CollectorRegistry
-from zenoh_fixtures import Inbox
+from zenoh_fixtures import Inbox, until
 
 from network_controller import ladder
-from network_controller.controller import Controller
+from network_controller.controller import RENEW_LOOKS, Controller
 from network_controller.drivers.base import Running
 from network_controller.journal import Journal
 from network_controller.metrics import ControllerMetrics
@@ -49,6 +49,8 @@ class Memory:
         self.shapes: dict[Link, LinkShape] = {}
         self.refused: dict[Link, str] = {}
         self.unable = ""
+        self.sent = self.backlog = 0
+        self.applied: list[Link] = []
 
     def robots(self) -> Mapping[str, str]:
         return dict(self.present)
@@ -63,13 +65,19 @@ class Memory:
             raise LinkGoneError(f"{link} is gone")
         if link in self.refused:
             raise NetworkError(self.refused[link])
+        self.applied.append(link)
         self.shapes[link] = shape
 
     def read(self, links: Collection[Link]) -> Mapping[Link, LinkReading]:
         return {
             link: LinkReading(
                 shape.capacity_bps,
-                {t: ClassReading(one, 0, 0, 0, 0) for t, one in shape.classes.items()},
+                {
+                    t: ClassReading(one, self.sent, self.backlog, 0, 0)
+                    for t, one in shape.classes.items()
+                },
+                shape.delay_ms,
+                shape.loss,
             )
             for link, shape in self.shapes.items()
             if link in links and link.robot in self.present
@@ -319,3 +327,91 @@ def demand(ego: str) -> NetDemand:
         q_min=0.7,
         capacity_bps=1_000_000,
     )
+
+
+def test_a_shape_that_somebody_changed_is_cleared_when_it_expires(site: Site) -> None:
+    site.ask(rate_bps=5_000_000, duration_s=0.1)
+    site.driver.shapes[CELL] = ladder.shape(1_000_000, 0)
+    site.controller.observe()
+    assert "shape_changed" in site.actions()
+    until(lambda: site.step() == {} and site.driver.rate() is None, "the link is unshaped")
+
+
+def test_a_link_that_only_looks_right_is_shaped_again_before_long(site: Site) -> None:
+    site.ask(rate_bps=5_000_000, direction="both")
+    site.driver.applied.clear()
+    for _ in range(2 * RENEW_LOOKS):
+        site.controller.observe()
+    assert sorted(site.driver.applied) == sorted([CELL, Link("R1", "up")])
+
+
+def test_what_an_earlier_controller_shaped_is_taken_over_as_soon_as_links_can_be_shaped(
+    site: Site,
+) -> None:
+    site.ask(rate_bps=5_000_000)
+    left = Link("R2", "up")
+    site.driver.shapes[left] = ladder.shape(9_000_000, 0)
+    site.loop.levels[CELL] = 2
+    site.step()
+    site.driver.unable = "no NET_ADMIN"
+    site.again()
+    assert left in site.driver.shapes
+    site.driver.unable = ""
+    site.step()
+    assert site.step()[CELL].level == 2
+    assert left not in site.driver.shapes
+
+
+def test_a_half_of_a_shape_that_an_earlier_controller_left_is_made_whole(site: Site) -> None:
+    site.ask(rate_bps=5_000_000)
+    site.driver.applied.clear()
+    site.again()
+    assert CELL in site.driver.applied
+
+
+def test_losing_a_robots_upward_link_is_not_losing_its_cell(site: Site) -> None:
+    site.ask(rate_bps=5_000_000, direction="both")
+    site.ask("off", direction="up")
+    site.controller._tell_lost()
+    assert site.lost == []
+    site.ask("off")
+    site.controller._tell_lost()
+    assert site.lost == ["R1"]
+
+
+def test_off_ends_the_shapes_of_its_direction_and_of_robots_that_have_left(site: Site) -> None:
+    site.ask(rate_bps=5_000_000, direction="both")
+    site.ask(rate_bps=6_000_000, robot="R2")
+    del site.driver.present["R2"]
+    site.step()
+    shapes = site.ask("off", direction="up").shapes
+    assert {(one.robot, one.direction) for one in shapes} == {("R1", "down"), ("R2", "down")}
+    shapes = site.ask("off", robot="R2").shapes
+    assert [one.robot for one in shapes] == ["R1"]
+    with pytest.raises(NetworkError, match="'R2' has no link"):
+        site.ask("off", robot="R2")
+
+
+def test_a_controller_that_has_closed_shapes_nothing_more(site: Site) -> None:
+    site.ask(rate_bps=5_000_000)
+    site.controller.close()
+    with pytest.raises(NetworkError, match="ending"):
+        site.ask(rate_bps=6_000_000)
+    with pytest.raises(NetworkError, match="ending"):
+        site.controller.hold("s", "R1", 1)
+    site.controller.follow()
+    assert site.driver.rate() is None
+
+
+def test_a_trace_may_not_change_a_link_faster_than_the_kernel_is_changed(site: Site) -> None:
+    with pytest.raises(NetworkError, match=r"interval_s / time_scale is 0\.01 s"):
+        site.ask("trace", rates_bps=(10**6, 10**7), interval_s=1.0, time_scale=100.0)
+
+
+def test_what_a_delay_holds_does_not_count_as_waiting(site: Site) -> None:
+    site.ask(rate_bps=10_000_000, delay_ms=200.0)
+    site.step()
+    site.driver.backlog = 60_000
+    assert site.step()[CELL].latency_ms > 200.0
+    site.driver.sent = 10**9
+    assert site.step()[CELL].latency_ms == 200.0

@@ -59,7 +59,7 @@ class Yard:
 
         self.engine = docker.from_env(timeout=60)
         self.image = image()
-        self.network: Any = self.engine.networks.create(SWARM)
+        self.network: Any = self.engine.networks.create(SWARM, labels={LABEL: SWARM})
         self.containers: dict[str, Any] = {}
 
     def add(self, service: str, *command: str, network: str = SWARM) -> Any:
@@ -184,21 +184,50 @@ def test_a_container_that_was_restarted_is_shaped_at_its_new_interface(
     assert set(driver.read(both)) == set(both)
 
 
+def device_of(yard: Yard, service: str) -> str:
+    """The host's end of a container's link."""
+    _, index = yard.containers[service].exec_run(["cat", "/sys/class/net/eth0/iflink"])
+    return socket.if_indextoname(int(index))
+
+
 def test_the_egos_container_goes_before_its_robots(yard: Yard, driver: DockerDriver) -> None:
     robot = driver.robots()["R1"]
+    both = [Link("R1", way) for way in DIRECTIONS]
+    for link in both:
+        driver.apply(link, ladder.shape(RATE, 0))
+    places = [(device_of(yard, "robot-R1"), way) for way in DIRECTIONS]
+    assert len(shaping.read(places)) == 2
     yard.add("ego-R1")
     try:
         await_(lambda: driver.robots().get("R1") not in (None, robot), "the ego's link")
+        assert not driver.read(both)
+        assert not shaping.read(places), "the robot's own link is let go"
+        yard.containers["ego-R1"].stop(timeout=1)
+        assert "R1" not in driver.robots(), "a link does not wander while its container is down"
     finally:
         yard.remove("ego-R1")
     assert driver.robots()["R1"] == robot
 
 
+def test_a_container_on_a_network_that_is_not_the_swarms_is_left_alone(
+    yard: Yard, driver: DockerDriver
+) -> None:
+    name = f"{SWARM}-other"
+    other = yard.engine.networks.create(name)
+    try:
+        yard.add("robot-R7", network=name)
+        assert "R7" not in driver.robots()
+        with pytest.raises(NetworkError, match=f"network {name} .* is not the swarm's"):
+            driver.apply(Link("R7", "down"), ladder.shape(RATE, 0))
+    finally:
+        yard.remove("robot-R7")
+        other.remove()
+
+
 def test_containers_that_are_gone_are_said_to_be(yard: Yard, driver: DockerDriver) -> None:
     yard.add("robot-R9")
     link = Link("R9", "up")
-    _, index = yard.containers["robot-R9"].exec_run(["cat", "/sys/class/net/eth0/iflink"])
-    queue = shaping.ifb_of(socket.if_indextoname(int(index)))
+    queue = shaping.ifb_of(device_of(yard, "robot-R9"))
     driver.apply(link, ladder.shape(RATE, 0))
     assert queue in {name for _, name in socket.if_nameindex()}
     yard.remove("robot-R9")

@@ -139,7 +139,8 @@ class DockerDriver:
     def _find(self) -> Mapping[str, _Port]:
         """The robots' links; only those of new or restarted containers are looked for."""
         with _faults():
-            listed = self._api().containers(filters={"label": f"{LABEL}={self.swarm}"})
+            label = f"{LABEL}={self.swarm}"
+            listed = self._api().containers(all=True, filters={"label": label})
         known: dict[str, _Port] = {}
         self._refused = {}
         for robot, facts in _by_robot(listed).items():
@@ -148,9 +149,13 @@ class DockerDriver:
                 port = self._look(robot, facts)
             if port is not None:
                 known[robot] = port
-        shaping.forget(
-            port.device for robot, port in self._ports.items() if known.get(robot) != port
-        )
+        left = [port for robot, port in self._ports.items() if known.get(robot) != port]
+        for port in left:
+            if index_of(port.device) == port.index:
+                # Its container runs on, but another one's link is the robot's now.
+                for direction in DIRECTIONS:
+                    shaping.clear(port.device, direction)
+        shaping.forget(port.device for port in left)
         self._ports = known
         return known
 
@@ -168,6 +173,12 @@ class DockerDriver:
             bridge = self._api().inspect_network(network["NetworkID"])
         name = bridge["Options"].get("com.docker.network.bridge.name")
         name = str(name or f"br-{network['NetworkID'][:12]}")
+        if (bridge["Labels"] or {}).get(LABEL) != self.swarm:
+            self._refused[robot] = (
+                f"network {bridge['Name']} of container {facts['Names'][0]} is not the swarm's: "
+                f"its label {LABEL} is not {self.swarm!r}"
+            )
+            return None
         try:
             device = socket.if_indextoname(outside)
         except OSError:
@@ -205,14 +216,15 @@ class DockerDriver:
 
 
 def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Running containers by robot; the ego's goes before its robot's."""
+    """Running containers by robot; the ego's goes before its robot's, also while it is down: a
+    robot's link does not wander."""
     found: dict[str, Mapping[str, Any]] = {}
     for role in ("robot-", "ego-"):
         for facts in listed:
             service = facts["Labels"].get(SERVICE_LABEL, "")
-            if service.startswith(role) and facts["State"] == "running":
+            if service.startswith(role):
                 found[service.removeprefix(role)] = facts
-    return found
+    return {robot: facts for robot, facts in found.items() if facts["State"] == "running"}
 
 
 @contextlib.contextmanager

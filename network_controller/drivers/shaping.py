@@ -129,14 +129,20 @@ def ifb_of(device: str) -> str:
 
 
 def clear(device: str, direction: Direction) -> None:
-    """Makes one direction unshaped; no error when it is so already, or the device is gone."""
-    if direction == "down":
-        attempt("tc", "qdisc", "del", "dev", device, "root")
-    else:
-        attempt("tc", "qdisc", "del", "dev", device, "ingress")
-        ifb = ifb_of(device)
-        if index_of(ifb) and _is_ours(facts_of(ifb)):
-            attempt("ip", "link", "del", ifb)
+    """Makes one direction unshaped; no error when it is so already, or the device is gone.
+
+    Raises NetworkError with the kernel's words when the shape stays.
+    """
+    place = "root" if direction == "down" else "ingress"
+    done = attempt("tc", "qdisc", "del", "dev", device, place)
+    if done.returncode != 0 and place in _ours_on(device):
+        raise NetworkError(f"tc does not clear {device} {direction}: {words(done)}")
+    ifb = ifb_of(device)
+    # Only now: what a redirection sends to an `ifb` that is no more is lost.
+    if direction == "up" and index_of(ifb) and _is_ours(facts_of(ifb)):
+        done = attempt("ip", "link", "del", ifb)
+        if done.returncode != 0 and index_of(ifb):
+            raise NetworkError(f"ip does not remove {ifb}: {words(done)}")
 
 
 def forget(devices: Iterable[str]) -> None:
@@ -170,10 +176,25 @@ def _is_ours(facts: Mapping[str, object]) -> bool:
     return str(facts.get("ifalias", "")).startswith(IFB_MARK)
 
 
+def _ours_on(device: str) -> str:
+    """Which of our queues a device has, in tc's words: of `root` and `ingress`."""
+    shown = attempt("tc", "qdisc", "show", "dev", device).stdout
+    return " ".join(
+        place
+        for place, queue in (("root", "qdisc htb 1: root"), ("ingress", "qdisc ingress"))
+        if queue in shown
+    )
+
+
 def _make_ifb(ifb: str, device: str) -> None:
     if not index_of(ifb):
-        run("ip", "link", "add", ifb, "type", "ifb")
-        run("ip", "link", "set", ifb, "alias", IFB_MARK + device, "up")
+        # By one process, so that none is left behind that nobody knows whose it is.
+        lines = f"link add {ifb} type ifb\nlink set {ifb} alias '{IFB_MARK}{device}' up\n"
+        try:
+            run("ip", "-batch", "-", text=lines)
+        except NetworkError:
+            attempt("ip", "link", "del", ifb)
+            raise
     elif not _is_ours(facts_of(ifb)):
         raise NetworkError(
             f"interface {ifb}, which should queue what comes through {device}, is not the swarm's: "

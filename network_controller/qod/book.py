@@ -30,6 +30,7 @@ from network_controller.qod.sinks import Sink, sink_of
 from swarm.errors import NetworkError
 from swarm.log import Logger
 
+RETRY_S = 1.0
 KEEP_S = 360.0
 """How long a session that has ended can still be read; CAMARA asks for this at least."""
 MAX_SESSIONS = 1000
@@ -81,11 +82,15 @@ class SessionBook:
         on_change: Callable[[Session], None],
         log: Logger,
         *,
+        local_sinks: bool = True,
         keep_s: float = KEEP_S,
     ) -> None:
+        """`local_sinks`: whether events may go to this host's loopback; not where callers are
+        elsewhere, who would reach through it what they cannot reach themselves."""
         self._network = network
         self._on_change = on_change
         self._log = log
+        self._local_sinks = local_sinks
         self._keep_s = keep_s
         self._sessions: dict[str, Session] = {}
         self._changed = threading.Condition(threading.RLock())
@@ -108,7 +113,7 @@ class SessionBook:
                 f"duration {request.duration} must be from {MIN_DURATION_S} to {MAX_DURATION_S} s "
                 f"with {request.qos_profile}"
             )
-        sink = sink_of(request)
+        sink = sink_of(request, local=self._local_sinks)
         device = identified(request.device)
         with self._changed:
             robot, _ = link_of(self._network, device)
@@ -242,11 +247,20 @@ class SessionBook:
     def _keep_time(self) -> None:
         with self._changed:
             while not self._closed:
-                now_s = time.monotonic()
-                for session in [s for s in self._sessions.values() if s.due_s <= now_s]:
-                    if session.status == "AVAILABLE":
-                        self._end(session, "DURATION_EXPIRED")
-                    else:
-                        del self._sessions[session.id]
+                try:
+                    self._end_what_is_due()
+                except Exception:
+                    # Without this thread no session would ever end.
+                    self._log.error("qod_step_failed", exc_info=True)
+                    self._changed.wait(RETRY_S)
+                    continue
                 due_s = min((s.due_s for s in self._sessions.values()), default=None)
                 self._changed.wait(None if due_s is None else max(0.0, due_s - time.monotonic()))
+
+    def _end_what_is_due(self) -> None:
+        now_s = time.monotonic()
+        for session in [s for s in self._sessions.values() if s.due_s <= now_s]:
+            if session.status == "AVAILABLE":
+                self._end(session, "DURATION_EXPIRED")
+            else:
+                del self._sessions[session.id]

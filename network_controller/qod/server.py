@@ -56,7 +56,8 @@ class Server:
         self._socket = _bind_path(self._path) if self._path else _bind(host, port)
         self._log = log
         metrics = QodMetrics(registry)
-        self._service = Service(network, metrics, log)
+        near = bool(socket) or is_loopback(host)
+        self._service = Service(network, metrics, log, local_sinks=near)
         config = uvicorn.Config(
             make_app(self._service, token, metrics, log),
             loop="asyncio",

@@ -33,11 +33,14 @@ from swarm.log import Logger
 class Service:
     """The sessions and profiles of one network."""
 
-    def __init__(self, network: Network, metrics: QodMetrics, log: Logger) -> None:
+    def __init__(
+        self, network: Network, metrics: QodMetrics, log: Logger, *, local_sinks: bool
+    ) -> None:
+        """See `SessionBook`."""
         self._network = network
         self._metrics = metrics
         self._events = Notifier(metrics, log)
-        self.book = SessionBook(network, self._changed, log)
+        self.book = SessionBook(network, self._changed, log, local_sinks=local_sinks)
         self.operations: Mapping[str, Callable[[Mapping[str, str], Any], Any]] = {
             "createSession": self._create,
             "getSession": self._get,

@@ -39,8 +39,11 @@ class Sink:
         return f"Sink({self.host}:{self.port})"
 
 
-def sink_of(request: CreateSession) -> Sink | None:
-    """The sink that a request names, or None. Raises Problem for one that cannot be used."""
+def sink_of(request: CreateSession, *, local: bool) -> Sink | None:
+    """The sink that a request names, or None. `local`: whether it may be on this host's loopback.
+
+    Raises Problem for one that cannot be used.
+    """
     credential = request.sink_credential
     token, expires = (None, None) if credential is UNSET else _token(credential)
     if request.sink is UNSET:
@@ -58,6 +61,8 @@ def sink_of(request: CreateSession) -> Sink | None:
     if "@" in parts.netloc:
         raise invalid_sink("sink must not name a user; give an access token as sinkCredential")
     secure = parts.scheme == "https"
+    if is_loopback(host) and not local:
+        raise invalid_sink("sink must not be on loopback: this API is open to other hosts")
     if not secure and not is_loopback(host):
         raise invalid_sink("sink must be https; http is allowed on this host's loopback only")
     target = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
