@@ -11,6 +11,8 @@ import numpy as np
 
 from swarm.arrays import pack
 from swarm.messages import (
+    AdviceReport,
+    AnswerReport,
     Beacon,
     ChatMessage,
     DecideAnswer,
@@ -100,6 +102,23 @@ SAMPLES: tuple[Message, ...] = (
         cost_bytes=208,
         rate_hz=10.0,
         capacity_bps=5e6,
+        advice=AdviceReport(
+            state="refused",
+            gateway=True,
+            question=4,
+            asked_s=3.5,
+            fingerprint="0123456789abcdef",
+            refusal="refused: predicted quality 0.610, the fallback has 0.875",
+            answer=AnswerReport(
+                question=4,
+                outcome="worse",
+                why="refused: predicted quality 0.610, the fallback has 0.875",
+                model="smollm2-135m",
+                source="llm",
+                latency_ms=900.5,
+                tokens=LlmTokens(prompt=900, reused=700, output=40),
+            ),
+        ),
     ),
     Detections(
         ego="R2",

@@ -19,7 +19,7 @@ from swarm.messages.base import (
     RobotId,
     Source,
 )
-from swarm.messages.ego import Decision, Detections
+from swarm.messages.ego import AdviceReport, AdviceState, AnswerReport, Decision, Detections
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
     ChatMessage,
@@ -53,7 +53,10 @@ __all__ = [
     "MAX_RATE_BPS",
     "MIN_RATE_BPS",
     "SCHEMA_VERSION",
+    "AdviceReport",
+    "AdviceState",
     "Algorithm",
+    "AnswerReport",
     "Beacon",
     "ChatMessage",
     "ClassName",

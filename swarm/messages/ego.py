@@ -2,12 +2,60 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
 from swarm.arrays import Array
 from swarm.messages.base import Algorithm, Count, Message, Ns, Positive, RobotId, Source
+from swarm.messages.llm import LlmTokens, NonNegative
+
+ModelName = Annotated[str, msgspec.Meta(max_length=200)]
+AdviceState = Literal["none", "asked", "waiting", "adopted", "held", "refused"]
+"""Adopted in this cycle; in force since an earlier one; else none is in force, and the newest
+question was refused, or sent in this cycle, or has no answer yet; or there is nothing at all."""
+
+
+class AnswerReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of one question to a language model."""
+
+    question: Count
+    outcome: Annotated[str, msgspec.Meta(max_length=32)]
+    """`adopted`, or the kind of reason why it was not; docs/llm.md lists them."""
+    why: str = ""
+    """The reason in words; empty when adopted."""
+    repaired: tuple[str, ...] = ()
+    """Kinds of repairs that made it usable."""
+    model: ModelName = ""
+    source: Literal["", "llm", "cache"] = ""
+    """Where the gateway had it from; empty when no answer came."""
+    latency_ms: NonNegative = 0.0
+    """From the question to what came of it."""
+    tokens: LlmTokens = LlmTokens()
+
+
+class AdviceReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How an ego stands with its language model at one decision."""
+
+    state: AdviceState
+    gateway: bool
+    """An LLM gateway is alive."""
+    question: Count = 0
+    """Number of the newest question; 0 before the first."""
+    asked_s: NonNegative | None = None
+    """Since the newest question; None before the first."""
+    fingerprint: str = ""
+    """Of the scene as it is now."""
+    model: ModelName = ""
+    """Whose advice is in force; empty for none."""
+    age_s: NonNegative | None = None
+    """Since the advice in force was adopted; None without."""
+    ended: Annotated[str, msgspec.Meta(max_length=32)] = ""
+    """Why the advice that was in force is not any more since this cycle."""
+    refusal: str = ""
+    """Why the last advice was refused or given up, in words."""
+    answer: AnswerReport | None = None
+    """What came of a question in this cycle."""
 
 
 class Decision(Message, frozen=True, kw_only=True):
@@ -22,7 +70,7 @@ class Decision(Message, frozen=True, kw_only=True):
     reason: str
     source: Source
     policy: str
-    model: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    model: ModelName = ""
     """The language model whose advice it follows; empty for none."""
     valid: bool
     """False only where even the ego alone could not be confirmed."""
@@ -35,6 +83,8 @@ class Decision(Message, frozen=True, kw_only=True):
     rate_hz: Positive = 10.0
     capacity_bps: Positive = 1.0
     """C(t) that the decision was checked against."""
+    advice: AdviceReport | None = None
+    """None for policies that ask no language model."""
 
 
 class Detections(Message, frozen=True, kw_only=True):
