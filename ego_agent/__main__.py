@@ -17,7 +17,7 @@ from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
 from ego_agent.objective import Objective
-from ego_agent.policies.base import Policy
+from ego_agent.policies.base import Connecting, Policy
 from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
@@ -75,9 +75,14 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
 
     def connect() -> Session | None:
         try:
-            return Session(settings.router, settings.swarm, registry=registry, log=log, stop=stop)
+            session = Session(
+                settings.router, settings.swarm, registry=registry, log=log, stop=stop
+            )
         except TransportError:
             return None  # stopped before the router could be reached
+        if isinstance(policy, Connecting):
+            policy.connect(session, settings)
+        return session
 
     log.info("ego_up", policy=policy.name, period_s=settings.period_s, metrics_port=server.port)
     try:
@@ -86,6 +91,8 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
         server.close()
         if journal is not None:
             journal.close()
+        if isinstance(policy, Connecting):
+            policy.close()
         agent.close()
     log.info("ego_down")
 

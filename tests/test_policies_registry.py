@@ -18,7 +18,7 @@ class Farthest:
     def propose(self, scene, knowledge, previous):
         return Proposal((scene.candidates[-1].robot,), "late", "far", "policy")
 
-POLICIES = (Farthest(),)
+POLICIES = (Farthest,)
 """
 
 

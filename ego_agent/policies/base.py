@@ -6,7 +6,9 @@ from typing import Protocol, runtime_checkable
 
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
+from ego_agent.settings import EgoSettings
 from swarm.messages import Algorithm, Decision
+from swarm.session import Session
 
 
 class Policy(Protocol):
@@ -35,4 +37,17 @@ class Requiring(Protocol):
     @property
     def requires(self) -> Algorithm:
         """The algorithm that must be available."""
+        ...
+
+
+@runtime_checkable
+class Connecting(Protocol):
+    """A policy that asks others in the swarm. Without a session it must decide all the same."""
+
+    def connect(self, session: Session, settings: EgoSettings) -> None:
+        """Called once, when the router has been reached, on a thread beside the control cycle."""
+        ...
+
+    def close(self) -> None:
+        """Called at the end; asks no more."""
         ...

@@ -26,18 +26,22 @@ class Coverage:
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
     ) -> Proposal:
         """The best option that was found, or the decision in force if that is as good."""
-        scorer = Scorer(scene, knowledge)
+        best, reason = self.choose(Scorer(scene, knowledge), previous)
+        return Proposal(
+            participants=(scene.ego.robot, *best.participants),
+            algorithm=best.algorithm,
+            reason=reason,
+            source="policy",
+        )
+
+    def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
+        """The same as a score, and its reason."""
         options = list(_options(scorer))
         best = _best(scorer, options)
         held = _still_possible(scorer, previous)
         if held is not None:
             best = _settle(scorer, options, best, held)
-        return Proposal(
-            participants=(scene.ego.robot, *best.participants),
-            algorithm=best.algorithm,
-            reason=_reason(scorer, best, kept=best is held),
-            source="policy",
-        )
+        return best, _reason(scorer, best, kept=best is held)
 
 
 def _options(scorer: Scorer) -> Iterator[Score]:
@@ -102,4 +106,4 @@ def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
     return text + ("; kept, no change pays." if kept else ".")
 
 
-POLICIES = (Coverage(),)
+POLICIES = (Coverage,)

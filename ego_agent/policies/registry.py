@@ -1,7 +1,8 @@
 """Policies by name: every module of this package that has `POLICIES` adds them.
 
-To add a policy, add one file here with a class and `POLICIES = (MyPolicy(),)`; no list needs to
-be changed.
+To add a policy, add one file here with a class and `POLICIES = (MyPolicy,)`; no list needs to be
+changed. What stands there is called without arguments for every use, so that a policy may have
+state of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ def _all_policies() -> dict[str, Policy]:
     found: dict[str, Policy] = {}
     for module in sorted(m.name for m in pkgutil.iter_modules(policies.__path__)):
         loaded = importlib.import_module(f"{policies.__name__}.{module}")
-        for policy in getattr(loaded, "POLICIES", ()):
+        for make in getattr(loaded, "POLICIES", ()):
+            policy: Policy = make()
             if policy.name in found:
                 raise DecisionError(f"two policies are called {policy.name!r}")
             found[policy.name] = policy
@@ -32,7 +34,7 @@ def policy_names() -> tuple[str, ...]:
 
 
 def make_policy(name: str, algorithms: Sequence[str]) -> Policy:
-    """The policy of that name, for a swarm that can fuse with the given algorithms.
+    """A new policy of that name, for a swarm that can fuse with the given algorithms.
 
     Raises DecisionError for an unknown name, and for a policy whose algorithm is not available.
     """

@@ -42,4 +42,4 @@ class Rules:
         )
 
 
-POLICIES = (Rules(),)
+POLICIES = (Rules,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
@@ -32,4 +33,4 @@ class Static:
         )
 
 
-POLICIES = tuple(Static(algorithm) for algorithm in ALGORITHMS)
+POLICIES = tuple(partial(Static, algorithm) for algorithm in ALGORITHMS)
