@@ -148,6 +148,7 @@ class EgoAgent:
         self._metrics.participants.set(len(decision.participants))
         self._metrics.quality.set(decision.quality)
         self._metrics.predicted_bytes.set(decision.cost_bytes)
+        self._metrics.advice.show(decision.advice)
         return _Running(snapshot, scene, decision, published, cycle_ms, demand)
 
     def _say_demand(self, scene: UnifiedScene | None, decision: Decision) -> NetDemand | None:

@@ -18,7 +18,7 @@ from typing import BinaryIO
 import msgspec
 
 from swarm.errors import JournalError
-from swarm.messages import Algorithm, Source
+from swarm.messages import AdviceReport, Algorithm, Source
 
 VERSION = 1
 MAX_PENDING = 600
@@ -65,6 +65,8 @@ class Decided(msgspec.Struct, frozen=True, kw_only=True):
     repairs: tuple[str, ...]
     quality: float
     cost_bytes: int
+    model: str = ""
+    """The language model whose advice it follows."""
 
 
 class Frames(msgspec.Struct, frozen=True, kw_only=True):
@@ -117,6 +119,8 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     """`complete`, `partial` (someone was missing), `alone` or `no frames`."""
     demand: Demand | None = None
     """None in lines of older programs, and where the scene could not be told."""
+    advice: AdviceReport | None = None
+    """None in lines of older programs, and of policies that ask no language model."""
 
 
 ByteTotals = Counter[tuple[str, str]]

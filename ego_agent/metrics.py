@@ -12,6 +12,7 @@ import math
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
+from ego_agent.advice.metrics import AdviceMetrics
 from ego_agent.journal import ByteTotals, CycleRecord, byte_totals
 from ego_agent.model import Snapshot
 from swarm.messages import NetDemand
@@ -138,7 +139,7 @@ class EgoMetrics:
             ["reason"],
             registry=registry,
         )
-
+        self.advice = AdviceMetrics(registry)
         self._robots: set[str] = set()
 
     def links(self, snapshot: Snapshot) -> None:
@@ -177,3 +178,5 @@ class EgoMetrics:
         for robot, reasons in record.missing.items():
             for reason, count in reasons.items():
                 self.missing.labels(robot, reason).inc(count)
+        if record.advice is not None:
+            self.advice.committed(record.advice)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm.geometry import Pose
-from swarm.messages import Algorithm, Beacon, SceneDescription, Source
+from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, Source
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +99,7 @@ class Proposal:
     """When the scene that it was made from was taken, on the ego's clock; None: in this cycle."""
     model: str = ""
     """The language model that proposed it."""
+    notes: tuple[str, ...] = ()
+    """What was changed or refused on the way to it, one sentence each; goes before `repairs`."""
+    advice: AdviceReport | None = None
+    """How the policy stands with its language model, where it has one."""

@@ -68,6 +68,7 @@ def cycle_record(
             repairs=decision.repairs,
             quality=decision.quality,
             cost_bytes=decision.cost_bytes,
+            model=decision.model,
         ),
         published=published,
         bytes=_nested(tally.received),
@@ -93,6 +94,7 @@ def cycle_record(
             reachable=demand.reachable,
             unreachable_s=round(demand.unreachable_s, 3),
         ),
+        advice=decision.advice,
     )
 
 

@@ -35,6 +35,16 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
     """Ask for ground points too."""
+    llm_period_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 5.0
+    """Policy `llm` asks at once when the scene or C(t) moves, else this often."""
+    llm_deadline_s: Annotated[float, msgspec.Meta(ge=0.05, le=600)] = 10.0
+    """How long a question to the language model may take. The cycle does not wait for it."""
+    llm_hold_max_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 30.0
+    """Advice that was adopted longer ago is given up."""
+    llm_min_confidence: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    """Advice that the model itself trusts less is refused."""
+    llm_value_margin: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.005
+    """Advice may be predicted to be worse than the fallback by no more than this."""
     journal: str = ""
     """Path of the journal; empty keeps none."""
 

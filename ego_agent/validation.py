@@ -14,10 +14,11 @@ from ego_agent.greedy import grow
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.scoring import Score, Scorer
-from swarm.messages import Algorithm, Decision, Source
+from swarm.messages import AdviceReport, Algorithm, Decision, Source
 
 SOURCES: tuple[Source, ...] = get_args(Source)
 MAX_REASON = 500
+MAX_MODEL = 200
 MAX_NAME = 40
 MAX_REPAIRS = 16
 MAX_PARTICIPANTS = 1024
@@ -44,6 +45,7 @@ def validate(
     repairs: list[str] = []
     if trouble := _unusable(proposal, knowledge, now_ns):
         return None, (trouble,)
+    repairs.extend(proposal.notes)
     scorer = Scorer(scene, knowledge)
     asked = _known_once(proposal.participants, scene, repairs)
     if not asked and any(name != scene.ego.robot for name in proposal.participants):
@@ -65,6 +67,8 @@ def validate(
         policy=policy,
         cycle=cycle,
         now_ns=now_ns,
+        model=proposal.model,
+        advice=proposal.advice,
     )
     return decision, decision.repairs
 
@@ -79,6 +83,8 @@ def make_decision(
     policy: str,
     cycle: int,
     now_ns: int,
+    model: object = "",
+    advice: AdviceReport | None = None,
 ) -> Decision:
     """The message of a choice that has been checked."""
     ego = scorer.scene.ego.robot
@@ -91,12 +97,14 @@ def make_decision(
         reason=_text(reason, MAX_REASON),
         source=source,
         policy=policy,
+        model=_text(model, MAX_MODEL),
         valid=ego not in scorer.scene.excluded,
         repairs=bounded(repairs),
         quality=score.quality,
         cost_bytes=score.cost_bytes,
         rate_hz=scorer.objective.rate_hz,
         capacity_bps=scorer.scene.capacity_bps,
+        advice=advice,
     )
 
 
