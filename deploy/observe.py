@@ -13,6 +13,7 @@ from deploy.state import State
 from swarm import keyspace
 from swarm.errors import TransportError
 from swarm.messages import (
+    AdviceReport,
     Beacon,
     Decision,
     Detections,
@@ -59,16 +60,20 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     valid: bool | None
     reason: str | None
     capacity_bps: float | None
+    """C(t) that the last decision was checked against."""
     cell_bps: int | None
     """What the network controller gives the cell towards the ego; None where it is not shaped."""
     cell_level: int | None
     """How far the controller has moved bandwidth towards fusion."""
-    """C(t) that the last decision was checked against."""
     quality: float | None
     bytes_per_s: float
     frames_per_s: float
     """Fused frames that the ego published."""
     robots: tuple[RobotRow, ...]
+    model: str | None = None
+    """The language model whose advice the decision follows; empty for none."""
+    advice: AdviceReport | None = None
+    """None for policies that ask no language model."""
 
 
 @dataclass(slots=True)
@@ -187,6 +192,8 @@ class Watch:
                 bytes_per_s=round(sum(received.values()) / span_s, 1),
                 frames_per_s=round(heard.detections / span_s, 2),
                 robots=rows,
+                model=decision.model if decision else None,
+                advice=decision.advice if decision else None,
             )
             heard.detections, heard.bytes = 0, None
             self._since = now

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -23,7 +24,7 @@ from deploy.spec import make_spec
 from deploy.state import State
 from swarm import keyspace
 from swarm.arrays import pack
-from swarm.messages import Beacon, Decision, Detections
+from swarm.messages import AdviceReport, Beacon, Decision, Detections
 from swarm.session import Session
 from swarm.transport import router_config, router_json5
 
@@ -205,6 +206,25 @@ def test_the_table_shows_each_robot_the_decision_and_each_process() -> None:
     assert "C(t) = 5.0 Mbit/s (cell: 6.0 Mbit/s, level 1)" in rows["link"]
     assert "restarting" in rows["robot-R2"]
     assert "last ended with x" in rows["robot-R2"]
+
+
+def shown(advice: AdviceReport) -> str:
+    text = render(msgspec.structs.replace(VIEW, policy="llm", source="hold", advice=advice), [])
+    return next(line for line in text.splitlines() if line.startswith("advice"))
+
+
+def test_the_table_shows_how_the_ego_stands_with_its_language_model() -> None:
+    held = AdviceReport(
+        state="held", gateway=True, question=7, asked_s=3.2, model="smollm2-135m", age_s=12.1
+    )
+    assert shown(held) == "advice     held 12 s: smollm2-135m, asked 3 s ago (question 7)"
+    refused = AdviceReport(
+        state="refused", gateway=True, question=8, asked_s=1.0, refusal="refused: too dear"
+    )
+    assert shown(refused).endswith("refused, asked 1 s ago (question 8); last: refused: too dear")
+    gone = AdviceReport(state="none", gateway=False, question=8, asked_s=9.0)
+    assert shown(gone) == "advice     none, no LLM gateway is connected"
+    assert "advice" not in render(VIEW, [])
 
 
 @pytest.mark.parametrize("command", ["status", "logs", "metrics"])

@@ -14,6 +14,7 @@ from deploy.rates import format_rate
 from deploy.runtimes.base import ProcessStatus
 from deploy.state import State, need_state
 from swarm.errors import DeployError, TransportError
+from swarm.messages import AdviceReport
 
 WINDOW_S = 1.2
 REDRAW_S = 1.0
@@ -109,9 +110,23 @@ def _decision(view: SwarmView) -> list[str]:
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
         f"by         {view.policy} (source: {view.source})",
         f"reason     {view.reason}",
+        *([f"advice     {_advice(view.advice)}"] if view.advice else []),
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _advice(advice: AdviceReport) -> str:
+    """How the ego stands with its language model, in one line."""
+    if advice.age_s is not None:
+        text = f"{advice.state} {advice.age_s:.0f} s: {advice.model}"
+    else:
+        text = advice.state
+    if not advice.gateway:
+        text += ", no LLM gateway is connected"
+    elif advice.asked_s is not None:
+        text += f", asked {advice.asked_s:.0f} s ago (question {advice.question})"
+    return text + (f"; last: {advice.refusal}" if advice.refusal else "")
 
 
 def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
