@@ -3,7 +3,9 @@ ROBOTS ?= 6
 WORLD ?= factory
 DATA ?=
 RUNTIME ?= auto
-POLICY ?= coverage
+POLICY ?=
+LLM ?=
+MODEL ?=
 SWARM ?= local
 LINK ?=
 RATE ?=
@@ -25,7 +27,8 @@ BENCHMARKS = sam codec roundtrip cycle shaping priority trace adapt controller
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|opv2v DATA=dir RUNTIME=auto|docker|netns"
-	@echo "             POLICY=$(POLICY) LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
+	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
+	@echo "             LLM=embedded|http://host:port/v1 MODEL=name"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
 	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s"
 
@@ -34,7 +37,8 @@ setup: ## Make .venv and install what the swarm needs
 
 up: setup ## Start a swarm: router, robots, ego, Prometheus
 	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \
-		--policy $(POLICY) $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) $(ARGS)
+		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
+		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) $(ARGS)
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)

@@ -32,7 +32,7 @@ def listen(port: int, what: str) -> socket.socket:
     return listener
 
 
-Door = Literal["ego metrics", "prometheus", "qod"]
+Door = Literal["ego metrics", "prometheus", "qod", "llm"]
 
 
 @contextlib.contextmanager
@@ -51,6 +51,8 @@ def listen_doors(spec: SwarmSpec) -> Iterator[dict[Door, socket.socket]]:
 def _doors(spec: SwarmSpec) -> Iterator[tuple[Door, int, str]]:
     yield "ego metrics", spec.ego_metrics_port, "the ego's metrics (--ego-metrics-port)"
     yield "qod", spec.qod_port, "the Quality-on-Demand API (--qod-port)"
+    if spec.llm:
+        yield "llm", spec.llm_port, "the LLM gateway's HTTP door (--llm-port)"
     if spec.prometheus:
         yield "prometheus", spec.prometheus_port, "Prometheus (--prometheus-port)"
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import yaml
 
-from deploy.spec import SwarmSpec
+from deploy.spec import EMBEDDED, SwarmSpec
 from worlds.factory.scenarios import link_steps_bps
 
-Role = Literal["router", "controller", "robot", "ego", "prometheus"]
+Role = Literal["router", "controller", "gateway", "robot", "ego", "prometheus"]
 INFRA = "infra"
 ROUTER_METRICS_PORT = 9100
 ROBOT_METRICS_PORT = 9101
@@ -23,6 +23,16 @@ RETENTION = "512MB"
 JOURNAL = "journal"
 NET = "net"
 """The controller's part of `var_dir`."""
+LLM = "llm"
+"""The gateway's."""
+FOLDERS = (JOURNAL, NET, LLM, "prometheus")
+SECRETS: Mapping[str, Role] = {
+    "COADAPT_QOD_": "controller",
+    "COADAPT_LLM_API_KEY": "gateway",
+    "COADAPT_LLM_HTTP_": "gateway",
+}
+"""Settings, by how their names begin, that only one role may know."""
+API_KEY, API_KEY_FILE = "COADAPT_LLM_API_KEY", "COADAPT_LLM_API_KEY_FILE"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +44,22 @@ class Place:
     router_host: str
     """Address by which the other processes reach the router."""
     var_dir: str
-    """Holds `journal/` (the ego's), `net/` (the controller's) and `prometheus/` (its data); the
-    runtime makes them."""
+    """Holds `journal/` (the ego's), `net/` (the controller's), `llm/` (the gateway's) and
+    `prometheus/` (its data); the runtime makes them."""
     prometheus_config: str
     """Path of the file with `prometheus_config`."""
     driver: Literal["netns", "docker"] = "netns"
     """How the network controller finds links."""
     qod_socket: str = ""
     """Socket of the Quality-on-Demand API; empty: it answers on the host's 127.0.0.1 itself."""
-    controller_router_host: str = ""
-    """Address by which the controller reaches the router, where that is another one."""
-    controller_metrics_host: str = "0.0.0.0"
-    """Address that the controller's metrics listen on."""
+    llm_http_socket: str = ""
+    """Socket of the gateway's HTTP door; empty: it answers on the host's 127.0.0.1 itself."""
+    llm_server_socket: str = ""
+    """Socket that leads to the model server, where the gateway cannot reach it itself."""
+    site_router_host: str = ""
+    """Address by which controller and gateway reach the router, where that is another one."""
+    site_metrics_host: str = "0.0.0.0"
+    """Address that the metrics of controller and gateway listen on."""
     unix_socket: str = ""
     """Socket that the router listens on as well, for tools on the host; empty for none."""
     data: str = ""
@@ -72,7 +86,8 @@ class Service:
 
 
 def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
-    """Router, controller, robots, ego and Prometheus, in the order in which to start them."""
+    """Router, controller, gateway, robots, ego and Prometheus, in the order in which to start
+    them."""
     router = Service(
         name="router",
         role="router",
@@ -92,6 +107,14 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         argv=(place.python, "-m", "network_controller"),
         env=_controller_environment(spec, place),
         metrics_port=spec.controller_metrics_port,
+    )
+    gateway = Service(
+        name="gateway",
+        role="gateway",
+        host=INFRA,
+        argv=(place.python, "-m", "llm_gateway"),
+        env=_gateway_environment(spec, place),
+        metrics_port=spec.gateway_metrics_port,
     )
     robots = [
         Service(
@@ -138,7 +161,19 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         ),
         metrics_port=PROMETHEUS_PORT,
     )
-    return (router, controller, *robots, ego, *([prometheus] if spec.prometheus else []))
+    advice = [gateway] if spec.llm else []
+    watch = [prometheus] if spec.prometheus else []
+    return (router, controller, *advice, *robots, ego, *watch)
+
+
+def inherited(role: Role, environment: Mapping[str, str]) -> dict[str, str]:
+    """What a process may take over from the environment of `up`: what is another role's secret
+    stays away from it."""
+    return {
+        name: value
+        for name, value in environment.items()
+        if all(role == owner or not name.startswith(start) for start, owner in SECRETS.items())
+    }
 
 
 def journal_path(spec: SwarmSpec, var_dir: str) -> str:
@@ -157,7 +192,6 @@ def _begun(spec: SwarmSpec) -> str:
 
 def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     """The network controller's settings (`network_controller.settings`)."""
-    host = place.controller_router_host or place.router_host
     link = {}
     if spec.link_bps:
         link = {"COADAPT_LINK_BPS": str(spec.link_bps)}
@@ -168,8 +202,7 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
             "COADAPT_LINK_INTERVAL_S": str(interval_s),
         }
     return {
-        **_common_environment(spec, host, spec.controller_metrics_port),
-        "COADAPT_METRICS_HOST": place.controller_metrics_host,
+        **_site_environment(spec, place, spec.controller_metrics_port),
         "COADAPT_DRIVER": place.driver,
         "COADAPT_EGO": spec.ego,
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
@@ -178,6 +211,29 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
         "COADAPT_QOD_PORT": str(spec.qod_port),
         "COADAPT_QOD_SOCKET": place.qod_socket,
         **link,
+    }
+
+
+def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
+    """The LLM gateway's settings (`llm_gateway.settings`)."""
+    embedded = spec.llm == EMBEDDED
+    server = {"COADAPT_LLM_URL": spec.llm, "COADAPT_LLM_SOCKET": place.llm_server_socket}
+    return {
+        **_site_environment(spec, place, spec.gateway_metrics_port),
+        "COADAPT_LLM_BACKEND": "llamacpp" if embedded else "openai",
+        "COADAPT_LLM_MODEL": spec.llm_model,
+        "COADAPT_LLM_CACHE": f"{place.var_dir}/{LLM}/answers.sqlite3",
+        "COADAPT_LLM_HTTP_PORT": str(spec.llm_port),
+        "COADAPT_LLM_HTTP_SOCKET": place.llm_http_socket,
+        **({} if embedded else server),
+    }
+
+
+def _site_environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
+    """What the processes share that serve the site, not one robot."""
+    host = place.site_router_host or place.router_host
+    return _common_environment(spec, host, metrics_port) | {
+        "COADAPT_METRICS_HOST": place.site_metrics_host
     }
 
 

@@ -7,6 +7,7 @@ import os
 import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -21,6 +22,8 @@ MIN_ROBOTS, MAX_ROBOTS = 2, 100
 _COMM_RANGE_M = {"opv2v": 70.0}
 """The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
+EMBEDDED = "embedded"
+_LLM = rf"^({EMBEDDED}|https?://[^\s/?#@]+(/[^\s?#]*)?)?(?!\n)$"
 _NAME_RULE = "1 to 32 letters, digits, '_' or '-'"
 _PORT_RULE = "a port from 1 to 65532"
 _ALLOWED = {
@@ -42,6 +45,10 @@ _ALLOWED = {
     "controller_metrics_port": _PORT_RULE,
     "comm_range_m": "metres > 0 and <= 10000, or unset",
     "link_bps": "bit/s >= 100000, or unset",
+    "llm": "empty, embedded, or http(s)://host[:port][/path] of an OpenAI-compatible server",
+    "llm_model": "the name of a model, at most 200 characters",
+    "llm_port": _PORT_RULE,
+    "gateway_metrics_port": _PORT_RULE,
 }
 
 
@@ -83,6 +90,14 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """How far from the ego a robot may take part; None leaves it to the ego's settings."""
     link_bps: Annotated[int, msgspec.Meta(ge=100_000)] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
+    llm: Annotated[str, msgspec.Meta(pattern=_LLM)] = ""
+    """Where language models answer: `embedded`, or the URL of a server; empty runs no gateway."""
+    llm_model: Annotated[str, msgspec.Meta(max_length=200)] = ""
+    """Which model; empty takes the embedded one's or the server's first."""
+    llm_port: HostPort = 9106
+    """Where the LLM gateway's HTTP door answers on the host's 127.0.0.1."""
+    gateway_metrics_port: HostPort = 9105
+    """Where Prometheus scrapes the LLM gateway; in Docker, a port of the host's bridge."""
     run_dir: str
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str
@@ -97,6 +112,13 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
             for name in names
             if name != "epoch_ns" and getattr(self, name) != getattr(other, name)
         )
+
+    def llm_server(self) -> tuple[str, int] | None:
+        """Host and port of the model server; None without one."""
+        if self.llm in ("", EMBEDDED):
+            return None
+        parts = urlsplit(self.llm)
+        return parts.hostname or "", parts.port or (443 if parts.scheme == "https" else 80)
 
     def same_as(self, other: SwarmSpec) -> bool:
         """Whether both describe the same swarm, started at whatever time."""
@@ -144,6 +166,12 @@ def make_spec(**values: Any) -> SwarmSpec:
     if values.get("world") == "opv2v" and not Path(values.get("data") or "?").is_dir():
         raise _invalid("data", values.get("data", ""))
     spec: SwarmSpec = msgspec.convert(values, SwarmSpec)
+    try:
+        server = spec.llm_server()
+    except ValueError as error:
+        raise _invalid("llm", spec.llm) from error
+    if server is not None and not server[0]:
+        raise _invalid("llm", spec.llm)
     return spec
 
 

@@ -39,6 +39,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     ego_metrics_url: str = ""
     qod_url: str = ""
     """The Quality-on-Demand API on the host."""
+    llm_url: str = ""
+    """The LLM gateway's HTTP door on the host; empty without a gateway."""
     processes: dict[str, ProcessMark] = {}
     """Processes on the host that belong to the swarm, by what they do."""
 

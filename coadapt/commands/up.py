@@ -27,7 +27,16 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--world", choices=("factory", "opv2v"), default="factory")
     parser.add_argument("--data", default="", help="directory of recorded data, for opv2v")
     parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
-    parser.add_argument("--policy", default="coverage", help="how the ego decides")
+    parser.add_argument(
+        "--policy", help="how the ego decides (default: coverage; llm where --llm is given)"
+    )
+    parser.add_argument(
+        "--llm",
+        default="",
+        metavar="WHERE",
+        help="language models: embedded, or the URL of an OpenAI-compatible server",
+    )
+    parser.add_argument("--llm-model", default="", metavar="NAME", help="which model")
     parser.add_argument("--period", type=float, default=1.0, help="seconds between decisions")
     parser.add_argument("--q-min", type=float, default=0.7, help="least quality, 0 to 1")
     parser.add_argument("--rings", type=int, choices=(16, 32, 64), default=32, help="of the LiDARs")
@@ -43,6 +52,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--qod-port", type=int, default=9104, help="on 127.0.0.1")
     parser.add_argument(
         "--controller-metrics-port", type=int, default=9103, help="on Docker's bridge, in Docker"
+    )
+    parser.add_argument("--llm-port", type=int, default=9106, help="on 127.0.0.1")
+    parser.add_argument(
+        "--gateway-metrics-port", type=int, default=9105, help="on Docker's bridge, in Docker"
     )
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
@@ -97,7 +110,11 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         seed=args.seed,
         rings=args.rings,
         scenario=args.scenario,
-        policy=args.policy,
+        policy=args.policy or ("llm" if args.llm else "coverage"),
+        llm=args.llm,
+        llm_model=args.llm_model,
+        llm_port=args.llm_port,
+        gateway_metrics_port=args.gateway_metrics_port,
         period_s=args.period,
         q_min=args.q_min,
         prometheus=not args.no_prometheus,
@@ -125,6 +142,8 @@ def _print_where(state: State) -> None:
     print(f"prometheus  {state.prometheus_url or 'none'}")
     print(f"ego metrics {state.ego_metrics_url}")
     print(f"qod api     {state.qod_url}/quality-on-demand/v1")
+    if state.llm_url:
+        print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
     print(f"journal     {journal_path(spec, spec.var_dir)}")
     print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")

@@ -27,7 +27,7 @@ PLACE = Place(
     prometheus_config="/etc/coadapt/prometheus.yml",
 )
 ENGINE_SOCKET = "/var/run/docker.sock"
-ON_THE_HOST: dict[str, Any] = {
+CONTROLLER: dict[str, Any] = {
     "network_mode": "host",
     # It shapes the host's ends of the containers' links, finds them through the engine's socket,
     # and writes to the user's directory.
@@ -35,7 +35,12 @@ ON_THE_HOST: dict[str, Any] = {
     "cap_drop": ["ALL"],
     "cap_add": ["NET_ADMIN", "DAC_OVERRIDE"],
 }
-DATA, CACHE = "/data", "/cache"
+GATEWAY: dict[str, Any] = {
+    # A model server on this host answers on its loopback.
+    "network_mode": "host",
+    "cap_drop": ["ALL"],
+}
+DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
 _NOT_FOR_PROCESSES = frozenset(
     {"COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_REQUIRE", "COADAPT_RUN_DIR"}
 )
@@ -45,13 +50,13 @@ _NOT_FOR_PROCESSES = frozenset(
 def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
     """Where the processes of this swarm find things inside their containers.
 
-    The controller alone lives in the host's network; containers reach it at `gateway`, the host's
-    address on Docker's bridge.
+    Controller and LLM gateway live in the host's network; containers reach them at `gateway`, the
+    host's address on Docker's bridge.
     """
     return Place(
         driver="docker",
-        controller_router_host=LOCALHOST,
-        controller_metrics_host=gateway,
+        site_router_host=LOCALHOST,
+        site_metrics_host=gateway,
         listen_host=PLACE.listen_host,
         router_host=PLACE.router_host,
         var_dir=PLACE.var_dir,
@@ -72,11 +77,9 @@ def project_of(swarm: str) -> str:
 def compose_file(spec: SwarmSpec, image: str, gateway: str) -> str:
     """The compose file (YAML) of a swarm that runs from `image`; see `place_of`."""
     members = roster.services(spec, place_of(spec, gateway))
+    special = {"controller": CONTROLLER, "gateway": GATEWAY}
     document = {
-        "services": {
-            m.name: _container(spec, m, image) | (ON_THE_HOST if m.role == "controller" else {})
-            for m in members
-        },
+        "services": {m.name: _container(spec, m, image) | special.get(m.role, {}) for m in members},
         "networks": {"swarm": {"driver": "bridge", "labels": {LABEL: spec.swarm}}},
     }
     text: str = yaml.safe_dump(document, sort_keys=False)
@@ -97,7 +100,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
-        **({} if service.role == "controller" else {"networks": ["swarm"]}),
+        **({} if service.role in ("controller", "gateway") else {"networks": ["swarm"]}),
         "labels": {LABEL: spec.swarm, SERVICE_LABEL: service.name},
         "restart": "unless-stopped" if service.restart == "always" else "no",
         "stop_grace_period": "5s",
@@ -107,28 +110,37 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     if published:
         container["ports"] = published
     if service.role == "prometheus":
-        container["extra_hosts"] = ["controller:host-gateway"]
+        container["extra_hosts"] = ["controller:host-gateway", "gateway:host-gateway"]
     if service.role != "router":
         container["depends_on"] = ["router"]
     return container
 
 
-def _settings(service: Service) -> dict[str, str]:
-    """Settings that `up` has no option for, from the caller's environment."""
-    if service.role not in ("robot", "ego", "controller"):
+def _settings(service: Service) -> dict[str, str | None]:
+    """Settings that `up` has no option for, from the caller's environment. A key is not written
+    down: for None compose takes the value from its own environment."""
+    if service.role not in ("robot", "ego", "controller", "gateway"):
         return {}
-    return {
+    found: dict[str, str | None] = {
         name: value
-        for name, value in os.environ.items()
+        for name, value in roster.inherited(service.role, os.environ).items()
         if name.startswith("COADAPT_") and name not in _NOT_FOR_PROCESSES
     }
+    if roster.API_KEY in found:
+        found[roster.API_KEY] = None
+    if found.get(roster.API_KEY_FILE):
+        found[roster.API_KEY_FILE] = KEY
+    return found
 
 
 def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     volumes = []
     if service.role == "controller":
         volumes.append(f"{ENGINE_SOCKET}:{ENGINE_SOCKET}")
-    if service.role in ("ego", "prometheus", "controller"):
+    key_file = os.environ.get(roster.API_KEY_FILE)
+    if service.role == "gateway" and key_file:
+        volumes.append(f"{Path(key_file).absolute()}:{KEY}:ro")
+    if service.role in ("ego", "prometheus", "controller", "gateway"):
         volumes.append(f"{spec.var_dir}:{PLACE.var_dir}")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")

@@ -13,7 +13,7 @@ import msgspec
 
 from deploy.netns import network
 from deploy.runtimes.base import ProcessState
-from deploy.services import Service
+from deploy.services import Service, inherited
 from swarm.log import Logger
 
 FIRST_DELAY_S = 0.5
@@ -123,7 +123,7 @@ class Children:
             child.pid = os.posix_spawnp(
                 argv[0],
                 argv,
-                {**os.environ, **service.env},
+                {**inherited(service.role, os.environ), **service.env},
                 file_actions=[
                     (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
                     (os.POSIX_SPAWN_DUP2, log, 1),

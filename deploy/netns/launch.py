@@ -14,7 +14,13 @@ from pathlib import Path
 import msgspec
 
 from deploy.netns import control, detached
-from deploy.netns.supervisor import EGO_METRICS_SOCKET, PROMETHEUS_SOCKET, QOD_SOCKET
+from deploy.netns.supervisor import (
+    EGO_METRICS_SOCKET,
+    LLM_HTTP_SOCKET,
+    LLM_SERVER_SOCKET,
+    PROMETHEUS_SOCKET,
+    QOD_SOCKET,
+)
 from deploy.ports import Door
 from deploy.spec import SwarmSpec
 from deploy.state import ProcessMark
@@ -114,13 +120,19 @@ _SOCKETS: Mapping[Door, str] = {
     "ego metrics": EGO_METRICS_SOCKET,
     "prometheus": PROMETHEUS_SOCKET,
     "qod": QOD_SOCKET,
+    "llm": LLM_HTTP_SOCKET,
 }
 
 
 def start_relay(spec: SwarmSpec, log: Path, listeners: Mapping[Door, socket.socket]) -> ProcessMark:
-    """Starts the host's relay on listening sockets, which the caller may close afterwards."""
+    """Starts the host's relay on listening sockets, which the caller may close afterwards; it is
+    also the gateway's way to a model server outside."""
     doors = [(listener, _SOCKETS[door]) for door, listener in listeners.items()]
     pairs = [f"{3 + i}={spec.run_dir}/{path}" for i, (_, path) in enumerate(doors)]
+    server = spec.llm_server()
+    if server is not None:
+        host, port = server
+        pairs.append(f"{spec.run_dir}/{LLM_SERVER_SOCKET}={host}:{port}")
     with open(os.devnull) as nothing, open(log, "ab") as log_file:
         descriptors = {0: nothing.fileno(), 1: log_file.fileno(), 2: log_file.fileno()}
         descriptors |= {3 + i: door.fileno() for i, (door, _) in enumerate(doors)}

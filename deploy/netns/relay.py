@@ -2,8 +2,9 @@
 
 A Unix socket in the run directory crosses network namespaces: the supervisor listens on it and
 connects to the service inside; `python -m deploy.netns.relay RUN_DIR FD=SOCKET ...` runs on the
-host, accepts on the inherited listening socket FD and connects to SOCKET. It ends with the
-supervisor, whose control socket it holds a connection to.
+host, accepts on the inherited listening socket FD and connects to SOCKET. The other way,
+SOCKET=HOST:PORT lets the swarm reach that one address outside. It ends with the supervisor, whose
+control socket it holds a connection to.
 """
 
 from __future__ import annotations
@@ -58,25 +59,26 @@ async def serve_unix(path: Path, host: str, port: int) -> asyncio.Server:
     )
 
 
-async def _run(run_dir: Path, doors: list[tuple[int, Path]]) -> None:
+async def _run(run_dir: Path, doors: list[tuple[str, str]]) -> None:
     alive, _ = await asyncio.open_unix_connection(run_dir / control.SOCKET)
-    servers = []
-    for descriptor, path in doors:
-        listener = socket.socket(fileno=descriptor)
-
-        def connect(path: Path = path) -> Awaitable[Streams]:
-            return asyncio.open_unix_connection(path)
-
-        servers.append(await asyncio.start_server(forwarder(connect), sock=listener))
+    servers = [await _serve(source, target) for source, target in doors]
     await alive.read()
     for server in servers:
         server.close()
 
 
+async def _serve(source: str, target: str) -> asyncio.Server:
+    if source.isdecimal():
+        inwards = forwarder(lambda: asyncio.open_unix_connection(target))
+        return await asyncio.start_server(inwards, sock=socket.socket(fileno=int(source)))
+    host, _, port = target.rpartition(":")
+    return await serve_unix(Path(source), host, int(port))
+
+
 def main() -> int:
     """Relays until the supervisor ends."""
     run_dir, *pairs = sys.argv[1:]
-    doors = [(int(left), Path(right)) for left, _, right in (pair.partition("=") for pair in pairs)]
+    doors = [(left, right) for left, _, right in (pair.partition("=") for pair in pairs)]
     try:
         asyncio.run(_run(Path(run_dir), doors))
     except OSError as error:

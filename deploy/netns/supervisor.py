@@ -34,6 +34,8 @@ ROUTER_SOCKET = "router.sock"
 PROMETHEUS_SOCKET = "prometheus.sock"
 EGO_METRICS_SOCKET = "ego-metrics.sock"
 QOD_SOCKET = "qod.sock"
+LLM_HTTP_SOCKET = "llm.sock"
+LLM_SERVER_SOCKET = "llm-server.sock"
 PROMETHEUS_FILE = "prometheus.yml"
 
 
@@ -46,6 +48,8 @@ def place_of(spec: SwarmSpec) -> Place:
         var_dir=spec.var_dir,
         driver="netns",
         qod_socket=f"{spec.run_dir}/{QOD_SOCKET}",
+        llm_http_socket=f"{spec.run_dir}/{LLM_HTTP_SOCKET}",
+        llm_server_socket=f"{spec.run_dir}/{LLM_SERVER_SOCKET}",
         prometheus_config=f"{spec.run_dir}/{PROMETHEUS_FILE}",
         data=spec.data,
         cache=spec.cache,

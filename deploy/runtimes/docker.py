@@ -70,7 +70,7 @@ class DockerRuntime:
 
     def _start_from(self, image: str, spec: SwarmSpec) -> None:
         run_dir = record.make_run_dir(spec)
-        for folder in (roster.JOURNAL, roster.NET, "prometheus"):
+        for folder in roster.FOLDERS:
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
         (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
         file = run_dir / "compose.yml"
@@ -85,6 +85,7 @@ class DockerRuntime:
                 ),
                 ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
                 qod_url=f"http://127.0.0.1:{spec.qod_port}",
+                llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
             )
         )
         compose.start(spec, file)
@@ -191,7 +192,7 @@ def _sweep(engine: Any, image: str) -> None:
     links = {name.removeprefix("ifb-") for name in names if name.startswith(IFB_PREFIX)}
     if not links - names:
         return
-    host = {k: v for k, v in compose.ON_THE_HOST.items() if k != "cap_add"}
+    host = {k: v for k, v in compose.CONTROLLER.items() if k != "cap_add"}
     argv = ["python3", "-m", "network_controller.sweep"]
     engine.containers.run(image, argv, remove=True, cap_add=["NET_ADMIN"], **host)
 

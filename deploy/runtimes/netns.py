@@ -12,7 +12,7 @@ from deploy.netns import control, detached, launch
 from deploy.netns.supervisor import ROUTER_SOCKET, place_of
 from deploy.ports import listen_doors
 from deploy.runtimes.base import ProcessStatus
-from deploy.services import JOURNAL, NET, services
+from deploy.services import FOLDERS, services
 from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,
@@ -124,8 +124,9 @@ class NetnsRuntime:
             doors = stack.enter_context(listen_doors(spec))
             make_run_dir(spec)
             try:
-                for directory in (logs, var_dir / JOURNAL, var_dir / NET, var_dir / "prometheus"):
-                    directory.mkdir(parents=True, exist_ok=True)
+                for folder in FOLDERS:
+                    (var_dir / folder).mkdir(parents=True, exist_ok=True)
+                logs.mkdir(parents=True, exist_ok=True)
                 for old in logs.glob("*.log"):
                     old.unlink()
                 start = stack.enter_context(
@@ -175,6 +176,7 @@ def _state(spec: SwarmSpec, marks: dict[str, ProcessMark]) -> State:
         prometheus_url=f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else "",
         ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
         qod_url=f"http://127.0.0.1:{spec.qod_port}",
+        llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
         processes=marks,
     )
 
