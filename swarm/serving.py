@@ -46,6 +46,7 @@ class Server(Generic[M]):
         self._robot = keyspace.robot_of(key) if keyspace.belongs_to_robot(key) else ""
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="serve")
         self._max_waiting = waiting
+        # A place is given back when an answer has been sent.
         self._waiting = threading.BoundedSemaphore(waiting)
         self._credits = Credits()
 
@@ -69,6 +70,16 @@ class Server(Generic[M]):
             # The session is closing.
             with query:
                 self._refuse(query, "closing")
+
+    def drain(self, until: float) -> bool:
+        """Refuses new queries from now on, and waits until those taken are answered.
+
+        `until` is monotonic seconds; returns whether that was in time.
+        """
+        return all(
+            self._waiting.acquire(timeout=max(0.0, until - time.monotonic()))
+            for _ in range(self._max_waiting)
+        )
 
     def close(self) -> None:
         """Begins no further answer and stops those under way; does not wait for handlers."""

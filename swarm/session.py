@@ -8,6 +8,7 @@ threads and may take their time.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -241,6 +242,15 @@ class Session:
     def links(self) -> int:
         """Number of transport links to the router that are up."""
         return self._connection.links()
+
+    def drain(self, timeout_s: float) -> bool:
+        """Refuses new queries from now on, and waits until those taken are answered.
+
+        Call it before `close`, which leaves them without an answer. Returns whether all were
+        answered in time.
+        """
+        until = time.monotonic() + timeout_s
+        return all(server.drain(until) for server in self._servers)
 
     def close(self) -> None:
         """Withdraws everything and closes; never waits longer than a few seconds."""
