@@ -1,0 +1,58 @@
+"""Single flight: equal requests share one call of the model."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+
+from llm_gateway.model import Prompt
+from swarm.errors import GatewayError
+from swarm.messages import LlmTokens
+
+
+@dataclass(frozen=True, slots=True)
+class Landed:
+    """What a call brought."""
+
+    text: str
+    tokens: LlmTokens
+    finished: float
+    """`time.monotonic()` seconds."""
+
+
+@dataclass(slots=True, eq=False)
+class Flight:
+    """One call of the model, waiting or under way, and how many wait for it."""
+
+    prompt: Prompt
+    key: str
+    model: str
+    fingerprint: str
+    client: str
+    """Who asked first: the call is counted as this client's."""
+    deadline: float
+    """`time.monotonic()` seconds: the latest of those who wait."""
+    future: asyncio.Future[Landed]
+    probe: bool = False
+    """The circuit breaker waits for its outcome."""
+    waiters: int = 0
+    started: float | None = None
+    """When the model was first asked, `time.monotonic()` seconds."""
+    task: asyncio.Task[None] | None = None
+
+    def join(self, deadline: float) -> None:
+        """One more waits; the call may take as long as its most patient waiter."""
+        self.waiters += 1
+        self.deadline = max(self.deadline, deadline)
+
+    def land(self, landed: Landed) -> None:
+        """Gives everybody the answer."""
+        if not self.future.done():
+            self.future.set_result(landed)
+
+    def fail(self, error: GatewayError) -> None:
+        """Gives everybody the reason why there is none."""
+        if not self.future.done():
+            self.future.set_exception(error)
+            # Perhaps nobody waits any more, which is no fault to be logged.
+            self.future.exception()

@@ -1,0 +1,108 @@
+"""Settings of the LLM gateway."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from swarm.errors import SettingError
+from swarm.process import SwarmSettings
+from swarm.settings import Port, Seconds, load
+
+_SECRETS = ("llm_api_key", "llm_http_token")
+_KEY = re.compile(r"[\x21-\x7e]{1,4096}")
+
+
+class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
+    """How a site's models are asked. Field `llm_url` is read from `COADAPT_LLM_URL`."""
+
+    llm_backend: Literal["none", "openai", "llamacpp"] = "none"
+    llm_url: str = ""
+    """Of the OpenAI-compatible server, up to and including its version (`http://host:8000/v1`)."""
+    llm_model: str = ""
+    """`openai`: the model's name at the server; `llamacpp`: path of a GGUF file."""
+    llm_api_key: str = ""
+    llm_api_key_file: str = ""
+    """A file that holds the key instead."""
+    llm_parallel: Annotated[int, msgspec.Meta(ge=1, le=256)] = 8
+    """Prompts that the model works on at a time."""
+    llm_threads: Annotated[int, msgspec.Meta(ge=0, le=256)] = 0
+    """Of the embedded model; 0 takes what the machine has."""
+    llm_context: Annotated[int, msgspec.Meta(ge=256, le=1 << 20)] = 4096
+    """Tokens that the embedded model keeps for each prompt and its answer."""
+    llm_queue: Annotated[int, msgspec.Meta(ge=1, le=10_000)] = 128
+    """Model calls that wait at most."""
+    llm_per_client: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 8
+    """Of them, of one client."""
+    llm_window_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 10.0
+    """How long the first jobs after a rest wait for each other; 0 starts each at once."""
+    llm_cache: str = ""
+    """SQLite file of the cache; empty keeps answers in memory only."""
+    llm_cache_ttl_s: Annotated[float, msgspec.Meta(gt=0, le=30 * 86_400)] = 300.0
+    llm_cache_entries: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10_000
+    llm_http_host: str = "127.0.0.1"
+    llm_http_port: Port = 9105
+    """Where the OpenAI-compatible door answers; 0 takes any free port."""
+    llm_http_token: str = ""
+    """Bearer token that clients must show; needed to answer off this host."""
+    llm_breaker_failures: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 5
+    """Failed calls in a row after which the model is left alone ..."""
+    llm_breaker_s: Seconds = 10.0
+    """... for this long."""
+    llm_deadline_max_s: Annotated[float, msgspec.Meta(gt=0, le=600)] = 120.0
+    """Nobody is waited with any longer, whatever was asked for."""
+
+    def __repr__(self) -> str:
+        shown = (
+            f"{name}={'***' if name in _SECRETS and value else repr(value)}"
+            for name, value in msgspec.structs.asdict(self).items()
+        )
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def load_settings(environment: Mapping[str, str] | None = None) -> GatewaySettings:
+    """The settings from the environment and the TOML file, with the key from its file.
+
+    Raises SettingError that names the variable, its value (never a key or token) and what is
+    allowed.
+    """
+    try:
+        settings = load(GatewaySettings, environment)
+    except SettingError as error:
+        for name in _SECRETS:
+            if re.match(rf"(COADAPT_)?{name} = ", str(error), re.IGNORECASE):
+                raise SettingError(
+                    f"COADAPT_{name.upper()} is not valid; it must be text"
+                ) from None
+        raise
+    if settings.llm_api_key_file:
+        if settings.llm_api_key:
+            raise SettingError(
+                "COADAPT_LLM_API_KEY and COADAPT_LLM_API_KEY_FILE are both set; set one of them"
+            )
+        settings = msgspec.structs.replace(settings, llm_api_key=_key(settings.llm_api_key_file))
+    elif settings.llm_api_key and not _KEY.fullmatch(settings.llm_api_key):
+        raise SettingError(f"COADAPT_LLM_API_KEY is not valid; {_ALLOWED}")
+    return settings
+
+
+_ALLOWED = "it must be 1 to 4096 printable ASCII characters without spaces"
+
+
+def _key(path: str) -> str:
+    try:
+        key = Path(path).read_text("ascii").strip()
+    except OSError as error:
+        raise SettingError(
+            f"COADAPT_LLM_API_KEY_FILE = {path!r} cannot be read: {error.strerror}; it must be a "
+            "file that holds the key"
+        ) from None
+    except UnicodeDecodeError:
+        key = ""
+    if not _KEY.fullmatch(key):
+        raise SettingError(f"COADAPT_LLM_API_KEY_FILE = {path!r} holds no key; {_ALLOWED}")
+    return key

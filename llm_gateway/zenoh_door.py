@@ -1,0 +1,66 @@
+"""The door for egos: a queryable on the swarm's key for decisions."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from llm_gateway.gateway import Gateway
+from llm_gateway.model import Job, Prompt
+from swarm import keyspace
+from swarm.errors import GatewayError
+from swarm.messages import DecideAnswer, DecideRequest
+from swarm.session import Session
+
+WORKERS = 256
+"""As many as may wait, so that the gateway's order holds and not that of a thread pool."""
+SLACK_S = 1.0
+
+
+class ZenohDoor:
+    """Hands requests of a session to the gateway's event loop."""
+
+    def __init__(self, gateway: Gateway, loop: asyncio.AbstractEventLoop) -> None:
+        self._gateway = gateway
+        self._loop = loop
+
+    def open(self, session: Session) -> None:
+        """Answers, and shows the gateway as alive."""
+        session.serve(
+            keyspace.llm_decide(session.swarm),
+            DecideRequest,
+            self.decide,
+            workers=WORKERS,
+            waiting=WORKERS,
+        )
+        session.declare_gateway()
+
+    def decide(self, request: DecideRequest) -> DecideAnswer:
+        """Answers one request, on a thread of the session. Raises GatewayError."""
+        job = Job(
+            Prompt(request.messages, request.schema, request.max_tokens),
+            client=request.ego,
+            deadline=time.monotonic() + request.deadline_s,
+            fingerprint=request.fingerprint,
+        )
+        completing = self._gateway.complete(job)
+        try:
+            waiting = asyncio.run_coroutine_threadsafe(completing, self._loop)
+        except RuntimeError:
+            completing.close()
+            raise GatewayError("unavailable", "the gateway is closing") from None
+        try:
+            done = waiting.result(request.deadline_s + SLACK_S)
+        except TimeoutError:
+            waiting.cancel()
+            raise GatewayError("expired", "the gateway was too busy") from None
+        return DecideAnswer(
+            request=request.request,
+            decision=done.text,
+            source=done.source,
+            hit=done.hit,
+            model=done.model[:200],
+            age_s=done.age_s,
+            tokens=done.tokens,
+            timings=done.timings,
+        )
