@@ -1,0 +1,196 @@
+"""The HTTP door's application: routes, the token, bodies and clients that go away."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import time
+from collections.abc import Awaitable
+from typing import Protocol, TypeVar
+
+import msgspec
+from prometheus_client import CollectorRegistry, Counter
+from starlette.applications import Starlette
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from llm_gateway.http_chat import read_job, write_answer
+from llm_gateway.http_errors import HttpError, of_gateway
+from llm_gateway.model import Completion, Job
+from llm_gateway.schemas import Schemas
+from swarm.errors import GatewayError
+from swarm.log import Logger
+
+MAX_BODY_BYTES = 2_000_000
+DRAINED_BYTES = 16_000_000
+"""How much of a longer body is read and thrown away, so that its sender sees the refusal."""
+BODY_S = 20.0
+T = TypeVar("T")
+
+
+class Completer(Protocol):
+    """What the door needs of the gateway."""
+
+    @property
+    def model(self) -> str:
+        """The name of the model that answers."""
+        ...
+
+    async def complete(self, job: Job) -> Completion:
+        """Raises GatewayError; cancelling takes the job back."""
+        ...
+
+
+def make_app(gateway: Completer, token: str, registry: CollectorRegistry, log: Logger) -> ASGIApp:
+    """The application; with a token, clients must show it."""
+    began = int(time.time())
+    schemas = Schemas()
+
+    async def complete(request: Request) -> Response:
+        # Also keeps web pages out: a browser does not send JSON elsewhere without asking first.
+        if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
+            raise HttpError(415, "the body must be application/json")
+        raw = await _read(request)
+        address = request.client.host if request.client else "local"
+        job = read_job(raw, request.headers, address, gateway.model)
+        _check(schemas, job.prompt.schema)
+        completion = await _unless_gone(request, gateway.complete(job))
+        return Response(write_answer(completion), media_type="application/json")
+
+    async def models(request: Request) -> Response:
+        model = {"id": gateway.model, "object": "model", "created": began, "owned_by": "coadapt"}
+        raw = msgspec.json.encode({"object": "list", "data": [model]})
+        return Response(raw, media_type="application/json")
+
+    async def health(request: Request) -> Response:
+        return Response(b'{"status":"ok"}', media_type="application/json")
+
+    async def refused(request: Request, error: Exception) -> Response:
+        assert isinstance(error, HttpError)
+        return error.response()
+
+    async def unanswered(request: Request, error: Exception) -> Response:
+        assert isinstance(error, GatewayError)
+        return of_gateway(error).response()
+
+    async def not_routed(request: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)
+        message = f"{request.method} {request.url.path[:200]}: {error.detail}"
+        return HttpError(error.status_code, message, headers=error.headers).response()
+
+    async def left(request: Request, error: Exception) -> Response:
+        # Nobody reads it; it is counted.
+        return Response(status_code=499)
+
+    async def broken(request: Request, error: Exception) -> Response:
+        return HttpError(500, "the gateway's log says what failed").response()
+
+    app = Starlette(
+        routes=[
+            Route("/v1/chat/completions", complete, methods=["POST"]),
+            Route("/v1/models", models, methods=["GET"]),
+            Route("/healthz", health, methods=["GET"]),
+        ],
+        exception_handlers={
+            HttpError: refused,
+            GatewayError: unanswered,
+            HTTPException: not_routed,
+            ClientDisconnect: left,
+            Exception: broken,
+        },
+    )
+    app.router.redirect_slashes = False
+    return _Gate(app, token, registry, log)
+
+
+def _check(schemas: Schemas, schema: str) -> None:
+    """Tells a client's mistake (400) from a model's (502); the gateway calls both `invalid`."""
+    try:
+        if schema:
+            schemas.check(schema)
+    except GatewayError as error:
+        raise HttpError(400, str(error), code=error.code, param="response_format") from error
+
+
+async def _read(request: Request) -> bytes:
+    raw = bytearray()
+    size = 0
+    try:
+        async with asyncio.timeout(BODY_S):
+            async for chunk in request.stream():
+                size += len(chunk)
+                if size <= MAX_BODY_BYTES:
+                    raw += chunk
+                elif size > DRAINED_BYTES:
+                    break
+    except TimeoutError:
+        raise HttpError(408, f"the body did not arrive within {BODY_S:.0f} s") from None
+    if size > MAX_BODY_BYTES:
+        raise HttpError(413, f"the body has more than {MAX_BODY_BYTES} bytes", code="too_large")
+    return bytes(raw)
+
+
+async def _unless_gone(request: Request, awaited: Awaitable[T]) -> T:
+    """The result, unless the client goes away first: then the work is cancelled.
+
+    Raises ClientDisconnect.
+    """
+    work = asyncio.ensure_future(awaited)
+    # The body is read: what comes now is that the client has gone.
+    gone = asyncio.ensure_future(request.receive())
+    try:
+        await asyncio.wait({work, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not work.done():
+            raise ClientDisconnect
+        return work.result()
+    finally:
+        work.cancel()
+        gone.cancel()
+        await asyncio.gather(work, gone, return_exceptions=True)
+
+
+class _Gate:
+    """Around everything: checks the token, counts, and logs what fails."""
+
+    def __init__(self, app: ASGIApp, token: str, registry: CollectorRegistry, log: Logger) -> None:
+        self._app = app
+        self._expected = f"Bearer {token}".encode() if token else None
+        self._log = log
+        self._requests = Counter(
+            "coadapt_llm_http_requests_total",
+            "Requests at the HTTP door by status; 499 where the client left first.",
+            ["status"],
+            registry=registry,
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def counted(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                self._requests.labels(message["status"]).inc()
+            await send(message)
+
+        try:
+            if self._may(scope["path"], Headers(scope=scope)):
+                await self._app(scope, receive, counted)
+            else:
+                refusal = HttpError(
+                    401,
+                    "this needs the header Authorization: Bearer and the gateway's token",
+                    code="invalid_api_key",
+                    headers={"WWW-Authenticate": "Bearer"},
+                )
+                await refusal.response()(scope, receive, counted)
+        except Exception:
+            path = scope["path"][:200]
+            self._log.error("llm_http_failed", method=scope["method"], path=path, exc_info=True)
+
+    def _may(self, path: str, headers: Headers) -> bool:
+        if self._expected is None or path == "/healthz":
+            return True
+        scheme, _, shown = headers.get("authorization", "").partition(" ")
+        given = f"{scheme.capitalize()} {shown.strip()}".encode()
+        return hmac.compare_digest(given, self._expected)
