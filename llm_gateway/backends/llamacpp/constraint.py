@@ -1,0 +1,105 @@
+"""Chooses tokens that follow a grammar, and finds text that a grammar leaves no choice about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from llm_gateway.backends.llamacpp.native import Native
+
+_FIRST = 48
+"""So many of the best tokens are tried before the whole vocabulary, which takes milliseconds."""
+
+
+@dataclass(frozen=True)
+class Alphabet:
+    """Facts about a vocabulary that every grammar needs."""
+
+    letters: npt.NDArray[np.int32]
+    """Tokens of one printable ASCII character each, then one that ends the answer."""
+    text: str
+    """Those characters."""
+    markup: npt.NDArray[np.int32]
+    """Tokens that stand for no text and end nothing: never chosen."""
+    end: int
+
+    @classmethod
+    def of(cls, native: Native) -> Alphabet:
+        """Reads the whole vocabulary once."""
+        letters: dict[str, int] = {}
+        markup, ends = [], []
+        for token in range(native.vocabulary_size):
+            if native.ends(token):
+                ends.append(token)
+            elif native.is_control(token):
+                markup.append(token)
+            else:
+                piece = native.piece(token)
+                if len(piece) == 1 and 0x20 <= piece[0] < 0x7F:
+                    letters.setdefault(chr(piece[0]), token)
+        if len(letters) < 95 or not ends:
+            raise ValueError("the vocabulary lacks an end, or printable ASCII characters")
+        chosen = [*letters.values(), ends[0]]
+        return cls(
+            np.array(chosen, np.int32), "".join(letters), np.array(markup, np.int64), ends[0]
+        )
+
+
+class Constraint:
+    """Where one answer stands in its grammar; without a grammar, any text may come."""
+
+    def __init__(self, native: Native, alphabet: Alphabet, grammar: str) -> None:
+        """Raises ValueError for a grammar that llama.cpp cannot read."""
+        self._native = native
+        self._alphabet = alphabet
+        self._grammar: Any = native.grammar(grammar) if grammar else None
+
+    def close(self) -> None:
+        """Frees the grammar."""
+        if self._grammar is not None:
+            self._native.free(self._grammar)
+            self._grammar = None
+
+    def best(self, logits: npt.NDArray[np.float32]) -> int:
+        """The legal token with the highest logit; the lowest number of equal ones."""
+        logits[self._alphabet.markup] = -np.inf
+        top = int(np.argmax(logits))
+        if self._grammar is None or self._legal(np.array([top], np.int32))[0]:
+            return top
+        some = np.argpartition(logits, -_FIRST)[-_FIRST:]
+        for tokens in (some, np.arange(len(logits))):
+            # A token beyond the cut may equal the last one within: of no importance.
+            ranked = tokens[np.lexsort((tokens, -logits[tokens]))].astype(np.int32)
+            legal = self._legal(ranked)
+            if legal.any():
+                return int(ranked[np.argmax(legal)])
+        raise RuntimeError("the grammar allows no token at all")
+
+    def accept(self, token: int) -> None:
+        """Moves on by a token that `best` or `allows` found legal."""
+        if self._grammar is not None and token != self._alphabet.end:
+            self._native.accept(self._grammar, token)
+
+    def forced(self) -> tuple[str, bool]:
+        """Moves on over text without alternative; returns it, and whether the answer ends there.
+
+        Looks at printable ASCII only: a grammar here leaves no other choice anywhere, except
+        inside strings, where ASCII is a choice already.
+        """
+        found: list[str] = []
+        while self._grammar is not None:
+            (legal,) = np.nonzero(self._legal(self._alphabet.letters))
+            if len(legal) != 1:
+                break
+            index = int(legal[0])
+            if index == len(self._alphabet.text):
+                return "".join(found), True
+            found.append(self._alphabet.text[index])
+            self._native.accept(self._grammar, int(self._alphabet.letters[index]))
+        return "".join(found), False
+
+    def _legal(self, tokens: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+        return self._native.legal(self._grammar, tokens)

