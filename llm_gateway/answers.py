@@ -51,7 +51,7 @@ def extract(text: str, schema: str, schemas: Schemas) -> str:
         fault = fault or found
     if fault:
         raise AnswerError("schema", f"it does not follow the schema: {fault}")
-    if _BEGIN.search(text):
+    if _BEGIN.search(_spoken(text)):
         raise AnswerError("malformed", f"its JSON is truncated or malformed: {text[-80:]!r}")
     raise AnswerError("no_json", f"there is no JSON in it: {text[:80]!r}")
 
@@ -63,7 +63,7 @@ def _values(text: str) -> Iterator[Any]:
         return
     except (ValueError, RecursionError):
         pass
-    text = _REASONING_END.split(_REASONING.sub("", text))[-1]
+    text = _spoken(text)
     at, tries = 0, 0
     while (begin := _BEGIN.search(text, at)) and tries < MAX_TRIES:
         tries += 1
@@ -73,6 +73,11 @@ def _values(text: str) -> Iterator[Any]:
             at = begin.end()
         else:
             yield value
+
+
+def _spoken(text: str) -> str:
+    """A text without its reasoning."""
+    return _REASONING_END.split(_REASONING.sub("", text))[-1]
 
 
 def _no_constant(name: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from concurrent.futures import CancelledError
 
 from llm_gateway.gateway import Gateway
 from llm_gateway.model import Job, Prompt
@@ -54,6 +55,8 @@ class ZenohDoor:
         except TimeoutError:
             waiting.cancel()
             raise GatewayError("expired", "the gateway was too busy") from None
+        except CancelledError:
+            raise GatewayError("unavailable", "the gateway is closing") from None
         return DecideAnswer(
             request=request.request,
             decision=done.text,
