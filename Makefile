@@ -6,6 +6,7 @@ RUNTIME ?= auto
 POLICY ?=
 LLM ?=
 MODEL ?=
+EXTRA ?= $(if $(filter embedded,$(LLM)),llm)
 SWARM ?= local
 LINK ?=
 RATE ?=
@@ -32,8 +33,8 @@ help: ## Show this list
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
 	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s"
 
-setup: ## Make .venv and install what the swarm needs
-	@sh deploy/setup.sh
+setup: ## Make .venv and install what the swarm needs (EXTRA=llm: an embedded model, too)
+	@EXTRA='$(EXTRA)' sh deploy/setup.sh
 
 up: setup ## Start a swarm: router, robots, ego, Prometheus
 	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \

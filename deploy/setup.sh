@@ -1,6 +1,7 @@
 #!/bin/sh
 # Makes .venv with the pinned packages, and installs the Debian packages that the swarm needs.
-# Safe to run again: does nothing when nothing changed. SKIP_SYSTEM=1 leaves the system alone.
+# Safe to run again: does nothing when nothing changed. SKIP_SYSTEM=1 leaves the system alone;
+# EXTRA=llm also installs the embedded language model (deploy/llm.sh).
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -55,17 +56,26 @@ find_python() {
     return 1
 }
 
-if [ -e "$stamp" ]; then
-    changed=$(find $inputs -newer "$stamp")
-    [ -n "$changed" ] || exit 0
+install_python() {
+    [ "${SKIP_SYSTEM:-0}" = 1 ] || install_system
+    python=$(find_python)
+    [ -x $venv/bin/python ] || "$python" -m venv $venv
+    say "installing the pinned Python packages into $venv"
+    $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+        --requirement requirements.lock --requirement requirements-dev.lock
+    $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+        --no-build-isolation --editable .
+    touch "$stamp"
+    say "done: $venv/bin/coadapt"
+}
+
+case ${EXTRA:-} in
+    "" | llm) ;;
+    *) say "EXTRA=$EXTRA is unknown; allowed: llm"; exit 2 ;;
+esac
+if [ ! -e "$stamp" ] || [ -n "$(find $inputs -newer "$stamp")" ]; then
+    install_python
 fi
-[ "${SKIP_SYSTEM:-0}" = 1 ] || install_system
-python=$(find_python)
-[ -x $venv/bin/python ] || "$python" -m venv $venv
-say "installing the pinned Python packages into $venv"
-$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
-    --requirement requirements.lock --requirement requirements-dev.lock
-$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
-    --no-build-isolation --editable .
-touch "$stamp"
-say "done: $venv/bin/coadapt"
+if [ "${EXTRA:-}" = llm ]; then
+    sh deploy/llm.sh
+fi

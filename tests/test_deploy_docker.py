@@ -20,7 +20,7 @@ from deploy import state as record
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
 from deploy.runtimes.docker import DockerRuntime
-from deploy.spec import make_spec
+from deploy.spec import SwarmSpec, make_spec
 from deploy.state import State, need_state
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -240,12 +240,19 @@ def test_down_clears_what_a_crash_left_behind(cli: Cli, up: tuple[str, ...], swa
     assert "no swarm" in done.stderr + done.stdout
 
 
+def composed(spec: SwarmSpec) -> dict[str, Any]:
+    """The services of a swarm's compose file."""
+    text = compose.compose_file(spec, "image:tag", "llm:tag", "172.17.0.1")
+    services: dict[str, Any] = yaml.safe_load(text)["services"]
+    return services
+
+
 def test_settings_without_an_option_reach_robots_and_egos(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COADAPT_HEADROOM", "0.7")
     monkeypatch.setenv("COADAPT_SWARM", "another")
     monkeypatch.setenv("COADAPT_RUN_DIR", "/tmp/somewhere")
     spec = make_spec(swarm="named", robots=("R1", "R2"), runtime="docker")
-    services = yaml.safe_load(compose.compose_file(spec, "image:tag", "172.17.0.1"))["services"]
+    services = composed(spec)
     for name in ("robot-R2", "ego-R1"):
         assert services[name]["environment"]["COADAPT_HEADROOM"] == "0.7"
         assert services[name]["environment"]["COADAPT_SWARM"] == "named"
@@ -255,7 +262,7 @@ def test_settings_without_an_option_reach_robots_and_egos(monkeypatch: pytest.Mo
 
 def test_the_compose_file_shows_one_container_a_process() -> None:
     spec = make_spec(swarm="Named", robots=("R1", "R2"), ego="R2", runtime="docker")
-    services = yaml.safe_load(compose.compose_file(spec, "image:tag", "172.17.0.1"))["services"]
+    services = composed(spec)
     assert list(services) == [
         *("router", "controller", "robot-R1", "robot-R2", "ego-R2", "prometheus")
     ]
@@ -266,3 +273,32 @@ def test_the_compose_file_shows_one_container_a_process() -> None:
     assert services["controller"]["environment"]["COADAPT_METRICS_HOST"] == "172.17.0.1"
     assert compose.project_of("Named").startswith("coadapt-named-")
     assert compose.project_of("named") == "coadapt-named"
+
+
+def test_the_gateway_runs_from_its_own_image_where_a_server_on_the_host_answers() -> None:
+    spec = make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", llm="embedded")
+    gateway = composed(spec)["gateway"]
+    assert (gateway["image"], gateway["network_mode"]) == ("llm:tag", "host")
+    assert gateway["environment"]["COADAPT_ROUTER"] == "tcp/127.0.0.1:7447"
+    assert "ports" not in gateway
+    assert {s["image"] for n, s in composed(spec).items() if n != "gateway"} == {"image:tag"}
+
+
+def test_keys_and_tokens_stand_in_no_file_and_reach_only_whom_they_are_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("COADAPT_LLM_API_KEY", "sk-secret")
+    monkeypatch.setenv("COADAPT_LLM_API_KEY_FILE", str(tmp_path / "key"))
+    monkeypatch.setenv("COADAPT_QOD_TOKEN", "qod-secret")
+    spec = make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", llm="http://h:1/v1")
+    assert "sk-secret" not in compose.compose_file(spec, "image:tag", "llm:tag", "172.17.0.1")
+    services = composed(spec)
+    gateway = services.pop("gateway")
+    # Compose takes the value of a variable without one from its own environment.
+    assert gateway["environment"]["COADAPT_LLM_API_KEY"] is None
+    assert gateway["environment"]["COADAPT_LLM_API_KEY_FILE"] == compose.KEY
+    assert f"{tmp_path / 'key'}:{compose.KEY}:ro" in gateway["volumes"]
+    for name, service in services.items():
+        names = set(service["environment"])
+        assert not any(one.startswith("COADAPT_LLM_API_KEY") for one in names), name
+        assert ("COADAPT_QOD_TOKEN" in names) == (name == "controller")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 from pathlib import Path
 
+from deploy.netns import control
 from deploy.netns.relay import forwarder, serve_unix
 
 SIZE = 3_000_000
@@ -35,6 +37,36 @@ def test_both_directions_flow_and_a_half_close_is_passed_on(tmp_path: Path) -> N
             return await asyncio.wait_for(_ask(tmp_path / "near.sock", b"ab" * SIZE), 30)
 
     assert asyncio.run(run()) == b"ba" * SIZE
+
+
+def test_the_relay_leads_to_one_address_outside_and_ends_with_the_supervisor(
+    tmp_path: Path,
+) -> None:
+    async def shout(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write((await reader.read()).upper())
+        writer.close()
+
+    async def run() -> tuple[bytes, int]:
+        alive: asyncio.Queue[asyncio.StreamWriter] = asyncio.Queue()
+        supervisor = await asyncio.start_unix_server(
+            lambda _, writer: alive.put_nowait(writer), path=tmp_path / control.SOCKET
+        )
+        server = await asyncio.start_server(shout, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        way = tmp_path / "server.sock"
+        relay = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "deploy.netns.relay", str(tmp_path)),
+            f"{way}=127.0.0.1:{port}",
+        )
+        async with supervisor, server, asyncio.timeout(30):
+            end = await alive.get()
+            while not way.exists():
+                await asyncio.sleep(0.01)
+            answer = await _ask(way, b"tokens")
+            end.close()
+            return answer, await relay.wait()
+
+    assert asyncio.run(run()) == (b"TOKENS", 0)
 
 
 def test_a_connection_to_nothing_is_closed(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from deploy.rates import format_rate, parse_rate
 from deploy.services import INFRA, Place, prometheus_config, services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state, remove_run_dir, write_state
+from llm_gateway.settings import GatewaySettings
 from swarm.errors import DeployError
 from swarm.process import ProcessSettings
 from swarm.settings import load
@@ -53,6 +54,12 @@ def spec_of(**values: Any) -> SwarmSpec:
         ({"world": "opv2v"}, "data = ''"),
         ({"world": "opv2v", "data": "/no/such/place"}, "data = '/no/such/place'"),
         ({"policy": "Rules!"}, "policy = 'Rules!'"),
+        ({"llm": "embeded"}, "embedded, or http"),
+        ({"llm": "ftp://host/v1"}, "llm = 'ftp://host/v1'"),
+        ({"llm": "http://user@host/v1"}, "llm = 'http://user@host/v1'"),
+        ({"llm": "http://:80/v1"}, "llm = 'http://:80/v1'"),
+        ({"llm": "http://host:eighty/v1"}, "llm = 'http://host:eighty/v1'"),
+        ({"llm_model": "m" * 201}, "at most 200"),
         ({"colour": "red"}, "colour is not a property"),
     ],
 )
@@ -66,6 +73,35 @@ def test_a_wrong_property_is_named_with_its_value_and_what_is_allowed(
 def test_the_ego_is_the_first_robot_unless_told_otherwise() -> None:
     assert spec_of().ego == "R1"
     assert spec_of(ego="R3").ego == "R3"
+
+
+@pytest.mark.parametrize(
+    ("llm", "server"),
+    [
+        ("", None),
+        ("embedded", None),
+        ("http://gpu:8000/v1", ("gpu", 8000)),
+        ("https://api.example.com/v1", ("api.example.com", 443)),
+        ("http://[::1]/v1", ("::1", 80)),
+    ],
+)
+def test_the_address_of_a_model_server_follows_from_its_url(
+    llm: str, server: tuple[str, int] | None
+) -> None:
+    assert spec_of(llm=llm).llm_server() == server
+
+
+def test_a_gateway_runs_where_a_language_model_is_asked_for() -> None:
+    assert not [s for s in services(spec_of(), PLACE) if s.role == "gateway"]
+    embedded = spec_of(llm="embedded", llm_model="smollm2-135m")
+    (gateway,) = [s for s in services(embedded, PLACE) if s.role == "gateway"]
+    settings = load(GatewaySettings, gateway.env)
+    assert (settings.llm_backend, settings.llm_model) == ("llamacpp", "smollm2-135m")
+    (gateway,) = [
+        s for s in services(spec_of(llm="http://gpu:8000/v1"), PLACE) if s.role == "gateway"
+    ]
+    settings = load(GatewaySettings, gateway.env)
+    assert (settings.llm_backend, settings.llm_url) == ("openai", "http://gpu:8000/v1")
 
 
 def test_two_starts_of_one_swarm_are_the_same_specification() -> None:

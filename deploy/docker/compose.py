@@ -74,12 +74,17 @@ def project_of(swarm: str) -> str:
     )
 
 
-def compose_file(spec: SwarmSpec, image: str, gateway: str) -> str:
-    """The compose file (YAML) of a swarm that runs from `image`; see `place_of`."""
+def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> str:
+    """The compose file (YAML) of a swarm that runs from `image`, its LLM gateway from `llm_image`;
+    see `place_of`."""
     members = roster.services(spec, place_of(spec, gateway))
     special = {"controller": CONTROLLER, "gateway": GATEWAY}
     document = {
-        "services": {m.name: _container(spec, m, image) | special.get(m.role, {}) for m in members},
+        "services": {
+            m.name: _container(spec, m, llm_image if m.role == "gateway" else image)
+            | special.get(m.role, {})
+            for m in members
+        },
         "networks": {"swarm": {"driver": "bridge", "labels": {LABEL: spec.swarm}}},
     }
     text: str = yaml.safe_dump(document, sort_keys=False)

@@ -43,10 +43,10 @@ def ensure_image(say: Say) -> str:
     Raises DeployError when the base, the wheels or the build fail.
     """
     tag = f"coadapt-edge:{_fingerprint()}"
-    if _docker("image", "inspect", tag).returncode == 0:
+    if exists(tag):
         return tag
     base = _ensure_base(say)
-    wheelhouse = _ensure_wheelhouse(say)
+    wheels = wheelhouse(REPOSITORY / "requirements.lock", say)
     context = REPOSITORY / "build" / "image"
     shutil.rmtree(context, ignore_errors=True)
     source = context / "source"
@@ -55,24 +55,29 @@ def ensure_image(say: Say) -> str:
         shutil.copytree(
             REPOSITORY / package, source / package, ignore=shutil.ignore_patterns("__pycache__")
         )
-    shutil.copytree(wheelhouse, context / "wheelhouse", copy_function=os.link)
+    shutil.copytree(wheels, context / "wheelhouse", copy_function=os.link)
     shutil.copy(REPOSITORY / "requirements.lock", context)
     shutil.copy(REPOSITORY / "deploy" / "docker" / "Dockerfile", context)
+    build(tag, base, context, say)
+    return tag
+
+
+def build(tag: str, base: str, context: Path, say: Say) -> None:
+    """Builds an image on another one, and removes the context. Raises DeployError."""
     say(f"building image {tag} on {base}")
-    built = _docker(
-        "build",
-        "--quiet",
-        "--tag",
-        tag,
-        "--build-arg",
-        f"BASE={base}",
+    made = _docker(
+        *("build", "--quiet", "--tag", tag, "--build-arg", f"BASE={base}"),
         str(context),
         timeout_s=1800,
     )
-    if built.returncode != 0:
-        raise DeployError(f"docker build failed:\n{_tail(built)}")
+    if made.returncode != 0:
+        raise DeployError(f"docker build failed:\n{_tail(made)}")
     shutil.rmtree(context, ignore_errors=True)
-    return tag
+
+
+def exists(tag: str) -> bool:
+    """Whether the engine has an image of that name."""
+    return _docker("image", "inspect", tag).returncode == 0
 
 
 def _fingerprint() -> str:
@@ -94,7 +99,7 @@ def _ensure_base(say: Say) -> str:
     script = REPOSITORY / "deploy" / "docker" / "base.sh"
     local = f"coadapt-base:{hashlib.sha256(script.read_bytes()).hexdigest()[:12]}"
     for image in (wanted,) if wanted else (PUBLIC_BASE, local):
-        if _docker("image", "inspect", image).returncode == 0:
+        if exists(image):
             return image
     pulled = _docker("pull", wanted or PUBLIC_BASE, timeout_s=900)
     if pulled.returncode == 0:
@@ -113,15 +118,17 @@ def _ensure_base(say: Say) -> str:
     return local
 
 
-def _ensure_wheelhouse(say: Say) -> Path:
-    """A folder with a wheel for every line of requirements.lock, downloaded once a lock."""
-    lock = REPOSITORY / "requirements.lock"
+def wheelhouse(lock: Path, say: Say) -> Path:
+    """A folder with a wheel for every line of a lock, downloaded once a lock.
+
+    Raises DeployError when they cannot be downloaded.
+    """
     name = hashlib.sha256(lock.read_bytes()).hexdigest()[:12]
-    wheelhouse = REPOSITORY / "build" / "wheelhouse" / name
-    if wheelhouse.is_dir():
-        return wheelhouse
-    say("downloading the pinned wheels")
-    partial = wheelhouse.with_name(f"{name}.partial")
+    wheels = REPOSITORY / "build" / "wheelhouse" / name
+    if wheels.is_dir():
+        return wheels
+    say(f"downloading the wheels of {lock.name}")
+    partial = wheels.with_name(f"{name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     pip = [sys.executable, "-m", "pip"]
@@ -136,9 +143,9 @@ def _ensure_wheelhouse(say: Say) -> Path:
             command += ["--platform", f"{platform}_{os.uname().machine}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False)
     if done.returncode != 0:
-        raise DeployError(f"the wheels of requirements.lock cannot be downloaded:\n{_tail(done)}")
-    partial.rename(wheelhouse)
-    return wheelhouse
+        raise DeployError(f"the wheels of {lock.name} cannot be downloaded:\n{_tail(done)}")
+    partial.rename(wheels)
+    return wheels
 
 
 def _docker(*arguments: str, timeout_s: float = 60) -> subprocess.CompletedProcess[str]:

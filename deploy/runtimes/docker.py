@@ -15,10 +15,11 @@ from deploy import services as roster
 from deploy import state as record
 from deploy.docker import compose
 from deploy.docker.image import ensure_image
+from deploy.docker.llm_image import ensure_llm_image
 from deploy.ports import check_free
 from deploy.progress import say
 from deploy.runtimes.base import ProcessState, ProcessStatus
-from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
+from deploy.spec import EMBEDDED, RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 
 STOP_S = 5
@@ -62,19 +63,20 @@ class DockerRuntime:
 
     def _start(self, spec: SwarmSpec) -> None:
         image = ensure_image(say)
+        llm_image = ensure_llm_image(image, say) if spec.llm == EMBEDDED else image
         try:
-            self._start_from(image, spec)
+            self._start_from(image, llm_image, spec)
         except BaseException:
             self._clear(spec.swarm)
             raise
 
-    def _start_from(self, image: str, spec: SwarmSpec) -> None:
+    def _start_from(self, image: str, llm_image: str, spec: SwarmSpec) -> None:
         run_dir = record.make_run_dir(spec)
         for folder in roster.FOLDERS:
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
         (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
         file = run_dir / "compose.yml"
-        file.write_text(compose.compose_file(spec, image, _gateway()))
+        file.write_text(compose.compose_file(spec, image, llm_image, _gateway()))
         record.write_state(
             record.State(
                 runtime="docker",
