@@ -1,7 +1,7 @@
-"""The cache of answers: recent ones in memory, all on disk.
+"""The cache of answers: in memory, with a copy on disk that outlives the process.
 
-The event loop never waits for the disk longer than a moment: reads are given up, and writes are
-done behind. Whatever the disk does, memory goes on.
+Nobody waits for the disk: it is read once, at the start, and written behind. Whatever it does,
+memory goes on.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from swarm.log import Logger
 from swarm.messages import LlmTokens
 
 T = TypeVar("T")
-MEMORY_ENTRIES = 1024
-READ_S = 0.05
-"""A disk that takes longer to read is of no use; a model call follows anyway."""
+MAX_CHARS = 20_000
+"""Longer answers are no decisions, and are not kept."""
 MAX_WRITES = 256
 """Waiting for the disk; further answers stay in memory only."""
+START_S = 5.0
 CLOSE_S = 2.0
 
 
@@ -43,12 +43,13 @@ class Cache:
         entries: int = 10_000,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        """`path` None keeps answers in memory only."""
+        """`path` None keeps answers in memory only. At most `entries` stay: in memory those used
+        last, on disk the newest."""
         self._store = Store(path, entries) if path else None
         self._memory: OrderedDict[str, Entry] = OrderedDict()
         self._newest: dict[str, str] = {}
-        """Key of the newest answer in memory by scene."""
-        self._most = min(entries, MEMORY_ENTRIES)
+        """Key of the newest answer by scene."""
+        self._most = entries
         self._ttl_s = ttl_s
         self._clock = clock
         self._metrics = metrics
@@ -66,9 +67,13 @@ class Cache:
         return hashlib.sha256(f"{model}\n{fingerprint}".encode()).hexdigest()
 
     async def start(self) -> None:
-        """Opens the disk's file; where that fails, memory alone is used until it can be."""
-        if self._store is not None:
-            await self._on_disk("open", self._store.open, CLOSE_S)
+        """Reads what the disk has; where that fails, the cache begins empty."""
+        store = self._store
+        if store is None:
+            return
+        oldest = self._clock() - self._ttl_s
+        for entry in await self._on_disk("read", lambda: store.load(oldest), START_S) or ():
+            self._remember(entry)
 
     async def close(self) -> None:
         """Writes what waits for the disk."""
@@ -77,28 +82,17 @@ class Cache:
         self._thread.shutdown(wait=False)
 
     def exact(self, key: str) -> Entry | None:
-        """The answer of an equal prompt, if it is in memory."""
+        """The answer to an equal prompt."""
         return self._fresh(self._memory.get(key))
 
     def similar(self, scene: str) -> Entry | None:
-        """The newest answer of an equal scene, if it is in memory."""
+        """The newest answer for an equal scene."""
         return self._fresh(self._memory.get(self._newest.get(scene, "")))
 
-    async def load(self, key: str, scene: str, usable: Callable[[Entry], bool]) -> None:
-        """Brings what the disk has for a prompt or a scene into memory.
-
-        `usable` judges it first: the file may have been damaged or written by another version.
-        """
-        store = self._store
-        if store is None:
-            return
-        found = await self._on_disk("read", lambda: store.find(key, scene), READ_S)
-        for entry in found or ():
-            if entry.key not in self._memory and self._fresh(entry) and usable(entry):
-                self._remember(entry)
-
     def put(self, key: str, scene: str, model: str, text: str, used: LlmTokens) -> None:
-        """Keeps an answer."""
+        """Keeps an answer, unless it is very long."""
+        if len(text) > MAX_CHARS:
+            return
         entry = Entry(key, scene, model, text, self._clock(), used)
         self._remember(entry)
         store = self._store
@@ -118,8 +112,9 @@ class Cache:
         return max(0.0, self._clock() - entry.made_at)
 
     def _remember(self, entry: Entry) -> None:
+        if (former := self._memory.get(entry.key)) is not None:
+            self._forget(former)
         self._memory[entry.key] = entry
-        self._memory.move_to_end(entry.key)
         if entry.scene:
             known = self._memory.get(self._newest.get(entry.scene, ""))
             if known is None or known.made_at <= entry.made_at:

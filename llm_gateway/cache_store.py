@@ -18,7 +18,6 @@ CREATE TABLE IF NOT EXISTS answers_1 (
     key TEXT PRIMARY KEY, scene TEXT NOT NULL, model TEXT NOT NULL, text TEXT NOT NULL,
     made_at REAL NOT NULL, prompt INTEGER NOT NULL, reused INTEGER NOT NULL, output INTEGER NOT NULL
 ) WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS answers_1_scene ON answers_1 (scene, made_at);
 CREATE INDEX IF NOT EXISTS answers_1_made_at ON answers_1 (made_at);
 """
 _FIELDS = "key, scene, model, text, made_at, prompt, reused, output"
@@ -52,19 +51,14 @@ class Store:
         self._database: sqlite3.Connection | None = None
         self.moved_aside = 0
 
-    def find(self, key: str, scene: str) -> list[Entry]:
-        """The answer of a prompt, and the newest one of a scene; either may be missing."""
+    def load(self, oldest: float) -> list[Entry]:
+        """The answers made since `oldest`, the newest last."""
         with self._opened() as database:
             rows = database.execute(
-                f"SELECT {_FIELDS} FROM answers_1 WHERE key = ?", (key,)
+                f"SELECT {_FIELDS} FROM answers_1 WHERE made_at >= ? ORDER BY made_at DESC LIMIT ?",
+                (oldest, self._most),
             ).fetchall()
-            if scene:
-                rows += database.execute(
-                    f"SELECT {_FIELDS} FROM answers_1 WHERE scene = ? "
-                    "ORDER BY made_at DESC LIMIT 1",
-                    (scene,),
-                ).fetchall()
-            return [entry for row in rows if (entry := _entry(row)) is not None]
+            return [entry for row in reversed(rows) if (entry := _entry(row)) is not None]
 
     def put(self, entry: Entry, oldest: float) -> None:
         """Keeps an answer, and forgets those made before `oldest` and those too many."""
@@ -86,7 +80,7 @@ class Store:
                     (count - self._most,),
                 )
 
-    def open(self) -> None:
+    def _open(self) -> None:
         """Opens the file, and makes it and its directory where they are missing."""
         if self._database is not None:
             return
@@ -107,7 +101,7 @@ class Store:
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
-        self.open()
+        self._open()
         assert self._database is not None
         try:
             yield self._database

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from dataclasses import replace
+from typing import Literal
 
 from llm_gateway.answers import AnswerError, extract
 from llm_gateway.backends.base import Backend
@@ -88,12 +89,7 @@ class Gateway:
             self._check(job.prompt)
             job = replace(job, deadline=min(job.deadline, begun + self._deadline_max_s))
             key = job.prompt.key(self.model)
-            scene = self._cache.scene(self.model, job.fingerprint)
-            done = self._known(job, key, scene, begun)
-            if done is None and self._dispatcher.flight(key) is None:
-                await self._cache.load(key, scene, lambda entry: self._follows(entry, job.prompt))
-                # A call for an equal prompt may have ended in the meantime.
-                done = self._known(job, key, scene, begun)
+            done = self._known(job, key, begun)
             if done is None:
                 self._metrics.misses.inc()
                 asked_model = True
@@ -113,23 +109,26 @@ class Gateway:
         if prompt.schema:
             self._schemas.check(prompt.schema)
 
-    def _known(self, job: Job, key: str, scene: str, begun: float) -> Completion | None:
-        """The answer to an equal prompt, else one for an equal scene that fits this prompt."""
+    def _known(self, job: Job, key: str, begun: float) -> Completion | None:
+        """The answer to an equal prompt, else one for an equal scene.
+
+        Either must follow this very prompt's schema: the scene's quantities are rounded, and the
+        file of the cache may have been damaged.
+        """
         exact = self._cache.exact(key)
-        similar = None
-        if exact is None and scene and job.prompt.schema:
-            similar = self._cache.similar(scene)
-            if similar is not None and not self._follows(similar, job.prompt):
-                similar = None
-        entry = exact or similar
-        if entry is None:
+        entry = exact
+        hit: Literal["exact", "fingerprint"] = "exact"
+        if exact is None and job.fingerprint and job.prompt.schema:
+            scene = self._cache.scene(self.model, job.fingerprint)
+            entry, hit = self._cache.similar(scene), "fingerprint"
+        if entry is None or not self._follows(entry, job.prompt):
             return None
         if time.monotonic() > job.deadline:
             raise GatewayError("expired", "the deadline had passed")
         return Completion(
             text=entry.text,
             source="cache",
-            hit="exact" if exact else "fingerprint",
+            hit=hit,
             model=entry.model,
             age_s=self._cache.age_s(entry),
             tokens=LlmTokens(),
