@@ -136,7 +136,10 @@ def test_what_is_no_scene_is_refused(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--policy", "guess"], "policy 'guess' is unknown; allowed: coverage, rules, static-"),
+        (
+            ["--policy", "guess"],
+            "policy 'guess' is unknown; allowed: coverage, llm, rules, static-",
+        ),
         (["--policy", "static-early"], "needs early fusion, which is not available"),
         (["nowhere.json"], "'nowhere.json' cannot be read: No such file"),
     ],

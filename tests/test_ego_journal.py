@@ -223,3 +223,14 @@ def test_a_line_of_an_older_program_is_read_and_goes_on(tmp_path: Path) -> None:
     journal.commit(record(journal.next_cycle))
     journal.close()
     assert list(read_journal(path)) == [record(1), record(2)]
+
+
+def test_a_journal_of_an_older_program_reads_as_one_without_advice(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    write(journal, range(1, 2))
+    line = json.loads(journal.read_text())
+    del line["advice"], line["decision"]["model"]
+    journal.write_text(json.dumps(line) + "\n")
+    (read,) = read_journal(journal)
+    assert read == record(1)
+    assert (read.advice, read.decision.model) == (None, "")

@@ -29,7 +29,9 @@ def test_the_policies_of_the_product_are_there() -> None:
 
 
 def test_an_unknown_policy_is_refused_with_the_names_that_are_allowed() -> None:
-    with pytest.raises(DecisionError, match=r"'clever' is unknown; allowed: coverage, rules, "):
+    with pytest.raises(
+        DecisionError, match=r"'clever' is unknown; allowed: coverage, llm, rules, "
+    ):
         make_policy("clever", ["early"])
 
 

@@ -30,13 +30,12 @@ def trouble(error: Exception, waited_s: float, deadline_s: float) -> tuple[Outco
     A refusal's text holds the gateway's code (`swarm.errors.GatewayError`). Zenoh says at once that
     nobody serves a key, and only after the deadline that no answer came.
     """
-    words = plain(str(error))
     if isinstance(error, RefusedError):
         said = str(error).partition(" refused: ")[2]
-        return _CODES.get(said.partition(":")[0], "failed"), words
+        return _CODES.get(said.partition(":")[0], "failed"), f"refused: {plain(said)}"
     if isinstance(error, MessageError):
-        return "unreadable", words
-    return ("late" if waited_s >= deadline_s / 2 else "no_gateway"), words
+        return "unreadable", plain(str(error))
+    return ("late" if waited_s >= deadline_s / 2 else "no_gateway"), plain(str(error))
 
 
 def plain(text: str, length: int = 300) -> str:
