@@ -8,54 +8,24 @@ advice (source `llm` or `cache`), advice that still holds (`hold`), or what `cov
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 from ego_agent.advice.judge import Verdict, judge
-from ego_agent.advice.outcomes import Ended, Outcome, plain
+from ego_agent.advice.outcomes import plain
 from ego_agent.advice.questions import Heard, Question, Questions
+from ego_agent.advice.standing import Advice, Cycle, answer_report
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.policies.coverage import Coverage
 from ego_agent.prompting import make_prompt, read_answer
 from ego_agent.prompting.fingerprint import scene_fingerprint
-from ego_agent.scoring import Score, Scorer
+from ego_agent.scoring import Scorer
 from ego_agent.settings import EgoSettings
 from ego_agent.validation import make_decision
 from swarm.errors import DecisionError
-from swarm.messages import AdviceReport, AdviceState, AnswerReport, Decision, LlmTokens, Source
+from swarm.messages import AdviceReport, AdviceState, Decision
 from swarm.session import Session
 
 NO_GATEWAY = "no language model was asked: no LLM gateway is connected"
-
-
-@dataclass(frozen=True, slots=True)
-class _Advice:
-    """Advice that was adopted."""
-
-    participants: tuple[str, ...]
-    algorithm: str
-    reason: str
-    model: str
-    since_s: float
-
-
-@dataclass(slots=True)
-class _Cycle:
-    """One call of `propose`: what it decides on, and what it found out."""
-
-    scorer: Scorer
-    fallback: Score
-    fallback_reason: str
-    now_s: float
-    """`time.monotonic()` seconds."""
-    gateway: bool
-    fingerprint: str = ""
-    answer: AnswerReport | None = None
-    fresh: Source | None = None
-    """Where advice that was adopted in this cycle came from."""
-    notes: tuple[str, ...] = ()
-    ended: Ended | None = None
-    asked: bool = False
 
 
 class Llm:
@@ -69,7 +39,7 @@ class Llm:
         self._coverage = Coverage()
         self._shadow: Decision | None = None
         """What `coverage` would have in force by now, had it decided all along."""
-        self._held: _Advice | None = None
+        self._held: Advice | None = None
         self._last: Question | None = None
         """The newest question."""
         self._asked_for = ""
@@ -107,7 +77,7 @@ class Llm:
             self._ask(cycle, questions, previous)
         return self._proposal(cycle)
 
-    def _begin(self, scorer: Scorer, questions: Questions | None) -> _Cycle:
+    def _begin(self, scorer: Scorer, questions: Questions | None) -> Cycle:
         """The fallback is what `coverage` would decide, had it decided so far: advice that it would
         not have chosen must not become what it holds on to."""
         score, reason = self._coverage.choose(scorer, self._shadow)
@@ -122,17 +92,17 @@ class Llm:
             now_ns=0,
         )
         alive = questions is not None and questions.alive()
-        return _Cycle(scorer, score, reason, time.monotonic(), alive)
+        return Cycle(scorer, score, reason, time.monotonic(), alive)
 
-    def _lose(self, cycle: _Cycle, heard: Heard | None) -> None:
+    def _lose(self, cycle: Cycle, heard: Heard | None) -> None:
         """There is no gateway: nothing is held, and it is asked at once when it is back."""
         if heard is not None:
-            cycle.answer = _report(heard, "no_gateway", heard.why)
+            cycle.answer = answer_report(heard, "no_gateway", heard.why)
         if self._held is not None:
             self._held, cycle.ended = None, "no_gateway"
         self._asked_for = ""
 
-    def _due(self, cycle: _Cycle) -> bool:
+    def _due(self, cycle: Cycle) -> bool:
         """Whether the scene is another than the one last asked for, or the period is over."""
         last = self._last
         return (
@@ -141,7 +111,7 @@ class Llm:
             or cycle.now_s - last.asked_s >= self._settings.llm_period_s
         )
 
-    def _ask(self, cycle: _Cycle, questions: Questions, previous: Decision | None) -> None:
+    def _ask(self, cycle: Cycle, questions: Questions, previous: Decision | None) -> None:
         scorer = cycle.scorer
         results = scorer.knowledge.results()
         prompt = make_prompt(
@@ -154,18 +124,18 @@ class Llm:
         self._last, self._asked_for = questions.ask(prompt), prompt.fingerprint
         cycle.asked = True
 
-    def _hear(self, cycle: _Cycle, heard: Heard) -> None:
+    def _hear(self, cycle: Cycle, heard: Heard) -> None:
         """Adopts or refuses what came of a question."""
         if heard.answer is None:
             if heard.trouble == "no_gateway":
                 self._asked_for = ""  # a new gateway's queryable may be a moment behind its token
-            cycle.answer = _report(heard, heard.trouble, heard.why)
+            cycle.answer = answer_report(heard, heard.trouble, heard.why)
             self._refuse(cycle, heard.why)
             return
         try:
             advice = read_answer(heard.answer.decision, heard.question.prompt)
         except DecisionError as error:
-            cycle.answer = _report(heard, "unreadable", f"refused: {plain(str(error))}")
+            cycle.answer = answer_report(heard, "unreadable", f"refused: {plain(str(error))}")
             self._refuse(cycle, cycle.answer.why)
             return
         least = self._settings.llm_min_confidence
@@ -174,14 +144,16 @@ class Llm:
             verdict = Verdict("low_confidence", why)
         else:
             verdict = self._judge(cycle, advice.participants, advice.algorithm)
-        cycle.answer = _report(heard, verdict.refused or "adopted", verdict.why, verdict.repaired)
+        cycle.answer = answer_report(
+            heard, verdict.refused or "adopted", verdict.why, verdict.repaired
+        )
         if verdict.refused is not None:
             self._refuse(cycle, verdict.why)
             return
         if self._held is not None:
             cycle.ended = "replaced"
         cycle.fresh, cycle.notes = heard.answer.source, verdict.notes
-        self._held = _Advice(
+        self._held = Advice(
             verdict.participants,
             verdict.algorithm,
             plain(advice.reason),
@@ -190,7 +162,7 @@ class Llm:
         )
         self._refusal = self._refused_for = ""
 
-    def _check(self, cycle: _Cycle, held: _Advice) -> None:
+    def _check(self, cycle: Cycle, held: Advice) -> None:
         """Gives up advice that does not hold any more, as it is, in the scene as it is now."""
         verdict = self._judge(cycle, held.participants, held.algorithm)
         limit_s = self._settings.llm_hold_max_s
@@ -205,14 +177,14 @@ class Llm:
         self._held = None
         self._refuse(cycle, f"given up: {why}")
 
-    def _judge(self, cycle: _Cycle, participants: tuple[str, ...], algorithm: str) -> Verdict:
+    def _judge(self, cycle: Cycle, participants: tuple[str, ...], algorithm: str) -> Verdict:
         margin = self._settings.llm_value_margin
         return judge(participants, algorithm, cycle.scorer, cycle.fallback, margin=margin)
 
-    def _refuse(self, cycle: _Cycle, why: str) -> None:
+    def _refuse(self, cycle: Cycle, why: str) -> None:
         self._refusal, self._refused_for = why, cycle.fingerprint
 
-    def _proposal(self, cycle: _Cycle) -> Proposal:
+    def _proposal(self, cycle: Cycle) -> Proposal:
         held, report = self._held, self._report(cycle)
         if held is not None:
             return Proposal(
@@ -236,7 +208,7 @@ class Llm:
             advice=report,
         )
 
-    def _report(self, cycle: _Cycle) -> AdviceReport:
+    def _report(self, cycle: Cycle) -> AdviceReport:
         held, last = self._held, self._last
         return AdviceReport(
             state=self._state(cycle),
@@ -251,7 +223,7 @@ class Llm:
             answer=cycle.answer,
         )
 
-    def _state(self, cycle: _Cycle) -> AdviceState:
+    def _state(self, cycle: Cycle) -> AdviceState:
         if self._held is not None:
             return "adopted" if cycle.fresh else "held"
         if not cycle.gateway:
@@ -263,22 +235,6 @@ class Llm:
         if self._questions is not None and self._questions.pending:
             return "waiting"
         return "refused" if self._refusal else "none"
-
-
-def _report(
-    heard: Heard, outcome: Outcome, why: str, repaired: tuple[str, ...] = ()
-) -> AnswerReport:
-    answer = heard.answer
-    return AnswerReport(
-        question=heard.question.number,
-        outcome=outcome,
-        why=why,
-        repaired=repaired,
-        model=plain(answer.model, 200) if answer else "",
-        source=answer.source if answer else "",
-        latency_ms=round(heard.latency_s * 1e3, 3),
-        tokens=answer.tokens if answer else LlmTokens(),
-    )
 
 
 POLICIES = (Llm,)
