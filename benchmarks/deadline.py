@@ -29,6 +29,7 @@ from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
 from deploy.spec import EMBEDDED, SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
+from swarm.errors import DeployError
 
 SECONDS = 600.0
 SLOW_S = 30.0
@@ -94,6 +95,7 @@ def run_swarm(llm: str, seconds: float) -> list[dict[str, Any]]:
         runtime.up(spec)
         try:
             wait_ready(runtime, need_state(spec.swarm), READY_S)
+            _await_gateway(spec)
             begun_ns = time.time_ns()
             time.sleep(seconds)
         finally:
@@ -101,9 +103,20 @@ def run_swarm(llm: str, seconds: float) -> list[dict[str, Any]]:
         return [line for line in _lines(spec) if line["started_ns"] >= begun_ns]
 
 
+def _await_gateway(spec: SwarmSpec) -> None:
+    """Waits until the ego has a gateway to ask, where there is one: a model takes a while to
+    load. Raises DeployError when it does not come."""
+    deadline = time.monotonic() + READY_S
+    while spec.llm and not list(_lines(spec))[-1]["advice"]["gateway"]:
+        if time.monotonic() > deadline:
+            raise DeployError(f"no LLM gateway within {READY_S} s: its log says why")
+        time.sleep(1.0)
+
+
 def _lines(spec: SwarmSpec) -> Iterator[dict[str, Any]]:
     for line in Path(journal_path(spec, spec.var_dir)).read_text().splitlines():
-        yield json.loads(line)
+        if line.endswith("}"):
+            yield json.loads(line)
 
 
 def phase(name: str, llm: str, seconds: float) -> dict[str, Any]:
