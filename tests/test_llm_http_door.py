@@ -322,3 +322,9 @@ def test_other_hosts_need_a_token(gateway: Scripted) -> None:
 def test_a_port_that_is_taken_is_named(gateway: Scripted, door: Client) -> None:
     with pytest.raises(SettingError, match=f"COADAPT_LLM_HTTP_PORT = {door.port} "):
         HttpDoor(gateway, "127.0.0.1", door.port, "", CollectorRegistry(), LOG)
+
+
+def test_answers_do_not_wait_for_acknowledgements(gateway: Scripted) -> None:
+    door = HttpDoor(gateway, "127.0.0.1", 0, "", CollectorRegistry(), LOG)
+    assert door._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    asyncio.run(door.close())
