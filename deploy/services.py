@@ -52,10 +52,6 @@ class Place:
     """How the network controller finds links."""
     qod_socket: str = ""
     """Socket of the Quality-on-Demand API; empty: it answers on the host's 127.0.0.1 itself."""
-    llm_http_socket: str = ""
-    """Socket of the gateway's HTTP door; empty: it answers on the host's 127.0.0.1 itself."""
-    llm_server_socket: str = ""
-    """Socket that leads to the model server, where the gateway cannot reach it itself."""
     site_router_host: str = ""
     """Address by which controller and gateway reach the router, where that is another one."""
     site_metrics_host: str = "0.0.0.0"
@@ -217,15 +213,13 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
 def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     """The LLM gateway's settings (`llm_gateway.settings`)."""
     embedded = spec.llm == EMBEDDED
-    server = {"COADAPT_LLM_URL": spec.llm, "COADAPT_LLM_SOCKET": place.llm_server_socket}
     return {
         **_site_environment(spec, place, spec.gateway_metrics_port),
         "COADAPT_LLM_BACKEND": "llamacpp" if embedded else "openai",
         "COADAPT_LLM_MODEL": spec.llm_model,
         "COADAPT_LLM_CACHE": f"{place.var_dir}/{LLM}/answers.sqlite3",
         "COADAPT_LLM_HTTP_PORT": str(spec.llm_port),
-        "COADAPT_LLM_HTTP_SOCKET": place.llm_http_socket,
-        **({} if embedded else server),
+        **({} if embedded else {"COADAPT_LLM_URL": spec.llm}),
     }
 
 

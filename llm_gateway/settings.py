@@ -24,7 +24,8 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_url: str = ""
     """Of the OpenAI-compatible server, up to and including its version (`http://host:8000/v1`)."""
     llm_model: str = ""
-    """`openai`: the model's name at the server; `llamacpp`: path of a GGUF file."""
+    """`openai`: the model's name at the server; `llamacpp`: path of a GGUF file, or the name of a
+    model that a package carries. Empty takes the server's first, or the package's own."""
     llm_api_key: str = ""
     llm_api_key_file: str = ""
     """A file that holds the key instead."""
@@ -45,7 +46,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_cache_ttl_s: Annotated[float, msgspec.Meta(gt=0, le=30 * 86_400)] = 300.0
     llm_cache_entries: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10_000
     llm_http_host: str = "127.0.0.1"
-    llm_http_port: Port = 9105
+    llm_http_port: Port = 9106
     """Where the OpenAI-compatible door answers; 0 takes any free port."""
     llm_http_token: str = ""
     """Bearer token that clients must show; needed to answer off this host."""

@@ -59,6 +59,7 @@ def test_processes_never_import_each_other(process: str) -> None:
     [
         ("swarm", set()),
         ("network_controller", {"swarm"}),
+        ("llm_gateway", {"swarm"}),
         ("deploy", {"swarm", "worlds"}),
         ("evaluation", {"swarm", "perception", "worlds"}),
         ("robot_agent", {"swarm", "perception", "worlds"}),

@@ -13,11 +13,10 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.netns import control, detached
+from deploy.netns import control, detached, outside
 from deploy.netns.supervisor import (
     EGO_METRICS_SOCKET,
     LLM_HTTP_SOCKET,
-    LLM_SERVER_SOCKET,
     PROMETHEUS_SOCKET,
     QOD_SOCKET,
 )
@@ -132,7 +131,7 @@ def start_relay(spec: SwarmSpec, log: Path, listeners: Mapping[Door, socket.sock
     server = spec.llm_server()
     if server is not None:
         host, port = server
-        pairs.append(f"{spec.run_dir}/{LLM_SERVER_SOCKET}={host}:{port}")
+        pairs.append(f"{spec.run_dir}/{outside.SERVER_SOCKET}={host}:{port}")
     with open(os.devnull) as nothing, open(log, "ab") as log_file:
         descriptors = {0: nothing.fileno(), 1: log_file.fileno(), 2: log_file.fileno()}
         descriptors |= {3 + i: door.fileno() for i, (door, _) in enumerate(doors)}

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.netns import control, network, relay
+from deploy.netns import control, network, outside, relay
 from deploy.netns.children import Children
 from deploy.services import (
     EGO_METRICS_PORT,
@@ -35,7 +35,6 @@ PROMETHEUS_SOCKET = "prometheus.sock"
 EGO_METRICS_SOCKET = "ego-metrics.sock"
 QOD_SOCKET = "qod.sock"
 LLM_HTTP_SOCKET = "llm.sock"
-LLM_SERVER_SOCKET = "llm-server.sock"
 PROMETHEUS_FILE = "prometheus.yml"
 
 
@@ -48,8 +47,6 @@ def place_of(spec: SwarmSpec) -> Place:
         var_dir=spec.var_dir,
         driver="netns",
         qod_socket=f"{spec.run_dir}/{QOD_SOCKET}",
-        llm_http_socket=f"{spec.run_dir}/{LLM_HTTP_SOCKET}",
-        llm_server_socket=f"{spec.run_dir}/{LLM_SERVER_SOCKET}",
         prometheus_config=f"{spec.run_dir}/{PROMETHEUS_FILE}",
         data=spec.data,
         cache=spec.cache,
@@ -93,6 +90,14 @@ class Supervisor:
                     PROMETHEUS_PORT,
                 )
             )
+        if self._spec.llm:
+            servers.append(
+                await relay.serve_unix(
+                    self._run_dir / LLM_HTTP_SOCKET, outside.LOOPBACK, self._spec.llm_port
+                )
+            )
+        way_out = await outside.serve(self._spec)
+        servers += [way_out] if way_out is not None else []
         self._children.start()
         answer(control.Reply())
         self._log.info("swarm_up", processes=len(self._members))

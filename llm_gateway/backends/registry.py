@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from llm_gateway.backends.base import Backend
 from llm_gateway.backends.none import NoBackend
 from llm_gateway.settings import GatewaySettings
@@ -36,9 +34,10 @@ def _openai(settings: GatewaySettings, log: Logger) -> Backend:
 
 def _llamacpp(settings: GatewaySettings, log: Logger) -> Backend:
     from llm_gateway.backends.llamacpp.client import LlamaCpp
+    from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL, find_model
 
     return LlamaCpp(
-        Path(settings.llm_model),
+        find_model(settings.llm_model or DEFAULT_MODEL),
         settings.llm_parallel,
         settings.llm_context,
         settings.llm_threads,

