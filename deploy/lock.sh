@@ -13,7 +13,7 @@ freeze() { "$work/venv/bin/pip" freeze --exclude coadapt-edge --exclude pip | gr
 "$python" -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check .
 freeze >"$work/run"
-"$work/venv/bin/pip" install --quiet --disable-pip-version-check '.[dev]' 'setuptools>=68'
+"$work/venv/bin/pip" install --quiet --disable-pip-version-check '.[dev,llm-server]' 'setuptools>=68'
 freeze >"$work/all"
 cp "$work/run" requirements.lock
 LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock
