@@ -43,7 +43,7 @@ def answer(
         "algorithm": algorithm,
         "helpers": helpers,
         "confidence": confidence,
-        "reason": reason,
+        "explanation": reason,
     }
     said = {"source": "llm", "model": "tiny", "tokens": LlmTokens(prompt=90, output=9)}
     return DecideAnswer(

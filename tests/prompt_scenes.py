@@ -67,9 +67,7 @@ def sample(schema: Any, rng: random.Random) -> Any:
         return {name: sample(value, rng) for name, value in schema["properties"].items()}
     if kind == "array":
         names = schema["items"]["enum"]
-        return rng.sample(names, rng.randint(0, min(schema["maxItems"], len(names))))
-    if kind == "integer":
-        return rng.randint(schema["minimum"], schema["maximum"])
+        return rng.sample(names, rng.randint(schema["minItems"], schema["maxItems"]))
     assert kind == "string"
     return "".join(rng.choices('ab "\\\n\u20ac', k=rng.randint(0, schema["maxLength"])))
 

@@ -17,14 +17,21 @@ PROMPT = make_prompt(floor(6, knowledge()), knowledge(), None, None)
 GOOD: dict[str, Any] = {
     "algorithm": "late",
     "helpers": ["R3", "R2"],
-    "confidence": 60,
-    "reason": "wide view",
+    "confidence": "high",
+    "explanation": "wide view",
 }
 
 
 def test_an_answer_is_advice_with_the_ego_first() -> None:
     advice = read_answer(json.dumps(GOOD), PROMPT)
-    assert advice == Advice(("R1", "R3", "R2"), "late", "wide view", 0.6)
+    assert advice == Advice(("R1", "R3", "R2"), "late", "wide view", 0.8)
+
+
+@pytest.mark.parametrize(
+    ("said", "confidence"), [("low", 0.2), ("medium", 0.5), (75, 0.75), (0, 0)]
+)
+def test_confidence_is_a_word_or_a_number(said: object, counts: float) -> None:
+    assert read_answer(json.dumps(GOOD | {"confidence": said}), PROMPT).confidence == counts
 
 
 @pytest.mark.parametrize("helpers", [["R3", "R3", "R2"], ["R1", "R3", "R2"], ["R3", "R2", "R1"]])
@@ -52,15 +59,16 @@ def test_more_than_was_asked_for_does_not_matter() -> None:
         ('"late"', "the answer is 'late', not an object"),
         ("[]", "of type list, not an object"),
         (json.dumps({k: v for k, v in GOOD.items() if k != "helpers"}), "no helpers"),
-        (json.dumps({k: v for k, v in GOOD.items() if k != "reason"}), "no reason"),
+        (json.dumps({k: v for k, v in GOOD.items() if k != "explanation"}), "no explanation"),
         (json.dumps(GOOD | {"helpers": "R3"}), "helpers are not a list of robot ids"),
         (json.dumps(GOOD | {"helpers": [3]}), "helpers are not a list of robot ids"),
         (json.dumps(GOOD | {"helpers": ["x"] * 2_000}), "2000 helpers, at most 1024"),
         (json.dumps(GOOD | {"algorithm": None}), "algorithm is of type NoneType, not text"),
-        (json.dumps(GOOD | {"confidence": "high"}), "confidence is 'high', not a number"),
-        (json.dumps(GOOD | {"confidence": True}), "confidence is of type bool, not a number"),
-        (json.dumps(GOOD | {"confidence": 101}), "confidence is 101; allowed: 0 to 100"),
-        (json.dumps(GOOD).replace("60", "1e999"), "confidence is inf; allowed: 0 to 100"),
+        (json.dumps(GOOD | {"confidence": "sure"}), "is 'sure'; allowed: low, medium, high"),
+        (json.dumps(GOOD | {"confidence": True}), "confidence is True; allowed"),
+        (json.dumps(GOOD | {"confidence": []}), "confidence is of type list; allowed"),
+        (json.dumps(GOOD | {"confidence": 101}), "confidence is 101; allowed"),
+        (json.dumps(GOOD).replace('"high"', "1e999"), "confidence is inf; allowed"),
         (" " * 100_001, "100001 characters, at most 100000"),
     ],
 )

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from ego_agent.prompting.schema import CONFIDENCE
 from ego_agent.validation import MAX_PARTICIPANTS, shown
 from swarm.errors import DecisionError
 
@@ -26,7 +26,7 @@ class Advice:
     algorithm: str
     reason: str
     confidence: float
-    """In [0, 1], as the model says."""
+    """In [0, 1], for what the model says in a word."""
 
 
 def read_answer(text: str, prompt: LlmPrompt) -> Advice:
@@ -50,7 +50,7 @@ def read_answer(text: str, prompt: LlmPrompt) -> Advice:
         raise DecisionError(
             f"the answer names {len(helpers)} helpers, at most {MAX_PARTICIPANTS} are read"
         )
-    algorithm, reason = _text(answer, "algorithm"), _text(answer, "reason")
+    algorithm, reason = _text(answer, "algorithm"), _text(answer, "explanation")
     participants = tuple(dict.fromkeys((prompt.ego, *helpers)))
     return Advice(participants, algorithm, reason[:MAX_REASON], _confidence(answer))
 
@@ -73,9 +73,12 @@ def _text(answer: dict[str, Any], name: str) -> str:
 
 
 def _confidence(answer: dict[str, Any]) -> float:
+    """Also of a number from 0 to 100, which models without a grammar like to give."""
     value = _field(answer, "confidence")
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise DecisionError(f"the answer's confidence is {shown(value)}, not a number")
-    if not 0 <= value <= 100 or not math.isfinite(value):
-        raise DecisionError(f"the answer's confidence is {value}; allowed: 0 to 100")
-    return value / 100.0
+    if isinstance(value, str) and value in CONFIDENCE:
+        return CONFIDENCE[value]
+    if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 100:
+        return value / 100.0
+    what = value if isinstance(value, int | float) else shown(value)
+    allowed = ", ".join(CONFIDENCE)
+    raise DecisionError(f"the answer's confidence is {what}; allowed: {allowed}, or 0 to 100")

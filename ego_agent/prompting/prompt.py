@@ -154,5 +154,10 @@ _MOST_HELPERS = 32
 def _link(scorer: Scorer, found: Sequence[Choice]) -> str:
     """What the link carries now: the last line, and the only one that C(t) changes."""
     kilobytes = shown(at_most(scorer.budget_bytes / 1e3))
-    fits = ", ".join(f"{choice.algorithm} for {choice.at_most}" for choice in found)
-    return f"Link now: {kilobytes} kB a frame. At most: {fits or 'nobody'}."
+    helpers = ", ".join(f"{choice.algorithm} {_range(choice)}" for choice in found)
+    return f"Link now: {kilobytes} kB a frame. Helpers: {helpers or 'none'}."
+
+
+def _range(choice: Choice) -> str:
+    least, most = choice.at_least, choice.at_most
+    return str(most) if least == most else f"{least} to {most}"
