@@ -27,9 +27,7 @@ def test_an_answer_is_advice_with_the_ego_first() -> None:
     assert advice == Advice(("R1", "R3", "R2"), "late", "wide view", 0.8)
 
 
-@pytest.mark.parametrize(
-    ("said", "confidence"), [("low", 0.2), ("medium", 0.5), (75, 0.75), (0, 0)]
-)
+@pytest.mark.parametrize(("said", "counts"), [("low", 0.2), ("medium", 0.5), (75, 0.75), (0, 0)])
 def test_confidence_is_a_word_or_a_number(said: object, counts: float) -> None:
     assert read_answer(json.dumps(GOOD | {"confidence": said}), PROMPT).confidence == counts
 
