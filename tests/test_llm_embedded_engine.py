@@ -42,7 +42,7 @@ def test_equal_prompts_get_equal_answers_alone_and_in_a_batch(engine: Engine) ->
     assert among[1].text == alone.text
 
 
-def test_what_is_drafted_and_jumped_over_changes_no_answer(native: Native) -> None:
+def test_guesses_change_no_answer(native: Native) -> None:
     answers = []
     for draft in (0, 12):
         native.keep(0, 0)

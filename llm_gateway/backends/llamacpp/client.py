@@ -31,14 +31,26 @@ class LlamaCpp:
     name = "llamacpp"
 
     def __init__(
-        self, model_path: Path, parallel: int, context: int, threads: int, log: Logger
+        self,
+        model_path: Path,
+        parallel: int,
+        context: int,
+        threads: int,
+        log: Logger,
+        *,
+        cache: Path | None = None,
     ) -> None:
-        """`parallel` prompts at a time, each with its answer at most `context` tokens."""
+        """`parallel` prompts at a time, each with its answer at most `context` tokens.
+
+        `threads`: 0 takes all cores. `cache`: where a faster form of the model may be kept, by
+        default in the user's cache folder.
+        """
         self._path = model_path
         self._parallel = parallel
         self._context = context
         self._threads = threads
         self._log = log
+        self._cache = cache or models.cache_folder()
         self._idents = itertools.count(1)
         self._waiting: dict[int, asyncio.Future[Reply]] = {}
         self._unacknowledged: dict[int, asyncio.TimerHandle] = {}
@@ -144,6 +156,7 @@ class LlamaCpp:
             *(sys.executable, "-m", "llm_gateway.backends.llamacpp.worker"),
             *("--model", str(self._path), "--parallel", str(self._parallel)),
             *("--context", str(self._context), "--threads", str(self._threads)),
+            *("--cache", str(self._cache)),
             stdin=PIPE,
             stdout=PIPE,
             stderr=DEVNULL,

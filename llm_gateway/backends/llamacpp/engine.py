@@ -1,8 +1,9 @@
 """Answers several prompts at a time with one model: continuous batching with prefix reuse.
 
-Each `step` is one decode of the model. It holds the newest tokens of every answer under way, and
-a chunk of the prompt that is being read: answers go on while prompts are read. Prompts are read
-one after the other, so that each finds in the context what it shares with those before it.
+Each `step` is one decode of the model: of the newest tokens of every answer under way, or of a
+chunk of a prompt. The two take turns, so that answers go on while prompts are read; in one decode
+they would be split again, because sequences do not share a cache. Prompts are read one after the
+other, so that each finds in the context what it shares with those before it.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from llm_gateway.backends.llamacpp import slots as places
 from llm_gateway.backends.llamacpp.constraint import Alphabet, Constraint
-from llm_gateway.backends.llamacpp.native import CHUNK, Native
+from llm_gateway.backends.llamacpp.native import CHUNK, Native, Part
 from llm_gateway.backends.llamacpp.schema import grammar_of
 from llm_gateway.backends.llamacpp.slots import Slot
 from llm_gateway.model import Prompt, Reply
@@ -27,12 +29,14 @@ class Tuning:
 
     chunk: int = CHUNK
     """Tokens of one decode."""
-    beside: int = 96
-    """Of a prompt, read in one decode while answers are under way."""
     draft: int = 12
-    """Tokens of the last answer that are tried as the next ones in one decode; 0: none."""
-    drafters: int = 2
-    """With more answers than this under way, nothing is drafted: batches are full anyway."""
+    """Tokens of an earlier answer that are tried as the next ones in one decode; 0: none."""
+    few: int = 2
+    """With more answers than this under way, each gets one token in a decode: sequences of
+    different lengths would be decoded apart."""
+    gap: int = 3
+    """So many idle sequences between two busy ones get a token that nobody reads: sequences that
+    are no neighbours would be decoded apart, too."""
     jump: bool = True
     """Whether text that the grammar forces is appended without asking the model."""
 
@@ -53,7 +57,13 @@ class _Run:
     pending: list[int] = field(default_factory=list)
     """The end of `out`, which is not in the context yet."""
     guide: list[int] = field(default_factory=list)
-    """The answer to the prompt before this one: where drafts come from."""
+    """The answer to an earlier prompt that began like this one."""
+
+    @property
+    def held(self) -> Slot:
+        """The slot of a run that is not waiting."""
+        assert self.slot is not None
+        return self.slot
 
 
 class Engine:
@@ -70,6 +80,7 @@ class Engine:
         self._waiting: deque[_Run] = deque()
         self._running: list[_Run] = []
         self._taken = 0
+        self._read_next = False
         self.decodes = 0
         """How often the model was asked."""
 
@@ -103,23 +114,69 @@ class Engine:
     def step(self) -> list[tuple[int, Reply]]:
         """Asks the model once; returns the answers that are complete now."""
         self._begin_reading()
-        parts, runs = self._parts()
-        if not parts:
-            return []
-        first = self._native.decode(parts)
-        self.decodes += 1
+        answering = [run for run in self._running if run.read]
+        reading = [run for run in self._running if not run.read]
+        self._read_next = bool(reading) and not (answering and self._read_next)
+        if self._read_next:
+            return self._read(reading[0])
+        return self._answer(answering) if answering else []
+
+    def _read(self, run: _Run) -> list[tuple[int, Reply]]:
+        """Reads the next chunk of a prompt, and begins its answer when that was the last."""
+        slot = run.held
+        at = len(slot.tokens)
+        chunk = run.prompt[at : at + self._tuning.chunk]
+        run.read = at + len(chunk) == len(run.prompt)
+        index = self._decode([(slot.number, at, chunk, int(run.read))])[slot.number]
+        slot.tokens += chunk
+        reply = self._advance(run, [], index) if run.read else None
+        return [] if reply is None else [(run.ident, reply)]
+
+    def _answer(self, runs: list[_Run]) -> list[tuple[int, Reply]]:
+        """Goes on with all answers under way."""
+        few = len(runs) <= self._tuning.few
+        runs = sorted(runs, key=lambda run: run.held.number)
+        drafts = [self._draft(run) if few else [] for run in runs]
+        parts: list[Part] = []
+        for run, draft in zip(runs, drafts, strict=True):
+            tokens = run.pending + draft if few else run.pending[:1]
+            answers = 1 + len(draft) if few or len(run.pending) == 1 else 0
+            parts.append((run.held.number, len(run.held.tokens), tokens, answers))
+        fillers = self._fillers([run.held.number for run in runs])
+        first = self._decode(sorted([*parts, *fillers]))
+        for number, at, _, _ in fillers:
+            self._native.keep(number, at)
         done = []
-        for run, (_, _, tokens, answers), index in zip(runs, parts, first, strict=True):
-            assert run.slot is not None
-            if run.read:
-                reply = self._advance(run, tokens[len(tokens) - answers + 1 :], index)
-            else:
-                run.slot.tokens += tokens
-                run.read = len(run.slot.tokens) == len(run.prompt)
-                reply = self._advance(run, [], index) if run.read else None
+        for run, draft, part in zip(runs, drafts, parts, strict=True):
+            sent = len(part[2]) - len(draft)
+            run.held.tokens += run.pending[:sent]
+            run.pending = run.pending[sent:]
+            reply = self._advance(run, draft, first[part[0]]) if not run.pending else None
             if reply is not None:
                 done.append((run.ident, reply))
         return done
+
+    def _fillers(self, numbers: list[int]) -> list[Part]:
+        """A token for each idle sequence in a small gap between busy ones."""
+        found: list[Part] = []
+        for left, right in pairwise(numbers):
+            if right - left <= self._tuning.gap + 1:
+                between = self._slots[left + 1 : right]
+                found += [(s.number, len(s.tokens), [self._alphabet.end], 0) for s in between]
+        return found
+
+    def _draft(self, run: _Run) -> list[int]:
+        """How an earlier answer went on, if it began like this one."""
+        done = len(run.out)
+        if run.guide[:done] != run.out:
+            return []
+        return run.guide[done : done + self._tuning.draft]
+
+    def _decode(self, parts: list[Part]) -> dict[int, int]:
+        """Where the logits of each sequence begin, by its number."""
+        self.decodes += 1
+        first = self._native.decode(parts)
+        return {part[0]: index for part, index in zip(parts, first, strict=True)}
 
     def _begin_reading(self) -> None:
         """Gives the prompt at the head of the queue a place, once the one before it is read."""
@@ -141,42 +198,8 @@ class Engine:
         run.slot, run.reused = slot, choice.shared
         self._running.append(run)
 
-    def _parts(self) -> tuple[list[tuple[int, int, list[int], int]], list[_Run]]:
-        """What the next decode reads, in the order of the sequences' numbers."""
-        answering = [run for run in self._running if run.read]
-        room = self._tuning.chunk
-        found: list[tuple[int, int, list[int], int, _Run]] = []
-        for run in answering:
-            assert run.slot is not None
-            draft = self._draft(run) if len(answering) <= self._tuning.drafters else []
-            tokens = run.pending + draft
-            found.append((run.slot.number, len(run.slot.tokens), tokens, 1 + len(draft), run))
-            room -= len(tokens)
-        if answering:
-            room = min(room, self._tuning.beside)
-        for run in self._running:
-            if not run.read and room > 0:
-                assert run.slot is not None
-                at = len(run.slot.tokens)
-                chunk = run.prompt[at : at + room]
-                ends = at + len(chunk) == len(run.prompt)
-                found.append((run.slot.number, at, chunk, int(ends), run))
-        found.sort(key=lambda part: part[0])
-        return [part[:4] for part in found], [part[4] for part in found]
-
-    def _draft(self, run: _Run) -> list[int]:
-        """How the last answer goes on, if it began like this one."""
-        done = len(run.out)
-        if run.guide[:done] != run.out:
-            return []
-        return run.guide[done : done + self._tuning.draft]
-
     def _advance(self, run: _Run, draft: Sequence[int], index: int) -> Reply | None:
         """Takes the model's choices for what was read, along a draft while it agrees."""
-        slot = run.slot
-        assert slot is not None
-        slot.tokens += run.pending
-        run.pending = []
         agreed = 0
         while not run.pending:
             token = run.constraint.best(self._native.logits(index + agreed))
@@ -194,7 +217,7 @@ class Engine:
             same = places.common(new, draft[agreed:])
             agreed += same
             run.pending = new[same:]
-        self._drop(slot, draft, agreed)
+        self._drop(run.held, draft, agreed)
         return None
 
     def _drop(self, slot: Slot, draft: Sequence[int], agreed: int) -> None:
@@ -203,9 +226,8 @@ class Engine:
             self._native.keep(slot.number, len(slot.tokens))
 
     def _finish(self, run: _Run, draft: Sequence[int], agreed: int) -> Reply:
-        assert run.slot is not None
-        self._drop(run.slot, draft, agreed)
-        run.slot.answer = run.out
+        self._drop(run.held, draft, agreed)
+        run.held.answer = run.out
         self._end(run)
         text = b"".join(self._native.piece(token) for token in run.out[: run.limit])
         tokens = LlmTokens(prompt=len(run.prompt), reused=run.reused, output=len(run.out))

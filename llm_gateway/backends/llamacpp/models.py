@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,6 +44,12 @@ def find_model(name: str) -> Path:
         if file.read(4) != _MAGIC:
             raise SettingError(f"{path} is not a model: it does not begin with GGUF")
     return path
+
+
+def cache_folder() -> Path:
+    """Where files are kept that can be made again."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "coadapt"
 
 
 def installed_models() -> list[str]:

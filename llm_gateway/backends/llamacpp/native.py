@@ -20,6 +20,11 @@ CHUNK = 256
 """Tokens of one decode, at most: how long a cancelled prompt may keep the model."""
 
 
+Part = tuple[int, int, list[int], int]
+"""Of one decode: a sequence, the position of the first token, tokens, how many of the last ones
+get logits."""
+
+
 class ModelError(Exception):
     """A file is not a model that llama.cpp can run."""
 
@@ -143,10 +148,10 @@ class Native:
         self._lib.llama_memory_seq_rm(self._memory, target, -1, -1)
         self._lib.llama_memory_seq_cp(self._memory, source, target, -1, -1)
 
-    def decode(self, parts: Sequence[tuple[int, int, Sequence[int], int]]) -> list[int]:
-        """Reads tokens: (sequence, position of the first, tokens, how many of the last answer).
+    def decode(self, parts: Sequence[Part]) -> list[int]:
+        """Reads tokens of several sequences.
 
-        Returns for each part where `logits` finds its first token that answers.
+        Returns for each part where `logits` finds its first token that gets some.
         """
         batch, n = self._batch, 0
         first = []

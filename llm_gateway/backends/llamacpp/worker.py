@@ -11,12 +11,14 @@ import os
 import queue
 import sys
 import threading
+from pathlib import Path
 from typing import BinaryIO
 
 from llm_gateway.backends.llamacpp import frames
 from llm_gateway.backends.llamacpp.engine import Engine
 from llm_gateway.backends.llamacpp.models import find_model
 from llm_gateway.backends.llamacpp.native import CHUNK, ModelError, Native
+from llm_gateway.backends.llamacpp.requantise import faster_form
 from llm_gateway.model import Prompt
 from swarm.errors import GatewayError, SettingError
 from swarm.messages import ChatMessage
@@ -28,7 +30,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--model", required=True, help="a .gguf file, or an installed model")
     parser.add_argument("--parallel", type=int, required=True)
     parser.add_argument("--context", type=int, required=True, help="tokens of one sequence")
-    parser.add_argument("--threads", type=int, required=True)
+    parser.add_argument("--threads", type=int, required=True, help="0: one for each core")
+    parser.add_argument("--cache", type=Path, help="where a faster form of it may be kept")
     parser.add_argument("--try", action="store_true", dest="once", help="answer once and end")
     args = parser.parse_args(arguments)
     # What a library prints must not end up between frames.
@@ -38,11 +41,14 @@ def main(arguments: list[str] | None = None) -> int:
     if not args.once:
         threading.Thread(target=_receive, args=(sys.stdin.buffer, inbox), daemon=True).start()
     try:
+        path = find_model(args.model)
+        if args.cache is not None:
+            path = faster_form(path, args.cache)
         native = Native(
-            find_model(args.model),
+            path,
             sequences=args.parallel,
             context=args.context,
-            threads=args.threads,
+            threads=args.threads or len(os.sched_getaffinity(0)),
             chunk=CHUNK,
         )
         engine = Engine(native, sequences=args.parallel, context=args.context)
