@@ -108,7 +108,7 @@ def make_gateway(settings: GatewaySettings, registry: CollectorRegistry, log: Lo
         log,
         queue=settings.llm_queue,
         per_client=settings.llm_per_client,
-        window_ms=settings.llm_window_ms,
+        window_ms=settings.window_ms(),
         breaker_failures=settings.llm_breaker_failures,
         breaker_s=settings.llm_breaker_s,
         deadline_max_s=settings.llm_deadline_max_s,

@@ -39,8 +39,9 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     """Model calls that wait at most."""
     llm_per_client: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 8
     """Of them, of one client."""
-    llm_window_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 10.0
-    """How long the first jobs after a rest wait for each other; 0 starts each at once."""
+    llm_window_ms: Annotated[float, msgspec.Meta(ge=0, le=1000)] | None = None
+    """How long the first jobs after a rest wait for each other; 0 starts each at once. None: 10
+    where the model is embedded, which reads together what begins alike; servers batch anyway."""
     llm_cache: str = ""
     """SQLite file of the cache; empty keeps answers in memory only."""
     llm_cache_ttl_s: Annotated[float, msgspec.Meta(gt=0, le=30 * 86_400)] = 300.0
@@ -56,6 +57,12 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     """... for this long."""
     llm_deadline_max_s: Annotated[float, msgspec.Meta(gt=0, le=600)] = 120.0
     """Nobody is waited with any longer, whatever was asked for."""
+
+    def window_ms(self) -> float:
+        """`llm_window_ms`, or what suits the back end."""
+        if self.llm_window_ms is not None:
+            return self.llm_window_ms
+        return 10.0 if self.llm_backend == "llamacpp" else 0.0
 
     def __repr__(self) -> str:
         shown = (
