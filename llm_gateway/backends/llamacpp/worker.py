@@ -23,6 +23,8 @@ from llm_gateway.model import Prompt
 from swarm.errors import GatewayError, SettingError
 from swarm.messages import ChatMessage
 
+NICE = 10
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Serves until standard input ends."""
@@ -34,6 +36,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--cache", type=Path, help="where a faster form of it may be kept")
     parser.add_argument("--try", action="store_true", dest="once", help="answer once and end")
     args = parser.parse_args(arguments)
+    # Egos and robots beside it have deadlines of milliseconds, a model has seconds.
+    os.nice(NICE)
     # What a library prints must not end up between frames.
     out = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
