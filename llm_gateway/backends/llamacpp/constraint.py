@@ -1,4 +1,4 @@
-"""Chooses tokens that follow a grammar, and finds text that a grammar leaves no choice about."""
+"""Chooses tokens that follow a grammar."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from llm_gateway.backends.llamacpp.native import Native
 
-_FIRST = 48
-"""So many of the best tokens are tried before the whole vocabulary, which takes milliseconds."""
+_NEAR = 6.0
+"""Tokens whose logits are so near the best are tried before the whole vocabulary, which takes
+milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +70,8 @@ class Constraint:
         top = int(np.argmax(logits))
         if self._grammar is None or self._legal(np.array([top], np.int32))[0]:
             return top
-        some = np.argpartition(logits, -_FIRST)[-_FIRST:]
-        for tokens in (some, np.arange(len(logits))):
-            # A token beyond the cut may equal the last one within: of no importance.
-            ranked = tokens[np.lexsort((tokens, -logits[tokens]))].astype(np.int32)
+        for tokens in (np.flatnonzero(logits > logits[top] - _NEAR), np.arange(len(logits))):
+            ranked = tokens[np.argsort(-logits[tokens], kind="stable")].astype(np.int32)
             legal = self._legal(ranked)
             if legal.any():
                 return int(ranked[np.argmax(legal)])
@@ -83,23 +82,16 @@ class Constraint:
         if self._grammar is not None and token != self._alphabet.end:
             self._native.accept(self._grammar, token)
 
-    def forced(self) -> tuple[str, bool]:
-        """Moves on over text without alternative; returns it, and whether the answer ends there.
+    def complete(self) -> bool:
+        """Whether nothing but the end may follow: that need not be asked of the model.
 
-        Looks at printable ASCII only: a grammar here leaves no other choice anywhere, except
-        inside strings, where ASCII is a choice already.
+        Text that is forced is asked for, token by token: a model goes on worse from tokens that it
+        would not have chosen ("1.1.1.1" where it gave a sentence).
         """
-        found: list[str] = []
-        while self._grammar is not None:
-            (legal,) = np.nonzero(self._legal(self._alphabet.letters))
-            if len(legal) != 1:
-                break
-            index = int(legal[0])
-            if index == len(self._alphabet.text):
-                return "".join(found), True
-            found.append(self._alphabet.text[index])
-            self._native.accept(self._grammar, int(self._alphabet.letters[index]))
-        return "".join(found), False
+        if self._grammar is None:
+            return False
+        legal = self._legal(self._alphabet.letters)
+        return bool(legal[-1]) and not legal[:-1].any()
 
     def _legal(self, tokens: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
         return self._native.legal(self._grammar, tokens)

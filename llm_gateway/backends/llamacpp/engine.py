@@ -32,13 +32,11 @@ class Tuning:
     draft: int = 12
     """Tokens of an earlier answer that are tried as the next ones in one decode; 0: none."""
     few: int = 2
-    """With more answers than this under way, each gets one token in a decode: sequences of
-    different lengths would be decoded apart."""
+    """With more answers than this under way nothing is drafted: sequences of different lengths
+    would be decoded apart."""
     gap: int = 3
     """So many idle sequences between two busy ones get a token that nobody reads: sequences that
     are no neighbours would be decoded apart, too."""
-    jump: bool = True
-    """Whether text that the grammar forces is appended without asking the model."""
 
 
 @dataclass
@@ -54,8 +52,7 @@ class _Run:
     read: bool = False
     """Whether the whole prompt is in the context."""
     out: list[int] = field(default_factory=list)
-    pending: list[int] = field(default_factory=list)
-    """The end of `out`, which is not in the context yet."""
+    """The answer so far; its last token is not in the context yet."""
     guide: list[int] = field(default_factory=list)
     """The answer to an earlier prompt that began like this one."""
 
@@ -134,24 +131,21 @@ class Engine:
 
     def _answer(self, runs: list[_Run]) -> list[tuple[int, Reply]]:
         """Goes on with all answers under way."""
-        few = len(runs) <= self._tuning.few
         runs = sorted(runs, key=lambda run: run.held.number)
+        few = len(runs) <= self._tuning.few
         drafts = [self._draft(run) if few else [] for run in runs]
-        parts: list[Part] = []
-        for run, draft in zip(runs, drafts, strict=True):
-            tokens = run.pending + draft if few else run.pending[:1]
-            answers = 1 + len(draft) if few or len(run.pending) == 1 else 0
-            parts.append((run.held.number, len(run.held.tokens), tokens, answers))
+        parts: list[Part] = [
+            (run.held.number, len(run.held.tokens), [run.out[-1], *draft], 1 + len(draft))
+            for run, draft in zip(runs, drafts, strict=True)
+        ]
         fillers = self._fillers([run.held.number for run in runs])
         first = self._decode(sorted([*parts, *fillers]))
         for number, at, _, _ in fillers:
             self._native.keep(number, at)
         done = []
-        for run, draft, part in zip(runs, drafts, parts, strict=True):
-            sent = len(part[2]) - len(draft)
-            run.held.tokens += run.pending[:sent]
-            run.pending = run.pending[sent:]
-            reply = self._advance(run, draft, first[part[0]]) if not run.pending else None
+        for run, draft in zip(runs, drafts, strict=True):
+            run.held.tokens.append(run.out[-1])
+            reply = self._advance(run, draft, first[run.held.number])
             if reply is not None:
                 done.append((run.ident, reply))
         return done
@@ -199,37 +193,27 @@ class Engine:
         self._running.append(run)
 
     def _advance(self, run: _Run, draft: Sequence[int], index: int) -> Reply | None:
-        """Takes the model's choices for what was read, along a draft while it agrees."""
-        agreed = 0
-        while not run.pending:
+        """Takes the model's choices for what was decoded, along a draft while it agrees."""
+        agreed, done = 0, False
+        while not done:
             token = run.constraint.best(self._native.logits(index + agreed))
-            if self._native.ends(token):
-                return self._finish(run, draft, agreed)
-            run.constraint.accept(token)
-            new = [token]
-            complete = False
-            if self._tuning.jump:
-                text, complete = run.constraint.forced()
-                new += self._native.tokens(text, special=False)
-            run.out += new
-            if complete or len(run.out) >= run.limit:
-                return self._finish(run, draft, agreed)
-            same = places.common(new, draft[agreed:])
-            agreed += same
-            run.pending = new[same:]
-        self._drop(run.held, draft, agreed)
-        return None
-
-    def _drop(self, slot: Slot, draft: Sequence[int], agreed: int) -> None:
+            done = self._native.ends(token)
+            if not done:
+                run.constraint.accept(token)
+                run.out.append(token)
+                done = run.constraint.complete() or len(run.out) >= run.limit
+            if draft[agreed : agreed + 1] != [token]:
+                break
+            agreed += 1
+        slot = run.held
         slot.tokens += draft[:agreed]
         if agreed < len(draft):
             self._native.keep(slot.number, len(slot.tokens))
-
-    def _finish(self, run: _Run, draft: Sequence[int], agreed: int) -> Reply:
-        self._drop(run.held, draft, agreed)
-        run.held.answer = run.out
+        if not done:
+            return None
+        slot.answer = run.out
         self._end(run)
-        text = b"".join(self._native.piece(token) for token in run.out[: run.limit])
+        text = b"".join(self._native.piece(token) for token in run.out)
         tokens = LlmTokens(prompt=len(run.prompt), reused=run.reused, output=len(run.out))
         return Reply(text.decode(errors="replace"), tokens)
 

@@ -67,6 +67,12 @@ class Native:
         template = lib.llama_model_chat_template(self._model, None)
         self.template: bytes | None = template
 
+    def close(self) -> None:
+        """Gives the memory back; nothing may be called afterwards."""
+        self._lib.llama_batch_free(self._batch)
+        self._lib.llama_free(self._context)
+        self._lib.llama_model_free(self._model)
+
     def _heard(self, level: int, text: bytes, _: object) -> None:
         if level >= _WARNING:
             self._said = [*self._said[-20:], text.decode(errors="replace").strip()]

@@ -30,7 +30,7 @@ def faster_form(path: Path, folder: Path) -> Path:
         made = folder / f"{path.stem}-{facts.st_size}-{facts.st_mtime_ns}-{form}.gguf"
         if not made.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            _convert(path, made, form)
+            convert(path, made, form)
         return made
     except OSError as error:
         print(f"the embedded model stays as it is: {error}", file=sys.stderr)
@@ -58,7 +58,7 @@ def _best_form() -> str:
     return "BF16" if b"AVX512_BF16 = 1" in lib.llama_print_system_info() else "Q8_0"
 
 
-def _convert(path: Path, made: Path, form: str) -> None:
+def convert(path: Path, made: Path, form: str) -> None:
     """Raises OSError; a file that is half written never gets the name `made`."""
     from llama_cpp import llama_cpp as lib
 
