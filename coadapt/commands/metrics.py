@@ -29,6 +29,17 @@ FIGURES = (
     ("sessions at the router", "coadapt_router_sessions"),
 )
 """Names of figures, and the PromQL expressions that they are."""
+ADVICE_FIGURES = (
+    ("advice", "sum by (outcome) (coadapt_ego_advice_total)"),
+    ("model requests", "sum by (source, outcome) (coadapt_llm_requests_total)"),
+    (
+        "model p50 ms",
+        "1000 * histogram_quantile(0.5, sum by (le) "
+        '(coadapt_llm_latency_seconds_bucket{stage="model"}))',
+    ),
+    ("model breaker", "coadapt_llm_breaker_state"),
+)
+"""The same, where a language model is asked."""
 _UNSHOWN = {"__name__", "job", "instance", "role"}
 
 
@@ -47,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
         raise DeployError(f"swarm {args.swarm!r} runs without Prometheus")
     server = Prometheus(state.prometheus_url)
     targets = server.targets()
-    figures = {name: server.query(expression) for name, expression in FIGURES}
+    wanted = FIGURES + (ADVICE_FIGURES if state.spec.llm else ())
+    figures = {name: server.query(expression) for name, expression in wanted}
     if args.json:
         found = {"url": state.prometheus_url, "targets": targets, "figures": figures}
         print(msgspec.json.encode(found).decode())
