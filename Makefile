@@ -20,7 +20,7 @@ ARGS ?=
 
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec roundtrip cycle shaping priority trace adapt controller
+BENCHMARKS = sam codec roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline
 
 .DEFAULT_GOAL := help
 .PHONY: help setup up down status logs metrics shape congest net test check lint types bench lock clean
@@ -78,6 +78,7 @@ types: setup ## Check types
 
 check: lint types test ## Everything that must be green before a commit
 
+bench: EXTRA = llm
 bench: setup ## Run the benchmarks; each writes build/bench/<name>.json
 	@for name in $(BENCHMARKS); do \
 		echo "bench $$name" >&2; $(PYTHON_ENV) -m benchmarks.$$name || exit 1; done

@@ -37,7 +37,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """Ask for ground points too."""
     llm_period_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 5.0
     """Policy `llm` asks at once when the scene or C(t) moves, else this often."""
-    llm_deadline_s: Annotated[float, msgspec.Meta(ge=0.05, le=600)] = 10.0
+    llm_deadline_s: Annotated[float, msgspec.Meta(ge=0.05, le=600)] = 20.0
     """How long a question to the language model may take. The cycle does not wait for it."""
     llm_hold_max_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 30.0
     """Advice that was adopted longer ago is given up."""
