@@ -22,7 +22,7 @@ def model_file() -> Path:
 
 @pytest.fixture(scope="session")
 def native(model_file: Path) -> Native:
-    return Native(model_file, sequences=SEQUENCES, context=CONTEXT, threads=2, chunk=256)
+    return Native(model_file, sequences=SEQUENCES, context=CONTEXT, threads=1, chunk=256)
 
 
 @pytest.fixture

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 
 import pytest
 from embedded_model import CONTEXT, SEQUENCES, ask, run
 
 from llm_gateway.backends.llamacpp.engine import Engine, Tuning
-from llm_gateway.backends.llamacpp.native import Native
+from llm_gateway.backends.llamacpp.native import Native, free_cores
 from llm_gateway.model import Prompt
 from swarm.errors import GatewayError
 from swarm.messages import ChatMessage
@@ -125,3 +127,16 @@ def test_unconstrained_and_constrained_prompts_run_side_by_side(engine: Engine) 
     replies = run(engine, free, ask("Link: 9"))
     assert replies[0].tokens.output <= 5
     assert valid(replies[1].text)
+
+
+def test_a_busy_machine_leaves_the_model_one_core() -> None:
+    others = [
+        subprocess.Popen(["sh", "-c", "while :; do :; done"]) for _ in range(os.cpu_count() or 1)
+    ]
+    try:
+        while free_cores() > 1:
+            pass
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -33,10 +34,14 @@ class Native:
     """A model, and a context with `sequences` parallel sequences of `context` tokens each."""
 
     def __init__(self, path: Path, *, sequences: int, context: int, threads: int, chunk: int):
-        """Loads it; `chunk` is the most tokens that one `decode` gets. Raises ModelError."""
+        """Loads it; `chunk` is the most tokens that one `decode` gets, `threads` the most it takes.
+
+        Raises ModelError.
+        """
         from llama_cpp import llama_cpp as lib
 
         self._lib: Any = lib
+        self._threads = threads
         self._said: list[str] = []
         self._log = lib.llama_log_callback(self._heard)
         lib.llama_log_set(self._log, ctypes.c_void_p(0))
@@ -172,6 +177,8 @@ class Native:
                 batch.logits[n] = i >= silent
                 n += 1
         batch.n_tokens = n
+        threads = min(self._threads, free_cores())
+        self._lib.llama_set_n_threads(self._context, threads, threads)
         code = self._lib.llama_decode(self._context, batch)
         if code:
             raise RuntimeError(f"llama_decode gave {code} for {n} tokens: {self._said[-1:]}")
@@ -215,3 +222,17 @@ class Native:
 
 _CANDIDATE = np.dtype([("id", np.int32), ("logit", np.float32), ("p", np.float32)])
 """llama.cpp's `llama_token_data`."""
+
+
+def free_cores() -> int:
+    """Cores that nobody else uses right now, at least 1.
+
+    llama.cpp's threads wait for each other hundreds of times in a decode, spinning: where they
+    compete for cores with other processes, two threads were 40 times slower than one.
+    """
+    cores = len(os.sched_getaffinity(0))
+    try:
+        running = int(Path("/proc/loadavg").read_text().split()[3].split("/")[0])
+    except (OSError, ValueError, IndexError):
+        return cores
+    return max(1, cores - (running - 1))
