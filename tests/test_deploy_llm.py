@@ -48,6 +48,8 @@ def swarm_with(llm: str, **more: Any) -> Iterator[State]:
         patch.setenv("COADAPT_LLM_API_KEY", KEY)
         # Whatever the model chooses is followed if it can be: here it is the way that counts.
         patch.setenv("COADAPT_LLM_VALUE_MARGIN", "1")
+        # Nor does it matter how slow the machine is.
+        patch.setenv("COADAPT_LLM_DEADLINE_S", "120")
         spec = make_spec(
             **{"swarm": "advised", "robots": factory_robots(3), "rings": 16, "q_min": 0.0} | more,
             policy="llm",
