@@ -130,7 +130,10 @@ def test_the_embedded_model_advises_the_ego() -> None:
         view = until_source(watch, "llm", "cache", "hold", timeout_s=300)
         assert view.selected is not None
         assert view.selected[0] == "R1"
-        lines = list(read_journal(Path(journal_path(state.spec, state.spec.var_dir))))
-        assert {line.decision.model for line in lines if line.decision.model} == {
-            "SmolLM2-135M-Instruct.Q4_1"
-        }
+
+        def models() -> set[str]:
+            lines = read_journal(Path(journal_path(state.spec, state.spec.var_dir)))
+            return {line.decision.model for line in lines if line.decision.model}
+
+        # A line is written when its cycle has ended.
+        assert await_(models, "the journal's line") == {"SmolLM2-135M-Instruct.Q4_1"}
