@@ -11,6 +11,7 @@ lock=requirements-llm.lock
 cpuinfo=${CPUINFO:-/proc/cpuinfo}
 
 say() { echo "llm: $*" >&2; }
+. deploy/apt.sh
 
 # What the processor announces, except AMX: llama.cpp's own choice (GGML_NATIVE) takes AMX where it
 # is announced, and there are machines that announce it and fault on its first instruction.
@@ -37,19 +38,7 @@ build_flags() {
 
 install_compiler() {
     command -v c++ >/dev/null 2>&1 && return 0
-    if [ "$(id -u)" = 0 ]; then
-        as_root=
-    elif sudo -n true 2>/dev/null; then
-        as_root="sudo -n"
-    else
-        say "no C++ compiler here; install one as root: apt-get install g++"
-        return 1
-    fi
-    command -v apt-get >/dev/null || { say "no C++ compiler and no apt-get here"; return 1; }
-    say "installing Debian package: g++"
-    $as_root apt-get update -qq
-    DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq --no-install-recommends \
-        g++ >/dev/null
+    apt_install g++
 }
 
 # The wheel is kept by version and flags, so that a new .venv does not build it again. Not in pip's

@@ -10,6 +10,7 @@ stamp=$venv/.setup-done
 inputs="requirements.lock requirements-dev.lock pyproject.toml deploy/setup.sh"
 
 say() { echo "setup: $*" >&2; }
+. deploy/apt.sh
 
 missing_packages() {
     command -v ip >/dev/null 2>&1 || echo iproute2
@@ -24,20 +25,8 @@ missing_packages() {
 install_system() {
     packages=$(PATH=$PATH:/usr/sbin:/sbin missing_packages | tr '\n' ' ')
     [ -n "$packages" ] || return 0
-    if [ "$(id -u)" = 0 ]; then
-        as_root=
-    elif sudo -n true 2>/dev/null; then
-        as_root="sudo -n"
-    else
-        say "these Debian packages are missing: $packages"
-        say "install them as root: apt-get install --no-install-recommends $packages"
-        return 0
-    fi
-    command -v apt-get >/dev/null || { say "no apt-get here; install by hand: $packages"; return 0; }
-    say "installing Debian packages: $packages"
-    $as_root apt-get update -qq
-    DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -qq --no-install-recommends \
-        $packages >/dev/null
+    # shellcheck disable=SC2086
+    apt_install $packages || { [ $? = 3 ] && return 0; return 1; }
     # Only the program is wanted, not Debian's own Prometheus service on port 9090.
     if [ -d /run/systemd/system ] && echo "$packages" | grep -q prometheus; then
         $as_root systemctl disable --quiet --now prometheus || true

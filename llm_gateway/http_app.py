@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hmac
 import time
 from collections.abc import Awaitable
 from typing import Protocol, TypeVar
@@ -23,12 +22,14 @@ from llm_gateway.http_errors import HttpError, of_gateway
 from llm_gateway.model import Completion, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
+from swarm.http_doors import Bearer
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 2_000_000
 DRAINED_BYTES = 16_000_000
 """How much of a longer body is read and thrown away, so that its sender sees the refusal."""
 BODY_S = 20.0
+HEALTH_PATH = "/healthz"
 T = TypeVar("T")
 
 
@@ -93,7 +94,7 @@ def make_app(gateway: Completer, token: str, registry: CollectorRegistry, log: L
         routes=[
             Route("/v1/chat/completions", complete, methods=["POST"]),
             Route("/v1/models", models, methods=["GET"]),
-            Route("/healthz", health, methods=["GET"]),
+            Route(HEALTH_PATH, health, methods=["GET"]),
         ],
         exception_handlers={
             HttpError: refused,
@@ -158,7 +159,7 @@ class _Gate:
 
     def __init__(self, app: ASGIApp, token: str, registry: CollectorRegistry, log: Logger) -> None:
         self._app = app
-        self._expected = f"Bearer {token}".encode() if token else None
+        self._bearer = Bearer(token)
         self._log = log
         self._requests = Counter(
             "coadapt_llm_http_requests_total",
@@ -174,7 +175,8 @@ class _Gate:
             await send(message)
 
         try:
-            if self._may(scope["path"], Headers(scope=scope)):
+            shown = Headers(scope=scope).get("authorization", "")
+            if scope["path"] == HEALTH_PATH or self._bearer.may(shown):
                 await self._app(scope, receive, counted)
             else:
                 refusal = HttpError(
@@ -187,10 +189,3 @@ class _Gate:
         except Exception:
             path = scope["path"][:200]
             self._log.error("llm_http_failed", method=scope["method"], path=path, exc_info=True)
-
-    def _may(self, path: str, headers: Headers) -> bool:
-        if self._expected is None or path == "/healthz":
-            return True
-        scheme, _, shown = headers.get("authorization", "").partition(" ")
-        given = f"{scheme.capitalize()} {shown.strip()}".encode()
-        return hmac.compare_digest(given, self._expected)

@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
-import re
-import socket
 from collections.abc import Generator
 
 import uvicorn
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import Completer, make_app
-from swarm.errors import SettingError
+from swarm.http_doors import bind, check_token, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256
-_BACKLOG = 128
-# RFC 6750: what may stand behind "Bearer".
-_TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
 
 
 class HttpDoor:
@@ -38,33 +32,12 @@ class HttpDoor:
         registry: CollectorRegistry,
         log: Logger,
     ) -> None:
-        if token and not _TOKEN.fullmatch(token):
-            # The value is a secret.
-            raise SettingError(
-                "COADAPT_LLM_HTTP_TOKEN is not valid; it must be letters, digits and . _ ~ + / -"
-            )
-        if not token and not _is_loopback(host):
-            raise SettingError(
-                f"COADAPT_LLM_HTTP_HOST = {host!r} can be reached from elsewhere, and "
-                "COADAPT_LLM_HTTP_TOKEN is not set; set a token, or use 127.0.0.1"
-            )
-        self._socket = _bind(host, port)
+        check_token("COADAPT_LLM_HTTP_TOKEN", token)
+        self._socket = bind("COADAPT_LLM_HTTP", host, port, token=bool(token))
         self.port = int(self._socket.getsockname()[1])
         self._log = log
-        self._server = _Server(
-            uvicorn.Config(
-                make_app(gateway, token, registry, log),
-                http="h11",
-                ws="none",
-                lifespan="off",
-                log_config=None,
-                access_log=False,
-                server_header=False,
-                proxy_headers=False,
-                limit_concurrency=MAX_CONNECTIONS,
-                timeout_graceful_shutdown=1,
-            )
-        )
+        app = make_app(gateway, token, registry, log)
+        self._server = _Server(server_config(app, connections=MAX_CONNECTIONS, grace_s=1))
         self._serving: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
@@ -86,26 +59,3 @@ class _Server(uvicorn.Server):
     def capture_signals(self) -> Generator[None]:
         """Leaves signals to the process."""
         yield
-
-
-def _is_loopback(host: str) -> bool:
-    """Whether a host name or address cannot be reached from elsewhere."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    try:
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        bound = socket.create_server((host, port), family=family, backlog=_BACKLOG)
-        # Connections inherit it. asyncio does not set it on them, and without it the second answer
-        # on a connection waits 40 ms for the client to acknowledge its headers.
-        bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return bound
-    except (OSError, OverflowError) as error:
-        raise SettingError(
-            f"COADAPT_LLM_HTTP_PORT = {port} on COADAPT_LLM_HTTP_HOST = {host!r} cannot be bound: "
-            f"{error}; choose a free port (0 takes any) and an address of this host"
-        ) from error

@@ -153,9 +153,12 @@ class DockerDriver:
         for port in left:
             if index_of(port.device) == port.index:
                 # Its container runs on, but another one's link is the robot's now.
-                for direction in DIRECTIONS:
-                    shaping.clear(port.device, direction)
-        shaping.forget(port.device for port in left)
+                with suppress(NetworkError):
+                    for direction in DIRECTIONS:
+                        shaping.clear(port.device, direction)
+        # What cannot be removed now must not hide the links that are there; `close` tries again.
+        with suppress(NetworkError):
+            shaping.forget(port.device for port in left)
         self._ports = known
         return known
 

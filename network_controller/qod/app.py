@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hmac
 import re
 import uuid
 from collections.abc import Awaitable, Callable, Mapping
@@ -25,6 +24,7 @@ from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIO
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
+from swarm.http_doors import Bearer
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 65_536
@@ -116,7 +116,7 @@ class _Gate:
 
     def __init__(self, app: ASGIApp, token: str, metrics: QodMetrics, log: Logger) -> None:
         self._app = app
-        self._expected = f"Bearer {token}".encode() if token else None
+        self._bearer = Bearer(token)
         self._metrics = metrics
         self._log = log
 
@@ -133,7 +133,8 @@ class _Gate:
             await send(message)
 
         try:
-            if not self._may(scope["path"], headers):
+            shown = headers.get("authorization", "")
+            if scope["path"] not in OPEN_PATHS and not self._bearer.may(shown):
                 refusal = _error(problems.unauthenticated().info, {"www-authenticate": "Bearer"})
                 await refusal(scope, receive, marked)
             elif not sound:
@@ -147,10 +148,3 @@ class _Gate:
             self._log.error(
                 "qod_request_failed", method=scope["method"], path=scope["path"], exc_info=True
             )
-
-    def _may(self, path: str, headers: Headers) -> bool:
-        if self._expected is None or path in OPEN_PATHS:
-            return True
-        scheme, _, shown = headers.get("authorization", "").partition(" ")
-        given = f"{scheme.capitalize()} {shown.strip()}".encode()
-        return hmac.compare_digest(given, self._expected)

@@ -16,8 +16,8 @@ from network_controller.qod.app import make_app
 from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.service import Service
-from network_controller.qod.sinks import is_loopback, is_token
 from swarm.errors import SettingError
+from swarm.http_doors import bind, check_token, is_loopback, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 100
@@ -42,35 +42,18 @@ class Server:
         *,
         socket: str = "",
     ) -> None:
-        if token and not is_token(token):
-            # The value is a secret.
-            raise SettingError(
-                "COADAPT_QOD_TOKEN is not valid; it must be letters, digits and . _ ~ + / -"
-            )
-        if not socket and not token and not is_loopback(host):
-            raise SettingError(
-                f"COADAPT_QOD_HOST = {host!r} can be reached from elsewhere, and "
-                "COADAPT_QOD_TOKEN is not set; set a token, or use 127.0.0.1"
-            )
+        check_token("COADAPT_QOD_TOKEN", token)
         self._path = Path(socket) if socket else None
-        self._socket = _bind_path(self._path) if self._path else _bind(host, port)
+        if self._path is not None:
+            self._socket = _bind_path(self._path)
+        else:
+            self._socket = bind("COADAPT_QOD", host, port, token=bool(token))
         self._log = log
         metrics = QodMetrics(registry)
         near = bool(socket) or is_loopback(host)
         self._service = Service(network, metrics, log, local_sinks=near)
-        config = uvicorn.Config(
-            make_app(self._service, token, metrics, log),
-            loop="asyncio",
-            http="h11",
-            ws="none",
-            lifespan="off",
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            limit_concurrency=MAX_CONNECTIONS,
-            timeout_graceful_shutdown=2,
-        )
+        app = make_app(self._service, token, metrics, log)
+        config = server_config(app, connections=MAX_CONNECTIONS, grace_s=2)
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._run, name="qod", daemon=True)
 
@@ -108,21 +91,6 @@ class Server:
             self._server.run(sockets=[self._socket])
         except Exception:
             self._log.error("qod_down", exc_info=True)
-
-
-def _bind(host: str, port: int) -> sockets.socket:
-    try:
-        family = sockets.AF_INET6 if ":" in host else sockets.AF_INET
-        bound = sockets.create_server((host, port), family=family, backlog=_BACKLOG)
-        # asyncio sets it only on sockets that it has made itself; without it an answer in two
-        # packets waits for the client's delayed acknowledgement, 40 ms.
-        bound.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_NODELAY, 1)
-        return bound
-    except (OSError, OverflowError) as error:
-        raise SettingError(
-            f"COADAPT_QOD_PORT = {port} on COADAPT_QOD_HOST = {host!r} cannot be bound: {error}; "
-            "choose a free port (0 takes any) and an address of this host"
-        ) from error
 
 
 def _bind_path(path: Path) -> sockets.socket:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,9 +16,7 @@ from network_controller.qod.problems import (
     invalid_sink,
     invalid_token,
 )
-
-# RFC 6750: what may stand behind "Bearer".
-_TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
+from swarm.http_doors import is_loopback, is_token
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,19 +64,6 @@ def sink_of(request: CreateSession, *, local: bool) -> Sink | None:
         raise invalid_sink("sink must be https; http is allowed on this host's loopback only")
     target = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     return Sink(secure, host, port or (443 if secure else 80), target, token, expires)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host name or address cannot be reached from elsewhere."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def is_token(text: str) -> bool:
-    """Whether a text can stand behind "Bearer"."""
-    return _TOKEN.fullmatch(text) is not None
 
 
 def _token(credential: SinkCredential) -> tuple[str, datetime]:

@@ -1,0 +1,93 @@
+"""What every HTTP door of the swarm has in common: who may knock, and the socket it stands on."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import re
+import socket
+from typing import Any
+
+import uvicorn
+
+from swarm.errors import SettingError
+
+_BACKLOG = 128
+# RFC 6750: what may stand behind "Bearer".
+_TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address cannot be reached from elsewhere."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def is_token(text: str) -> bool:
+    """Whether a text can stand behind "Bearer"."""
+    return _TOKEN.fullmatch(text) is not None
+
+
+class Bearer:
+    """Lets in requests that show a token (RFC 6750), or all where there is none."""
+
+    def __init__(self, token: str) -> None:
+        self._expected = f"Bearer {token}".encode() if token else None
+
+    def may(self, authorization: str) -> bool:
+        """Whether a request with this `Authorization` header may come in."""
+        if self._expected is None:
+            return True
+        scheme, _, shown = authorization.partition(" ")
+        given = f"{scheme.capitalize()} {shown.strip()}".encode()
+        return hmac.compare_digest(given, self._expected)
+
+
+def check_token(setting: str, token: str) -> None:
+    """Raises SettingError for a token that no header can carry; "" is none."""
+    if token and not is_token(token):
+        # The value is a secret.
+        raise SettingError(f"{setting} is not valid; it must be letters, digits and . _ ~ + / -")
+
+
+def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
+    """A listening socket; port 0 takes a free one, and an open host needs a `token`.
+
+    `prefix` begins the names of the settings (`COADAPT_QOD`) that a SettingError names.
+    """
+    if not token and not is_loopback(host):
+        raise SettingError(
+            f"{prefix}_HOST = {host!r} can be reached from elsewhere, and "
+            f"{prefix}_TOKEN is not set; set a token, or use 127.0.0.1"
+        )
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        bound = socket.create_server((host, port), family=family, backlog=_BACKLOG)
+    except (OSError, OverflowError) as error:
+        raise SettingError(
+            f"{prefix}_PORT = {port} on {prefix}_HOST = {host!r} cannot be bound: {error}; "
+            "choose a free port (0 takes any) and an address of this host"
+        ) from error
+    # Connections inherit it. asyncio sets it only on sockets that it has made itself; without it
+    # an answer in two packets waits for the client's delayed acknowledgement, 40 ms.
+    bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return bound
+
+
+def server_config(app: Any, *, connections: int, grace_s: int) -> uvicorn.Config:
+    """How an ASGI app is served; beyond `connections` uvicorn itself answers 503."""
+    return uvicorn.Config(
+        app,
+        loop="asyncio",
+        http="h11",
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        limit_concurrency=connections,
+        timeout_graceful_shutdown=grace_s,
+    )
