@@ -7,7 +7,7 @@ from pathlib import Path
 from swarm.errors import WorldError
 from worlds.base import World
 
-WORLDS = ("factory", "opv2v")
+WORLDS = ("factory", "opv2v", "road")
 
 
 def open_world(
@@ -23,12 +23,12 @@ def open_world(
     """The world of that name.
 
     Args:
-        name: `factory` or `opv2v`.
+        name: `factory`, `opv2v` or `road`.
         data: directory of a recorded scenario; needed by `opv2v`.
         robots: number of simulated robots.
         seed: of everything random in a simulated world.
-        rings: of the simulated LiDAR.
-        scenario: of the simulated world.
+        rings: of the simulated LiDAR of `factory`; `road` has OPV2V's.
+        scenario: of `factory`.
         cache: directory in which scans are kept between runs; None keeps none.
 
     Raises WorldError for an unknown name, missing data or a value that the world does not allow.
@@ -43,4 +43,8 @@ def open_world(
         from worlds.factory import FactoryWorld
 
         return FactoryWorld(robots=robots, seed=seed, rings=rings, scenario=scenario, cache=cache)
+    if name == "road":
+        from worlds.road import RoadWorld
+
+        return RoadWorld(robots=robots, seed=seed, cache=cache)
     raise WorldError(f"world {name!r} is not known; allowed: {', '.join(WORLDS)}")
