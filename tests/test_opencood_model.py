@@ -217,6 +217,17 @@ def test_intensity_falls_with_the_distance_to_the_sensor_that_saw_the_point() ->
     np.testing.assert_allclose(cloud, [[5.0, 0.0, 0.0, np.exp(-0.2)]], atol=1e-5)
 
 
+def test_intensity_is_what_opv2v_stored(opv2v_dir: Path) -> None:
+    file = min(opv2v_dir.rglob("*.pcd"))
+    rows = np.loadtxt(file, skiprows=11, max_rows=20_000)
+    # Red of a packed colour holds it, in 255 steps.
+    stored = (rows[:, 3].astype(np.float32).view(np.uint32) >> 16 & 255) / 255
+    points = rows[:, :3].astype(np.float32)
+    points = points[(far := np.abs(points[:, :2]).max(axis=1) > 3)]
+    cloud = np.concatenate(list(network_cloud(points)))
+    assert np.abs(cloud[:, 3] - stored[far]).max() < 0.6 / 255
+
+
 def test_the_own_body_is_left_out_wherever_the_cloud_goes() -> None:
     points = np.array([[0.5, 1.0, -1.0], [0.5, 1.2, -1.0]], dtype=np.float32)
     cloud = np.concatenate(list(network_cloud(points, Pose(9, 9, 0).matrix())))

@@ -32,13 +32,19 @@ if not (ORIGINAL / "opencood" / "models").is_dir():
     pytest.skip("no OpenCOOD: set OPENCOOD to a checkout of it", allow_module_level=True)
 
 TOLERANCE = 1e-4
-VEHICLES = (None, Pose(6, 3, 0.1, 0.01, -0.02, 0.7).matrix(), Pose(-9, 1, 0, 0, 0, 3.0).matrix())
-SENDERS = [*VEHICLES, Pose(2, -8, 0.3, 0, 0.02, -1.5).matrix(), Pose(15, 0, 0, 0, 0, 1).matrix()]
+SENDERS = [
+    None,
+    Pose(6, 3, 0.1, 0.01, -0.02, 0.7).matrix(),
+    Pose(-9, 1, 0, 0, 0, 3.0).matrix(),
+    Pose(2, -8, 0.3, 0, 0.02, -1.5).matrix(),
+    Pose(15, 0, 0, 0, 0, 1).matrix(),
+]
+"""The ego, and others by their place in its frame."""
 
 
 @pytest.fixture(scope="module", autouse=True)
 def original() -> Iterator[None]:
-    """OpenCOOD's modules, importable in this module only."""
+    """OpenCOOD's modules, importable for these tests only."""
     before = set(sys.modules)
     sys.path.insert(0, str(ORIGINAL))
     for name, attribute, value in (

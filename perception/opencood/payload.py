@@ -16,7 +16,7 @@ from perception.codec.envelope import OVERHEAD, seal, unseal
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix
 
-KIND_FEATURES = 32
+KIND_FEATURES = 48
 _HEAD = struct.Struct("<I3HB12d")
 _TYPES = {2: "<f2", 4: "<f4"}
 _LARGEST_HALF = 65504.0
