@@ -155,11 +155,11 @@ def _skirt(edge: Floats) -> Mesh:
 def plan_street(rng: np.random.Generator) -> Street:
     """Another street every time."""
     lane_m = rng.uniform(3.2, 3.8)
-    per_side = int(rng.choice([1, 2, 3], p=[0.45, 0.4, 0.15]))
+    per_side = int(rng.choice([1, 2, 3], p=[0.35, 0.45, 0.2]))
     median = float(
         rng.choice([0.0, rng.uniform(0.4, 1.0), rng.uniform(2.0, 5.0)], p=[0.6, 0.2, 0.2])
     )
-    parking = tuple(side for side in (-1, 1) if rng.random() < 0.45)
+    parking = tuple(side for side in (-1, 1) if rng.random() < 0.5)
     half = median / 2 + per_side * lane_m + (2.5 if parking else rng.uniform(0.3, 1.5))
     # Right-hand traffic, as in CARLA: v > 0 is driven against u.
     lanes = tuple(
@@ -178,18 +178,24 @@ def plan_street(rng: np.random.Generator) -> Street:
 
 
 def _plan_crossings(rng: np.random.Generator, lane_m: float) -> tuple[Crossing, ...]:
+    # A crossing near the middle, most of the time, and others up and down the road.
+    middle = rng.uniform(-45.0, 45.0) if rng.random() < 0.65 else rng.uniform(60.0, 150.0)
+    places = [middle]
+    for way in (1.0, -1.0):
+        u = middle + way * rng.uniform(45.0, 220.0)
+        while abs(u) < LENGTH_M - 20.0:
+            places.append(u)
+            u += way * rng.uniform(45.0, 220.0)
     found = []
-    u = -LENGTH_M + rng.uniform(20.0, 150.0)
-    while u < LENGTH_M - 20.0:
-        per_side = int(rng.choice([1, 2], p=[0.7, 0.3]))
+    for u in sorted(places):
+        per_side = int(rng.choice([1, 2], p=[0.6, 0.4]))
         half = per_side * lane_m + rng.uniform(0.3, 2.5)
         # Growing v is driven on the side of growing u.
         lanes = tuple(
-            Lane(u + way * (i + 0.5) * lane_m, way) for way in (1, -1) for i in range(per_side)
+            Lane(u + sign * (i + 0.5) * lane_m, sign) for sign in (1, -1) for i in range(per_side)
         )
         sides = ((-1, 1), (-1,), (1,))[int(rng.choice(3, p=[0.6, 0.2, 0.2]))]
         found.append(Crossing(u, half, lanes, sides))
-        u += rng.uniform(45.0, 220.0)
     return tuple(found)
 
 
@@ -214,7 +220,7 @@ def _bend(rng: np.random.Generator) -> _Bends:
     if rng.random() < 0.5:
         count = 3
         length, way = rng.uniform(120.0, 400.0, count), rng.uniform(0.0, 2 * np.pi, count)
-        steepest = rng.uniform(0.002, 0.02, count)
+        steepest = rng.uniform(0.002, 0.013, count)
         number = 2 * np.pi / length
         waves = np.column_stack(
             [

@@ -82,7 +82,7 @@ def surroundings(street: Street, rng: np.random.Generator) -> Mesh:
             if row.end - row.start > 4.0:
                 (_buildings if built else _green)(yard, row)
                 _furniture(yard, row)
-        if rng.random() < 0.3:
+        if rng.random() < 0.45:
             _clutter(yard, rows[0])
     _ends(yard)
     return yard.mesh()

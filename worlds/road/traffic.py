@@ -22,6 +22,7 @@ REACH_M = (140.0, 40.0)
 APART_M = (10.0, 70.0)
 """Distance of a robot to the first one, in the middle frame."""
 _CIRCLES = 4
+_CLEAR_M = 0.05
 _FLOWS = (0.3, 0.2, 0.5)
 """Shares of lanes that stand, creep and flow."""
 _TRIES = 400
@@ -85,8 +86,8 @@ class _Crowd:
         circles = states[:, None, :2] + places[None, :, None] * way[:, None]
         radius = math.hypot(width / 2, length / _CIRCLES / 2)
         gaps = circles[:, :, None] - self._circles[:, None]
-        apart = np.hypot(gaps[..., 0], gaps[..., 1]) - radius - self._radii
-        if apart.size and float(apart.min()) < 0.05:
+        touching = (gaps**2).sum(axis=-1) < (radius + self._radii + _CLEAR_M) ** 2
+        if touching.any():
             return False
         self._circles = np.concatenate([self._circles, circles], axis=1)
         self._radii = np.concatenate([self._radii, np.full(_CIRCLES, radius)])
@@ -109,8 +110,8 @@ def make_traffic(street: Street, robots: int, rng: np.random.Generator) -> list[
         *_parked(street, rng),
     ]
     target = int(rng.integers(VEHICLES[0], VEHICLES[1] + 1))
-    # Whole rows survive when the wanted number is small: the nearest to a random spot come first.
-    spot = street.place(rng.uniform(-30.0, 30.0), 0.0)[:2]
+    # When few are wanted, whole rows near the first robot are better than a thin scatter.
+    spot = crowd.actors[0].states[FRAMES // 2, :2] + rng.normal(0.0, 10.0, 2)
     middle = [wish.track.at(np.array([wish.distance]))[0][0, :2] for wish in wishes]
     order = np.argsort([np.hypot(*(m - spot)) * rng.uniform(0.6, 1.4) for m in middle])
     for i in order:

@@ -66,15 +66,15 @@ _TRUCK: Profile = (
 
 # Lengths, widths and heights span those of passenger cars and light trucks on the market.
 MODELS = {
-    "sedan": Model(0.24, (4.4, 5.4), (1.9, 2.2), (1.38, 1.55), _SEDAN, 0.64, 0.72, 0.2),
+    "sedan": Model(0.24, (4.4, 5.4), (1.9, 2.2), (1.38, 1.55), _SEDAN, 0.64, 0.63, 0.2),
     # Never drawn: OPV2V's recording car, by the points that its own scans show of it.
-    "recording": Model(0.0, (4.9, 4.9), (2.13, 2.13), (1.51, 1.51), _RECORDING, 0.6, 0.66, 0.2),
-    "hatchback": Model(0.26, (3.6, 4.4), (1.75, 2.05), (1.42, 1.65), _HATCHBACK, 0.6, 0.74, 0.19),
-    "suv": Model(0.16, (4.2, 5.0), (1.9, 2.25), (1.6, 1.85), _HATCHBACK, 0.62, 0.76, 0.25),
-    "sports": Model(0.12, (4.1, 5.4), (1.85, 2.1), (1.2, 1.42), _SPORTS, 0.66, 0.68, 0.16),
-    "boxy": Model(0.08, (3.7, 4.8), (1.8, 2.1), (1.7, 2.0), _BOXY, 0.6, 0.86, 0.32),
+    "recording": Model(0.0, (4.9, 4.9), (2.13, 2.13), (1.51, 1.51), _RECORDING, 0.6, 0.62, 0.2),
+    "hatchback": Model(0.26, (3.6, 4.4), (1.75, 2.05), (1.42, 1.65), _HATCHBACK, 0.6, 0.66, 0.19),
+    "suv": Model(0.16, (4.2, 5.0), (1.9, 2.25), (1.6, 1.85), _HATCHBACK, 0.62, 0.7, 0.25),
+    "sports": Model(0.12, (4.1, 5.4), (1.85, 2.1), (1.2, 1.42), _SPORTS, 0.66, 0.6, 0.16),
+    "boxy": Model(0.08, (3.7, 4.8), (1.8, 2.1), (1.7, 2.0), _BOXY, 0.6, 0.83, 0.32),
     "van": Model(0.06, (4.5, 6.2), (1.95, 2.3), (1.8, 2.7), _VAN, 0.55, 0.88, 0.24),
-    "pickup": Model(0.05, (5.0, 6.2), (1.95, 2.3), (1.7, 1.95), _PICKUP, 0.6, 0.78, 0.34),
+    "pickup": Model(0.05, (5.0, 6.2), (1.95, 2.3), (1.7, 1.95), _PICKUP, 0.6, 0.72, 0.34),
     "truck": Model(0.03, (5.2, 6.8), (2.1, 2.5), (2.2, 2.9), _TRUCK, 0.55, 0.94, 0.4),
 }
 
@@ -134,14 +134,14 @@ def _body(model: Model, size: tuple[float, float, float], rng: np.random.Generat
     top[:, 1] = np.minimum(top[:, 1], 1.0) / min(1.0, float(top[:, 1].max()))
     x, z = length * top[:, 0], height * top[:, 1]
     # Rounded corners seen from above.
-    corner, power = rng.uniform(0.12, 0.4), rng.uniform(4.0, 8.0)
+    corner, power = rng.uniform(0.15, 0.42), rng.uniform(4.0, 7.0)
     half = width / 2 * (1.0 - corner * np.abs(2 * top[:, 0]) ** power)
     floor = model.floor + rng.uniform(-0.03, 0.05)
     # Nose and tail do not reach down to the under-body.
     low = floor + 0.3 * np.clip(np.abs(2 * top[:, 0]) - 0.85, 0.0, 1.0) * height
     belt = height * (model.belt + rng.uniform(-0.03, 0.03))
     shoulder = np.maximum(np.minimum(belt, z - 0.05), low + 0.05)
-    roof = model.roof + rng.uniform(-0.04, 0.04)
+    roof = model.roof + rng.uniform(-0.06, 0.06)
     above = np.clip((z - belt) / (height - belt), 0.0, 1.0)
     edge = half * (0.9 + (roof - 0.9) * above)
     sill = low + 0.35 * (shoulder - low)

@@ -27,7 +27,7 @@ ROBOTS_ALLOWED = (1, 50)
 SENSOR = (-0.5, 0.0, 1.93)
 """Of the LiDAR in the recording car's frame, as measured in OPV2V."""
 LABEL = "vehicle"
-GENERATOR = 1
+GENERATOR = 2
 """Version of everything that shapes a scan: raise it when any point changes."""
 MIN_KEPT = 16
 """Scans, scenes and truths held in memory."""
@@ -105,6 +105,23 @@ class RoadWorld:
         truth: GroundTruth = self._remember(("truth", 0, frame), lambda: self._truth(frame))
         return truth
 
+    def actors(self, frame: int) -> tuple[Boxes, tuple[str, ...]]:
+        """Boxes and names of all vehicles, seen or not, in the order of their indices."""
+        sizes = np.array([actor.vehicle.size for actor in self._actors])
+        poses = [self._pose(index, frame) for index in range(len(self._actors))]
+        centers = [
+            (pose.matrix() @ [0.0, 0.0, height / 2, 1.0])[:3]
+            for pose, height in zip(poses, sizes[:, 2], strict=True)
+        ]
+        boxes = Boxes(
+            centers=np.array(centers),
+            sizes=sizes,
+            headings=np.array([wrap_heading(pose.yaw) for pose in poses]),
+            scores=np.ones(len(poses)),
+            labels=(LABEL,) * len(poses),
+        )
+        return boxes, tuple(actor.identity for actor in self._actors)
+
     @cached_property
     def _static(self) -> Mesh:
         rng = np.random.default_rng((self._seed, 2))
@@ -161,20 +178,7 @@ class RoadWorld:
         for robot in self.robots:
             _, actors = self.scan_with_actors(robot, frame)
             visible += np.bincount(actors[actors >= 0], minlength=len(visible))
-        sizes = np.array([actor.vehicle.size for actor in self._actors])
-        poses = [self._pose(index, frame) for index in range(len(self._actors))]
-        centers = [
-            (pose.matrix() @ [0.0, 0.0, height / 2, 1.0])[:3]
-            for pose, height in zip(poses, sizes[:, 2], strict=True)
-        ]
-        boxes = Boxes(
-            centers=np.array(centers),
-            sizes=sizes,
-            headings=np.array([wrap_heading(pose.yaw) for pose in poses]),
-            scores=np.ones(len(poses)),
-            labels=(LABEL,) * len(poses),
-        )
-        identities = tuple(actor.identity for actor in self._actors)
+        boxes, identities = self.actors(frame)
         return GroundTruth(boxes=boxes, ids=identities, visible_points=visible)
 
     def _remember(self, key: tuple[str, int, int], make: Callable[[], T]) -> T:
