@@ -3,40 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.boxes import iou_bev
 from perception.types import Boxes
 
 
-def average_precision(frames: Sequence[tuple[Boxes, Boxes]], min_iou: float) -> float:
-    """AP over frames of (detected, true) boxes, matched by rotated IoU in BEV.
+@dataclass(frozen=True, slots=True)
+class Match:
+    """Detected boxes of one frame against its true ones, best score first."""
 
-    Detections of all frames are ranked together by score; each takes the free true box of its
-    frame that it overlaps most, if by at least `min_iou`. The precision is made monotonous and
-    integrated over all recall steps (PASCAL VOC 2010 and later). 0 when there is no true box.
+    scores: NDArray[np.float64]
+    hits: NDArray[np.bool_]
+    """Whether each detection has found a true box that no better one had."""
+    truths: int
+
+
+def match(found: Boxes, truth: Boxes, min_iou: float) -> Match:
+    """Each detection, best first, takes the free true box that it overlaps most (rotated IoU in
+    BEV), if by at least `min_iou`."""
+    order = np.argsort(-found.scores, kind="stable")
+    overlap = iou_bev(found.take(order), truth)
+    hits = np.zeros(len(order), dtype=np.bool_)
+    for rank in np.flatnonzero(overlap.max(axis=1, initial=0.0) >= min_iou):
+        best = int(overlap[rank].argmax())
+        if overlap[rank, best] >= min_iou:
+            hits[rank] = True
+            overlap[:, best] = -1.0
+    return Match(found.scores[order], hits, len(truth))
+
+
+def precision_of(matches: Sequence[Match], *, per_frame: bool = False) -> float:
+    """AP of matched frames: the precision is made monotonous and integrated over all recall steps
+    (PASCAL VOC 2010 and later). 0 when there is no true box.
+
+    Detections of all frames are ranked together by score. With `per_frame` they stay in the order
+    of their frames, ranked within each frame only: what OpenCOOD's code computes by default and
+    its published tables hold. It depends on the order of the frames, and is usually lower.
     """
-    total = sum(len(truth) for _, truth in frames)
-    overlaps = [iou_bev(found, truth) for found, truth in frames]
-    taken = [np.zeros(len(truth), dtype=np.bool_) for _, truth in frames]
-    ranked = sorted(
-        (
-            (-float(score), frame, index)
-            for frame, (found, _) in enumerate(frames)
-            for index, score in enumerate(found.scores)
-        ),
-    )
-    hits = np.zeros(len(ranked))
-    for rank, (_, frame, index) in enumerate(ranked):
-        free = np.where(taken[frame], -1.0, overlaps[frame][index])
-        if len(free) and free.max() >= min_iou:
-            taken[frame][int(free.argmax())] = True
-            hits[rank] = 1.0
+    total = sum(one.truths for one in matches)
+    hits = np.concatenate([np.zeros(0, np.bool_), *(one.hits for one in matches)])
     if not total or not len(hits):
         return 0.0
+    if not per_frame:
+        scores = np.concatenate([one.scores for one in matches])
+        hits = hits[np.argsort(-scores, kind="stable")]
     true_positives = np.cumsum(hits)
     recall = true_positives / total
     precision = true_positives / np.arange(1, len(hits) + 1)
     envelope = np.maximum.accumulate(precision[::-1])[::-1]
     return float(np.sum(np.diff(recall, prepend=0.0) * envelope))
+
+
+def average_precision(frames: Sequence[tuple[Boxes, Boxes]], min_iou: float) -> float:
+    """AP over frames of (detected, true) boxes, all detections ranked together by score."""
+    return precision_of([match(found, truth, min_iou) for found, truth in frames])
+
+
+def average_precision_per_frame(frames: Sequence[tuple[Boxes, Boxes]], min_iou: float) -> float:
+    """AP as OpenCOOD's published tables have it: detections ranked within their frame only, frame
+    after frame (see `precision_of`)."""
+    matches = [match(found, truth, min_iou) for found, truth in frames]
+    return precision_of(matches, per_frame=True)

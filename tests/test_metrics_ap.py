@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from test_boxes import make
 
-from perception.metrics import average_precision
+from perception.metrics import average_precision, average_precision_per_frame
 from perception.types import Boxes
 
 CAR = (0, 0, 0, 4, 2, 1, 0.0)
@@ -42,3 +42,19 @@ def test_scores_are_ranked_over_all_frames() -> None:
 def test_without_truth_or_detections_it_is_zero() -> None:
     assert average_precision([(make(CAR), Boxes.empty())], 0.5) == 0.0
     assert average_precision([(Boxes.empty(), make(CAR))], 0.5) == 0.0
+
+
+def test_the_per_frame_variant_ranks_within_frames_only() -> None:
+    # First frame: a hit, then a weak false alarm. Second frame: a hit that scores between them.
+    first = (make(CAR, NOTHING, scores=[0.9, 0.1]), make(CAR))
+    second = (make(CAR, scores=[0.5]), make(CAR))
+    # All by score: hit, hit, false. Frame by frame: hit, false, hit: 0.5 * 1 + 0.5 * 2/3.
+    assert average_precision([first, second], 0.5) == pytest.approx(1.0)
+    assert average_precision_per_frame([first, second], 0.5) == pytest.approx(0.5 + 1 / 3)
+    assert average_precision_per_frame([second, first], 0.5) == pytest.approx(1.0)
+
+
+def test_the_per_frame_variant_ranks_a_frame_by_score() -> None:
+    found = make(CAR, NOTHING, scores=[0.8, 0.9])
+    assert average_precision_per_frame([(found, make(CAR))], 0.5) == pytest.approx(0.5)
+    assert average_precision_per_frame([(Boxes.empty(), Boxes.empty())], 0.5) == 0.0
