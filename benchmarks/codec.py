@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from benchmarks.report import write_report
-from benchmarks.sample import opv2v_sample
+from evaluation.sample import opv2v_sample
 from perception.codec import generic
 from perception.codec.points import decode_points, encode_points
 from perception.scene import ground_mask

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import write_report
-from benchmarks.sample import opv2v_sample
+from evaluation.sample import opv2v_sample
 from benchmarks.scene_recall import match, targets
 from perception.scene import describe
 from swarm.geometry import Points

@@ -1,4 +1,4 @@
-"""Where benchmarks find the OPV2V sample."""
+"""Where benchmarks and experiments find the OPV2V sample."""
 
 from __future__ import annotations
 
