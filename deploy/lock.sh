@@ -8,14 +8,21 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 python=${PYTHON:-.venv/bin/python}
 
-freeze() { "$work/venv/bin/pip" freeze --exclude coadapt-edge --exclude pip | grep -v '^-e' | LC_ALL=C sort; }
+# PyTorch's pin has a lock of its own, for it comes from an index of its own. setuptools is a package
+# that PyTorch needs, but pip's list leaves it out of some Pythons' environments unless asked for all.
+freeze() {
+    "$work/venv/bin/pip" freeze --all --exclude coadapt-edge --exclude pip --exclude wheel \
+        --exclude torch | grep -v '^-e' | LC_ALL=C sort
+}
 
 "$python" -m venv "$work/venv"
-"$work/venv/bin/pip" install --quiet --disable-pip-version-check .
+pip() { "$work/venv/bin/pip" --quiet --disable-pip-version-check "$@"; }
+# There already, it keeps the resolver from the build for graphics cards and the packages that need.
+pip install --no-deps --no-index --requirement requirements-torch.lock 2>/dev/null \
+    || pip install --no-deps --requirement requirements-torch.lock
+pip install .
 freeze >"$work/run"
-"$work/venv/bin/pip" install --quiet --disable-pip-version-check '.[dev,llm-server]' 'setuptools>=68'
+pip install '.[dev,llm-server]'
 freeze >"$work/all"
 cp "$work/run" requirements.lock
 LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock
-# pip freeze leaves it out; newer Pythons' environments come without it.
-"$work/venv/bin/pip" freeze --all | grep '^setuptools==' >>requirements-dev.lock

@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 
 venv=.venv
 stamp=$venv/.setup-done
-inputs="requirements.lock requirements-dev.lock pyproject.toml deploy/setup.sh"
+inputs="requirements.lock requirements-dev.lock requirements-torch.lock pyproject.toml deploy/setup.sh"
 
 say() { echo "setup: $*" >&2; }
 . deploy/apt.sh
@@ -45,11 +45,27 @@ find_python() {
     return 1
 }
 
+# First, so that no later line of a lock can bring another build. A wheel that lies where pip looks
+# for files (PIP_FIND_LINKS) is taken without asking an index, and one that is installed stays.
+install_torch() {
+    torch="--quiet --disable-pip-version-check --no-deps --requirement requirements-torch.lock"
+    # shellcheck disable=SC2086
+    $venv/bin/python -m pip install --no-index $torch 2>/dev/null && return 0
+    say "downloading PyTorch's build for the processor (about 200 MB)"
+    # shellcheck disable=SC2086
+    $venv/bin/python -m pip install $torch && return 0
+    say "PyTorch could not be installed: $(grep '^torch==' requirements-torch.lock), the build for the processor,"
+    say "lies in no folder of PIP_FIND_LINKS ('${PIP_FIND_LINKS:-}'), and the index in requirements-torch.lock gave none;"
+    say "put a wheel for this Python into a folder, and run: PIP_FIND_LINKS=folder make setup"
+    return 1
+}
+
 install_python() {
     [ "${SKIP_SYSTEM:-0}" = 1 ] || install_system
     python=$(find_python)
     [ -x $venv/bin/python ] || "$python" -m venv $venv
     say "installing the pinned Python packages into $venv"
+    install_torch
     $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
         --requirement requirements.lock --requirement requirements-dev.lock
     $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \

@@ -30,6 +30,8 @@ PACKAGES = (
     "swarm",
     "worlds",
 )
+LOCKS = (REPOSITORY / "requirements.lock", REPOSITORY / "requirements-torch.lock")
+DOCKERFILE = REPOSITORY / "deploy" / "docker" / "Dockerfile"
 PUBLIC_BASE = "python:3.11-slim-bookworm"
 PYTHON_VERSION = "3.11"
 PLATFORMS = ("manylinux_2_34", "manylinux_2_28", "manylinux_2_17", "manylinux2014", "manylinux1")
@@ -46,7 +48,7 @@ def ensure_image(say: Say) -> str:
     if exists(tag):
         return tag
     base = _ensure_base(say)
-    wheels = wheelhouse(REPOSITORY / "requirements.lock", say)
+    wheels = [wheelhouse(lock, say) for lock in LOCKS]
     context = REPOSITORY / "build" / "image"
     shutil.rmtree(context, ignore_errors=True)
     source = context / "source"
@@ -55,9 +57,10 @@ def ensure_image(say: Say) -> str:
         shutil.copytree(
             REPOSITORY / package, source / package, ignore=shutil.ignore_patterns("__pycache__")
         )
-    shutil.copytree(wheels, context / "wheelhouse", copy_function=os.link)
-    shutil.copy(REPOSITORY / "requirements.lock", context)
-    shutil.copy(REPOSITORY / "deploy" / "docker" / "Dockerfile", context)
+    for folder in wheels:
+        shutil.copytree(folder, context / "wheelhouse", copy_function=os.link, dirs_exist_ok=True)
+    for file in (*LOCKS, DOCKERFILE):
+        shutil.copy(file, context)
     build(tag, base, context, say)
     return tag
 
@@ -83,7 +86,7 @@ def exists(tag: str) -> bool:
 def _fingerprint() -> str:
     """Names the content of everything that goes into the image."""
     digest = hashlib.sha256()
-    files = [REPOSITORY / "requirements.lock", REPOSITORY / "deploy" / "docker" / "Dockerfile"]
+    files = [*LOCKS, DOCKERFILE]
     for package in PACKAGES:
         files += (p for p in (REPOSITORY / package).rglob("*") if p.is_file())
     for path in sorted(files):
@@ -119,15 +122,16 @@ def _ensure_base(say: Say) -> str:
 
 
 def wheelhouse(lock: Path, say: Say) -> Path:
-    """A folder with a wheel for every line of a lock, downloaded once a lock.
+    """A folder with a wheel for every line of a lock, got once a lock.
 
+    Wheels that lie where pip looks for files (PIP_FIND_LINKS) are taken without asking an index.
     Raises DeployError when they cannot be downloaded.
     """
     name = hashlib.sha256(lock.read_bytes()).hexdigest()[:12]
     wheels = REPOSITORY / "build" / "wheelhouse" / name
     if wheels.is_dir():
         return wheels
-    say(f"downloading the wheels of {lock.name}")
+    say(f"getting the wheels of {lock.name}")
     partial = wheels.with_name(f"{name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
@@ -141,8 +145,13 @@ def wheelhouse(lock: Path, say: Say) -> Path:
         command += ["--only-binary", ":all:"]
         for platform in PLATFORMS:
             command += ["--platform", f"{platform}_{os.uname().machine}"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False)
-    if done.returncode != 0:
+    for local_only in (["--no-index"], []):
+        done = subprocess.run(
+            [*command, *local_only], capture_output=True, text=True, timeout=1800, check=False
+        )
+        if done.returncode == 0:
+            break
+    else:
         raise DeployError(f"the wheels of {lock.name} cannot be downloaded:\n{_tail(done)}")
     partial.rename(wheels)
     return wheels
