@@ -20,6 +20,8 @@ EGO_METRICS_PORT = 9102
 PROMETHEUS_PORT = 9090
 SCRAPE_S = 2
 RETENTION = "512MB"
+EGO_THREADS = "2"
+"""An ego decodes for everybody within a cycle: more than one core helps it."""
 JOURNAL = "journal"
 NET = "net"
 """The controller's part of `var_dir`."""
@@ -131,6 +133,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         argv=(place.python, "-m", "ego_agent"),
         env=_environment(spec, place, EGO_METRICS_PORT)
         | {
+            "OMP_NUM_THREADS": EGO_THREADS,
             "COADAPT_EGO": spec.ego,
             "COADAPT_POLICY": spec.policy,
             "COADAPT_PERIOD_S": str(spec.period_s),
@@ -252,8 +255,10 @@ def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, 
         "COADAPT_WORLD_SCENARIO": spec.scenario,
         "COADAPT_WORLD_CACHE": place.cache,
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
-        # A machine runs many of these processes: one numerical thread each.
+        # A machine runs many of these processes: one numerical thread each, and none that spins
+        # on a core while it waits for others.
         "OMP_NUM_THREADS": "1",
+        "OMP_WAIT_POLICY": "PASSIVE",
         "OPENBLAS_NUM_THREADS": "1",
     }
 

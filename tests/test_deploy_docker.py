@@ -16,6 +16,7 @@ import yaml
 from deploy_support import await_
 from free_ports import free_port, free_ports
 
+from deploy import services as roster
 from deploy import state as record
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
@@ -258,6 +259,18 @@ def test_settings_without_an_option_reach_robots_and_egos(monkeypatch: pytest.Mo
         assert services[name]["environment"]["COADAPT_SWARM"] == "named"
         assert "COADAPT_RUN_DIR" not in services[name]["environment"]
     assert "COADAPT_HEADROOM" not in services["router"]["environment"]
+
+
+@pytest.mark.parametrize("runtime", ["docker", "netns"])
+def test_numerical_threads_are_few_and_never_spin(runtime: str) -> None:
+    spec = make_spec(swarm="s", robots=("R1", "R2"), runtime=runtime, run_dir="/r", var_dir="/v")
+    if runtime == "docker":
+        settings = {name: s["environment"] for name, s in composed(spec).items()}
+    else:
+        settings = {s.name: s.env for s in roster.services(spec, compose.PLACE)}
+    for name, threads in {"robot-R1": "1", "robot-R2": "1", "ego-R1": "2"}.items():
+        assert settings[name]["OMP_NUM_THREADS"] == threads
+        assert settings[name]["OMP_WAIT_POLICY"] == "PASSIVE"
 
 
 def test_the_compose_file_shows_one_container_a_process() -> None:
