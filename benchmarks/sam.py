@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import write_report
-from evaluation.sample import opv2v_sample
 from benchmarks.scene_recall import match, targets
+from evaluation.sample import opv2v_sample
 from perception.scene import describe
 from swarm.geometry import Points
 from worlds.base import Scan, World
