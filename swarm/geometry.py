@@ -86,3 +86,16 @@ def transform(a_from_b: Matrix, points_b: NDArray[np.floating]) -> Points:
 def yaw_of(a_from_b: Matrix) -> float:
     """The heading of b's x axis seen in a's ground plane, radians in [0, 2 pi)."""
     return wrap_heading(math.atan2(float(a_from_b[1, 0]), float(a_from_b[0, 0])))
+
+
+def pose_of(world_from_here: Matrix) -> Pose:
+    """The pose whose `matrix()` is the given one; yaw in (-pi, pi]."""
+    m = world_from_here
+    return Pose(
+        float(m[0, 3]),
+        float(m[1, 3]),
+        float(m[2, 3]),
+        roll=math.atan2(float(m[2, 1]), float(m[2, 2])),
+        pitch=math.asin(min(1.0, max(-1.0, -float(m[2, 0])))),
+        yaw=math.atan2(float(m[1, 0]), float(m[0, 0])),
+    )

@@ -38,7 +38,7 @@ def top(module: str) -> str:
 @pytest.mark.parametrize("package", ["perception", "worlds"])
 def test_perception_and_worlds_know_only_geometry_and_errors_of_the_swarm(package: str) -> None:
     allowed = {"perception": {"perception"}, "worlds": {"perception", "worlds"}}[package]
-    ours = PROCESSES | {"perception", "worlds", "deploy", "coadapt", "benchmarks"}
+    ours = PROCESSES | {"perception", "worlds", "deploy", "coadapt", "benchmarks", "training"}
     for path, module in imported(package):
         assert top(module) != "zenoh", path
         if top(module) == "swarm":
@@ -61,7 +61,8 @@ def test_processes_never_import_each_other(process: str) -> None:
         ("network_controller", {"swarm"}),
         ("llm_gateway", {"swarm"}),
         ("deploy", {"swarm", "worlds"}),
-        ("evaluation", {"swarm", "perception", "worlds"}),
+        ("training", {"swarm", "perception", "worlds"}),
+        ("evaluation", {"swarm", "perception", "worlds", "training"}),
         ("robot_agent", {"swarm", "perception", "worlds"}),
         ("ego_agent", {"swarm", "perception", "worlds"}),
     ],

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 from perception.types import Boxes
 from swarm.errors import PerceptionError
-from swarm.geometry import Matrix, Points
+from swarm.geometry import Matrix, Points, Pose
+
+REFERENCE_BYTES = 24
+"""A pose of six float32."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +21,24 @@ class EncodeOptions:
     max_error_m: float = 0.1
     """Bound on the Euclidean error of any coded point."""
     keep_ground: bool = False
+    pose: Pose | None = None
+    """The robot's own sensor in the world at capture."""
+    reference: Pose | None = None
+    """The frame that feature maps shall lie in: the ego's sensor in the world."""
+    demand: bytes = b""
+    """What the ego wants to know, in the algorithm's own form; empty: everything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What the ego tells robots when it asks them for a frame."""
+
+    reference: Pose | None = None
+    demand: bytes = b""
+
+    def size(self) -> int:
+        """Bytes that this adds to a request."""
+        return len(self.demand) + (REFERENCE_BYTES if self.reference is not None else 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +61,15 @@ class FusionResult:
 class Gathering(ABC):
     """One frame's fusion at the ego, while contributions come in."""
 
+    def ask(self) -> Ask:
+        """What robots must be told before they encode."""
+        return Ask()
+
+    def prepare(self) -> None:
+        """Does what needs no contribution, while those who were asked encode theirs. May be left
+        out: `finish` makes up for it."""
+        return None
+
     @abstractmethod
     def add(self, contribution: Contribution) -> None:
         """Takes up a contribution when it arrives.
@@ -56,6 +86,8 @@ class Fusion(ABC):
     """A fusion algorithm; instances hold no state between frames."""
 
     name: str
+    corrects = True
+    """Whether the poses of senders are corrected before fusing."""
 
     @abstractmethod
     def encode(self, points: Points, options: EncodeOptions) -> bytes:

@@ -36,6 +36,11 @@ def without_bodies(points: Points, here_from_sensors: Sequence[Matrix], carrier:
     return points[kept]
 
 
+def without_own(found: Boxes, own_body_m: float) -> Boxes:
+    """Boxes in the ego's frame without the ego, whom others see: it does not report itself."""
+    return found.take(np.hypot(*found.centers[:, :2].T) > own_body_m)
+
+
 def with_participants(found: Boxes, here_from_sensors: Sequence[Matrix], carrier: Carrier) -> Boxes:
     """Fused boxes with one box for each sender's own body, in place of those that overlap it.
 

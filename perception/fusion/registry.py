@@ -1,24 +1,33 @@
-"""Fusion algorithms by name."""
+"""Fusion algorithms by name: one for each file of `perception.fusion.algorithms`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+import pkgutil
 
-from perception.detector import DetectorConfig, configuration
+from perception.detector.config import configuration
+from perception.detector.weight_files import has_weights
+from perception.fusion import algorithms
 from perception.fusion.base import Fusion
-from perception.fusion.early import EarlyFusion
-from perception.fusion.late import LateFusion
 from swarm.errors import PerceptionError
 
-_FUSIONS: dict[str, Callable[[DetectorConfig], Fusion]] = {
-    EarlyFusion.name: EarlyFusion,
-    LateFusion.name: LateFusion,
-}
+WITHOUT_WEIGHTS = ("early", "late")
+"""What works with a detector that has not learnt anything."""
 
 
-def fusion_names() -> tuple[str, ...]:
-    """The algorithms that can be used now."""
-    return tuple(_FUSIONS)
+def all_fusions() -> tuple[str, ...]:
+    """All algorithms, whether they can be used or not, sorted."""
+    files = (module.name for module in pkgutil.iter_modules(algorithms.__path__))
+    return tuple(sorted(name.replace("_", "-") for name in files))
+
+
+def fusion_names(detector: str) -> tuple[str, ...]:
+    """The algorithms that can be used with a detector configuration.
+
+    Raises PerceptionError for an unknown configuration.
+    """
+    configuration(detector)
+    return tuple(name for name in all_fusions() if name in WITHOUT_WEIGHTS or has_weights(detector))
 
 
 def make_fusion(name: str, detector: str) -> Fusion:
@@ -26,10 +35,12 @@ def make_fusion(name: str, detector: str) -> Fusion:
 
     Raises PerceptionError for a name that is unknown or not available.
     """
-    if name not in _FUSIONS:
-        why = "needs a learned detector, which is not there yet" if name == "intermediate" else ""
+    allowed = fusion_names(detector)
+    if name not in allowed:
+        why = "" if has_weights(detector) else f" (there are no weights for {detector!r})"
         raise PerceptionError(
-            f"fusion {name!r} is not available{f': it {why}' if why else ''}; "
-            f"allowed: {', '.join(_FUSIONS)}"
+            f"fusion {name!r} is not available{why}; allowed: {', '.join(allowed)}"
         )
-    return _FUSIONS[name](configuration(detector))
+    module = importlib.import_module(f"{algorithms.__name__}.{name.replace('-', '_')}")
+    made: Fusion = module.fusion(detector)
+    return made

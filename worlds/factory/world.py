@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Pose
 from worlds.base import GroundTruth, Scan
@@ -117,6 +118,11 @@ class FactoryWorld:
         truth: GroundTruth = self._remember(("truth", 0, frame), lambda: self._truth(frame))
         return truth
 
+    def actors(self, frame: int) -> tuple[Boxes, tuple[str, ...]]:
+        """Boxes and names of all actors, seen or not, in the order of their indices."""
+        boxes = true_boxes(self._actors, self._motions(frame))
+        return boxes, tuple(actor.identity for actor in self._actors)
+
     def link_rate_bps(self, time_s: float) -> float | None:
         """The link's capacity at a time since the start of the scenario, or None: not given."""
         return link_rate_bps(self.scenario, time_s)
@@ -166,11 +172,8 @@ class FactoryWorld:
         for robot in self.robots:
             _, actors = self.scan_with_actors(robot, frame)
             visible += np.bincount(actors[actors >= 0], minlength=len(visible))
-        return GroundTruth(
-            boxes=true_boxes(self._actors, self._motions(frame)),
-            ids=tuple(actor.identity for actor in self._actors),
-            visible_points=visible,
-        )
+        boxes, names = self.actors(frame)
+        return GroundTruth(boxes=boxes, ids=names, visible_points=visible)
 
     def _remember(self, key: tuple[str, int, int], make: Callable[[], T]) -> T:
         with self._lock:

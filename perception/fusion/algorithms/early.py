@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
-from perception.detector import DetectorConfig, detect
+from perception.detector.finders import Finder
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
-from perception.fusion.participants import with_participants, without_bodies
+from perception.fusion.detectors import shared_finder
+from perception.fusion.landmarks import correct
+from perception.fusion.participants import with_participants, without_own
 from perception.scene import ground_mask
 from perception.types import Boxes, clean_points
 from swarm.geometry import Matrix, Points, invert, transform
@@ -22,8 +25,8 @@ class EarlyFusion(Fusion):
 
     name = "early"
 
-    def __init__(self, config: DetectorConfig) -> None:
-        self._config = config
+    def __init__(self, finder: Finder) -> None:
+        self._finder = finder
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """The scan, without its ground unless asked otherwise, within the asked error."""
@@ -37,30 +40,48 @@ class EarlyFusion(Fusion):
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         """Starts the merged cloud with the own scan."""
-        return _MergedCloud(self._config, own, world_from_own)
+        return _MergedCloud(self._finder, own, world_from_own, self.corrects)
 
 
 class _MergedCloud(Gathering):
     """Clouds in the ego's frame, detected as one."""
 
-    def __init__(self, config: DetectorConfig, own: Points, world_from_own: Matrix) -> None:
-        self._config = config
+    def __init__(self, finder: Finder, own: Points, world_from_own: Matrix, corrects: bool) -> None:
+        self._finder = finder
+        self._corrects = corrects
+        self._own_landmarks: NDArray[np.float64] | None = None
         self._world_from_own = world_from_own
         self._own_from_world = invert(world_from_own)
         self._clouds = [clean_points(own)]
         self._own_from_senders: list[Matrix] = []
 
+    def prepare(self) -> None:
+        if self._corrects and self._own_landmarks is None:
+            self._own_landmarks = self._finder.landmarks(self._clouds[0])
+
     def add(self, contribution: Contribution) -> None:
         points = decode_points(contribution.payload, MAX_POINTS)
         own_from_sensor = self._own_from_world @ contribution.world_from_sensor
+        if self._corrects:
+            self.prepare()
+            assert self._own_landmarks is not None
+            found = correct(
+                self._own_landmarks,
+                self._finder.landmarks(transform(own_from_sensor, points)),
+                own_from_sensor,
+                np.array(self._finder.config.carrier.center[:2]),
+            )
+            own_from_sensor = found.corrected_from_claimed @ own_from_sensor
         self._clouds.append(clean_points(transform(own_from_sensor, points)))
         self._own_from_senders.append(own_from_sensor)
 
     def finish(self) -> Boxes:
-        carrier = self._config.carrier
-        cloud = without_bodies(np.concatenate(self._clouds), self._own_from_senders, carrier)
-        origins = np.stack([np.zeros(3), *(sender[:3, 3] for sender in self._own_from_senders)])
-        found = with_participants(
-            detect(cloud, self._config, origins), self._own_from_senders, carrier
-        )
+        found = self._finder.find(np.concatenate(self._clouds), self._own_from_senders)
+        found = without_own(found, self._finder.config.own_body_m)
+        found = with_participants(found, self._own_from_senders, self._finder.config.carrier)
         return found.transformed(self._world_from_own)
+
+
+def fusion(detector: str) -> Fusion:
+    """The algorithm with a detector configuration. Raises PerceptionError for an unknown one."""
+    return EarlyFusion(shared_finder(detector))

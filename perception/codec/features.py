@@ -1,0 +1,102 @@
+"""Feature maps on the wire: which cells, and what is in them.
+
+Body: uint32 version of the weights, uint16 rows, uint16 columns, 6 float32 (the reference pose: x,
+y, z, roll, pitch, yaw in the world), uint32 number of cells, uint32 length of the places, the
+places, the values. Places are the zlib stream of a bitmap, rows by columns; values the zlib stream
+of what is in the cells, one channel after the other: two 4-bit steps of 1/15 a byte (KIND_STEPS),
+or one byte a codebook part (KIND_CODES).
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.codec.envelope import inflate, seal, unseal
+from swarm.errors import PayloadError
+
+KIND_STEPS = 32
+KIND_CODES = 33
+LEVELS = 15
+"""Steps of a feature: half a byte."""
+_HEAD = struct.Struct("<IHH6fII")
+
+Reference = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class CellBlock:
+    """Cells of one robot's feature map."""
+
+    version: int
+    """Of the weights that made it."""
+    shape: tuple[int, int]
+    """Rows and columns of the map."""
+    reference: Reference
+    """The pose in whose frame the map lies."""
+    present: NDArray[np.bool_]
+    """(rows, columns): which cells there are, N in all."""
+    values: NDArray[np.uint8]
+    """(channels, N): steps of 1/LEVELS, or numbers of codebook entries; cells in row order."""
+    coded: bool
+    """Whether the values are codebook entries."""
+
+
+def encode_cells(block: CellBlock) -> bytes:
+    """The payload of some cells."""
+    places = zlib.compress(np.packbits(block.present).tobytes(), 9)
+    raw = np.ascontiguousarray(block.values).reshape(-1)
+    if not block.coded:
+        even = np.append(raw, np.zeros(len(raw) % 2, np.uint8)).reshape(-1, 2)
+        raw = np.left_shift(even[:, 0], 4, dtype=np.uint8) | even[:, 1]
+    head = _HEAD.pack(
+        block.version, *block.shape, *block.reference, block.values.shape[1], len(places)
+    )
+    kind = KIND_CODES if block.coded else KIND_STEPS
+    return seal(kind, head + places + zlib.compress(raw.tobytes(), 6))
+
+
+def decode_cells(
+    payload: bytes, version: int, shape: tuple[int, int], channels: int, parts: int
+) -> CellBlock:
+    """The cells of a payload, of `channels` features or `parts` codebook entries each.
+
+    Raises PayloadError when it is damaged, or made by other weights or for another grid.
+    """
+    kind, body = unseal(payload)
+    if kind not in (KIND_STEPS, KIND_CODES):
+        raise PayloadError(f"payload kind {kind} is not a feature map")
+    if len(body) < _HEAD.size:
+        raise PayloadError(f"a feature map's body has {len(body)} bytes, at least {_HEAD.size}")
+    theirs, rows, columns, *pose, count, length = _HEAD.unpack_from(body)
+    if theirs != version:
+        raise PayloadError(
+            f"the feature map was made by weights {theirs:08x}; these are {version:08x}"
+        )
+    if (rows, columns) != shape:
+        raise PayloadError(f"the feature map has {rows} x {columns} cells, not {shape}")
+    if not np.isfinite(pose).all() or count > rows * columns:
+        raise PayloadError(f"the feature map announces {count} cells around {pose}")
+    bits = inflate(body[_HEAD.size : _HEAD.size + length], -(-rows * columns // 8), "places")
+    present = np.unpackbits(np.frombuffer(bits, np.uint8), count=rows * columns).astype(np.bool_)
+    if int(present.sum()) != count:
+        raise PayloadError(f"the feature map announces {count} cells and places {present.sum()}")
+    coded = kind == KIND_CODES
+    wide = parts if coded else channels
+    size = wide * count if coded else -(-wide * count // 2)
+    raw = np.frombuffer(inflate(body[_HEAD.size + length :], size, "values"), np.uint8)
+    if not coded:
+        raw = np.stack([raw >> 4, raw & 15], axis=1).reshape(-1)[: wide * count]
+    x, y, z, roll, pitch, yaw = pose
+    return CellBlock(
+        version,
+        shape,
+        (x, y, z, roll, pitch, yaw),
+        present.reshape(shape),
+        raw.reshape(wide, count),
+        coded,
+    )

@@ -1,0 +1,72 @@
+"""Points to boxes: what early and late fusion need of a detector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.detector.config import DetectorConfig, configuration
+from perception.types import Boxes
+from swarm.geometry import Matrix, Points
+
+
+class Finder(Protocol):
+    """Finds boxes in a cloud."""
+
+    config: DetectorConfig
+
+    def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
+        """The boxes in a cloud float32 (N, 3), in its frame, best score first.
+
+        `here_from_others`: the other sensors that the cloud was merged from; one is at the origin.
+        """
+        ...
+
+    def landmarks(self, points: Points) -> NDArray[np.float64]:
+        """Roughly where objects are in a cloud, cheaply: (N, 2), in its frame."""
+        ...
+
+
+class Learned:
+    """The learned detector: see `perception.detector.learned`."""
+
+    def __init__(self, name: str) -> None:
+        from perception.detector.learned import Detector
+
+        self.config = configuration(name)
+        self.detector = Detector(name)
+
+    def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
+        """See `Finder.find`."""
+        return self.detector.detect(points)
+
+    def landmarks(self, points: Points) -> NDArray[np.float64]:
+        """See `Finder.landmarks`: the encoder's own view."""
+        from perception.fusion.landmarks import of_view
+
+        return of_view(self.detector.config, self.detector.look(self.detector.encode(points)))
+
+
+class Clustered:
+    """Boxes around clusters: see `perception.detector.detect`. Needs no weights."""
+
+    def __init__(self, name: str) -> None:
+        self.config = configuration(name)
+
+    def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
+        """See `Finder.find`."""
+        from perception.detector.detect import detect
+        from perception.fusion.participants import without_bodies
+
+        cloud = without_bodies(points, here_from_others, self.config.carrier)
+        origins = np.stack([np.zeros(3), *(sensor[:3, 3] for sensor in here_from_others)])
+        return detect(cloud, self.config, origins)
+
+    def landmarks(self, points: Points) -> NDArray[np.float64]:
+        """See `Finder.landmarks`."""
+        from perception.fusion.landmarks import of_boxes
+
+        return of_boxes(self.find(points))

@@ -1,0 +1,68 @@
+"""Heatmaps and box channels to boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from perception.boxes import nms
+from perception.detector.grid import BevConfig
+from perception.types import Boxes
+from swarm.geometry import wrap_heading
+
+MAX_PEAKS = 150
+MIN_SCORE = 0.05
+MAX_SIZE_LOG = 4.0
+"""Sides are at most 55 m: what an untrained network says must still be a box."""
+QUALITY = 0.5
+"""Share of the predicted IoU in a score, as an exponent: score = heat^(1 - q) * iou^q."""
+
+Floats = NDArray[np.float64]
+
+
+def read_boxes(config: BevConfig, heat: Tensor, channels: Tensor) -> Boxes:
+    """Boxes of one map, best score first, in the reference frame.
+
+    heat: logits float32 (classes, rows, columns); channels: float32 (BOX_CHANNELS, rows, columns).
+    """
+    chance = heat.sigmoid()
+    highest = functional.max_pool2d(chance[None], 3, stride=1, padding=1)[0]
+    peaks = chance * (chance == highest)
+    rows, columns = config.cells
+    scores, places = peaks.flatten().topk(min(MAX_PEAKS, peaks.numel()))
+    kept = scores > MIN_SCORE**2
+    place, heat_score = places[kept].numpy(), scores[kept].numpy().astype(np.float64)
+    label, cell = np.divmod(place, rows * columns)
+    row, column = np.divmod(cell, columns)
+    told = channels[:, row, column].T.numpy().astype(np.float64)
+    finite = np.isfinite(told).all(axis=1)
+    told, row, column, label = told[finite], row[finite], column[finite], label[finite]
+    heat_score = heat_score[finite]
+    iou = 1.0 / (1.0 + np.exp(-np.clip(told[:, 8], -30.0, 30.0)))
+    score = heat_score ** (1 - QUALITY) * iou**QUALITY
+    found = boxes_at(config, told, row, column, label, score)
+    return nms(found.take(score >= MIN_SCORE))
+
+
+def boxes_at(
+    config: BevConfig,
+    told: Floats,
+    row: NDArray[np.integer],
+    column: NDArray[np.integer],
+    label: NDArray[np.integer],
+    score: Floats,
+) -> Boxes:
+    """The boxes that cells' channels (K, BOX_CHANNELS) describe, in the reference frame."""
+    x = (column + 0.5 + told[:, 0]) * config.cell_m - config.half_x_m
+    y = (row + 0.5 + told[:, 1]) * config.cell_m - config.half_y_m
+    turns = np.array(config.symmetry)[label]
+    heading = np.arctan2(told[:, 7], told[:, 6]) / turns
+    return Boxes(
+        centers=np.column_stack([x, y, told[:, 2]]),
+        sizes=np.exp(np.clip(told[:, 3:6], -MAX_SIZE_LOG, MAX_SIZE_LOG)),
+        headings=np.array([wrap_heading(float(turn)) for turn in heading], dtype=np.float64),
+        scores=score,
+        labels=tuple(config.labels[i] for i in label),
+    )

@@ -1,0 +1,57 @@
+"""Fusing feature maps that lie in one frame, cell by cell. Neither way has weights of its own."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from swarm.geometry import Matrix
+
+MIN_SHARE = 0.4
+"""Of the cells around a place that must be present for it to be."""
+
+
+def attend(maps: Tensor, present: Tensor) -> Tensor:
+    """Attention of the ego's cell over the robots' (AttFuse: Xu et al., "OPV2V", ICRA 2022).
+
+    maps: float32 (K, C, rows, columns), the ego's first; present: bool (K, rows, columns), which
+    cells each robot has sent, the ego's all. Returns (C, rows, columns).
+    """
+    scores = (maps[:1] * maps).sum(dim=1) / math.sqrt(maps.shape[1])
+    weights = torch.softmax(scores.masked_fill(~present, -math.inf), dim=0)
+    return (weights[:, None] * maps).sum(dim=0)
+
+
+def moved(
+    maps: Tensor, present: Tensor, half: tuple[float, float], by: Matrix
+) -> tuple[Tensor, Tensor]:
+    """A map (C, rows, columns) and its present cells under a turn and shift of the ground plane.
+
+    half: half of the map's extent along x and y, metres; by: 4 x 4, in the frame of the map.
+    Values between cells are interpolated over the cells that are present.
+    """
+    back = np.linalg.inv(by)
+    x, y = half
+    theta = torch.tensor(
+        [
+            [back[0, 0], back[0, 1] * y / x, back[0, 3] / x],
+            [back[1, 0] * x / y, back[1, 1], back[1, 3] / y],
+        ],
+        dtype=torch.float32,
+    )
+    weight = present[None].to(maps.dtype)
+    both = torch.cat([maps * weight, weight])[None]
+    grid = functional.affine_grid(theta[None], list(both.shape), align_corners=False)
+    sampled = functional.grid_sample(both, grid, align_corners=False)[0]
+    share = sampled[-1]
+    here = share >= MIN_SHARE
+    return sampled[:-1] / share.clamp(min=MIN_SHARE) * here, here
+
+
+def strongest(maps: Tensor, present: Tensor) -> Tensor:
+    """The largest value of each channel (F-Cooper: Chen et al., SEC 2019); as `attend`."""
+    return (maps * present[:, None]).amax(dim=0)

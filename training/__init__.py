@@ -1,0 +1,1 @@
+"""Trains the detectors on the simulated worlds."""
