@@ -16,10 +16,10 @@ from swarm.keyspace import check_name
 from swarm.settings import Name
 
 RuntimeName = Literal["docker", "netns"]
-WorldName = Literal["factory", "opv2v"]
+WorldName = Literal["factory", "opv2v", "road"]
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
-_COMM_RANGE_M = {"opv2v": 70.0}
+_COMM_RANGE_M = {"opv2v": 70.0, "road": 70.0}
 """The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
 EMBEDDED = "embedded"
@@ -31,7 +31,7 @@ _ALLOWED = {
     "runtime": "docker or netns",
     "robots": f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {_NAME_RULE}",
     "ego": "one of the robots",
-    "world": "factory or opv2v",
+    "world": "factory, road or opv2v",
     "data": "the directory of a recorded scenario (needed by opv2v)",
     "seed": "a whole number >= 0",
     "rings": "16, 32 or 64",

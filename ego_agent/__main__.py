@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 from prometheus_client import CollectorRegistry
@@ -17,12 +18,12 @@ from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
 from ego_agent.objective import Objective
-from ego_agent.policies.base import Connecting, Policy
+from ego_agent.policies.base import Connecting, Policy, Requiring
 from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.tally import TallyKeeper
-from perception.fusion.registry import make_fusion
+from perception.fusion.registry import fusion_names, make_fusion
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import Logger, make_logger
@@ -57,8 +58,9 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
     log = make_logger("ego_agent", level=settings.log_level, swarm=settings.swarm, ego=settings.ego)
     registry = CollectorRegistry()
     metrics = EgoMetrics(registry)
-    knowledge = Knowledge(_objective(settings))
-    policy = make_policy(settings.policy, knowledge.algorithms)
+    available = fusion_names(world.detector)
+    policy = make_policy(settings.policy, available)
+    knowledge = Knowledge(_objective(settings), _algorithms(settings, available, policy))
     journal = Journal(Path(settings.journal)) if settings.journal else None
     if journal is not None:
         # Before anybody can read them: a scrape never sees less than the journal holds.
@@ -144,6 +146,19 @@ def _agent(
         clock=clock,
         log=log,
     )
+
+
+def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy) -> tuple[str, ...]:
+    """What is decided among: the settings' algorithms, and the one that the policy needs."""
+    wanted = [name for name in settings.algorithms if name in available]
+    if isinstance(policy, Requiring) and policy.requires not in wanted:
+        wanted.append(policy.requires)
+    if not wanted:
+        raise SettingError(
+            f"{PREFIX}ALGORITHMS = {','.join(settings.algorithms)!r} holds none that can be used "
+            f"in world {settings.world!r}; allowed: {', '.join(available)}"
+        )
+    return tuple(wanted)
 
 
 def _objective(settings: EgoSettings) -> Objective:

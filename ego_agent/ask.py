@@ -20,7 +20,7 @@ from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
 from ego_agent.rounds import Transfer, measure
 from ego_agent.tally import TallyKeeper
-from perception.fusion.base import Contribution
+from perception.fusion.base import Ask, Contribution
 from swarm import keyspace
 from swarm.errors import CoAdaptError, MessageError, RefusedError
 from swarm.messages import MAX_MESSAGE_BYTES, Algorithm, Observation, ObservationRequest
@@ -122,9 +122,11 @@ class Asker:
         algorithm: Algorithm,
         capture_ns: int,
         deadline_s: float,
+        tell: Ask | None = None,
     ) -> FrameRound:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
-        within `deadline_s` seconds counts as in time."""
+        within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode."""
+        tell = tell or Ask()
         now = time.monotonic()
         done = FrameRound(algorithm, now, deadline_s)
         asked: list[str] = []
@@ -155,6 +157,8 @@ class Asker:
                 max_error_m=self._max_error_m,
                 keep_ground=self._keep_ground,
                 max_bytes=max(MIN_PAYLOAD_BYTES, share),
+                reference=None if tell.reference is None else tell.reference.as_tuple(),
+                demand=tell.demand,
             )
             self._send(session, _Ask(robot, request, done, tries=1))
         return done

@@ -127,11 +127,17 @@ class FusionLoop:
         """Asks the decision's robots for the frame of `own` and fuses what came in time."""
         session = self._session
         others = tuple(robot for robot in decision.participants if robot != self._ego)
-        done = self._asker.ask(
-            session, others, decision.algorithm, own.capture_ns, self._deadline_s
-        )
         fusion = self._fusions[decision.algorithm]
         gathering = fusion.begin(own.points, own.world_from_sensor)
+        done = self._asker.ask(
+            session,
+            others,
+            decision.algorithm,
+            own.capture_ns,
+            self._deadline_s,
+            gathering.ask(),
+        )
+        gathering.prepare()
         rejected: dict[str, str] = {}
 
         def take_up(contribution: Contribution) -> None:

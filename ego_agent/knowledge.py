@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from statistics import median
 
 from ego_agent.objective import Objective
-from perception.fusion.registry import fusion_names
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
@@ -26,6 +25,8 @@ late to intermediate 0.82 (48 pairs); 0.90 lies between. Intermediate: a prior o
 trained feature fusion even beats early (4 pairs), which untrained fusion cannot be expected to do.
 """
 
+OTHER_FACTOR = 0.97
+"""Prior of an algorithm that is not listed: other ways to fuse features."""
 MAX_SERIES = 4096
 """Receipt series kept at most, one a robot and algorithm; the longest unused is dropped."""
 
@@ -52,24 +53,27 @@ class CycleResult:
 class Knowledge:
     """What the stages of the control cycle share.
 
-    Raises DecisionError when there is no algorithm, or one that no message can name, or one
-    without a quality factor in (0, 1].
+    Raises DecisionError when there is no algorithm, or one without a quality factor in (0, 1].
     """
 
     def __init__(
         self,
         objective: Objective | None = None,
-        algorithms: Iterable[str] | None = None,
+        algorithms: Iterable[str] = ALGORITHMS,
         factors: Mapping[Algorithm, float] | None = None,
         *,
         receipts: int = 15,
         receipt_max_age_s: float = 10.0,
         results: int = 256,
     ) -> None:
-        """By default the algorithms are those that perception can fuse today."""
+        """`algorithms`: those that can be fused, early to late."""
         self.objective = objective or Objective()
-        self.factors: dict[Algorithm, float] = {**PRIOR_FACTORS, **(factors or {})}
-        self.algorithms = _known(fusion_names() if algorithms is None else algorithms)
+        self.algorithms = tuple(dict.fromkeys(algorithms))
+        if not self.algorithms:
+            raise DecisionError("no algorithm is available")
+        self.factors: dict[Algorithm, float] = {
+            name: PRIOR_FACTORS.get(name, OTHER_FACTOR) for name in self.algorithms
+        } | dict(factors or {})
         for name in self.algorithms:
             if not 0.0 < self.factors[name] <= 1.0:
                 raise DecisionError(
@@ -127,13 +131,3 @@ class Knowledge:
     def best_algorithm(self) -> Algorithm:
         """The algorithm with the highest quality factor: what the ego uses alone, for free."""
         return max(self.algorithms, key=lambda name: self.factors[name])
-
-
-def _known(names: Iterable[str]) -> tuple[Algorithm, ...]:
-    """The named algorithms in the order of the messages. Raises DecisionError."""
-    wanted = list(names)
-    unknown = [name for name in wanted if name not in ALGORITHMS]
-    if unknown or not wanted:
-        what = f"algorithm {unknown[0]!r} is unknown" if unknown else "no algorithm is available"
-        raise DecisionError(f"{what}; allowed: {', '.join(ALGORITHMS)}")
-    return tuple(name for name in ALGORITHMS if name in wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, TypeVar
 
@@ -12,9 +13,10 @@ import numpy as np
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import RobotView, Snapshot
 from ego_agent.objective import Objective
+from perception.fusion.registry import all_fusions
 from swarm.arrays import pack
 from swarm.errors import DecisionError
-from swarm.messages import Algorithm, Beacon, Count, Decision, RobotId, SceneDescription
+from swarm.messages import ALGORITHMS, Algorithm, Beacon, Count, Decision, RobotId, SceneDescription
 
 S = TypeVar("S", bound=msgspec.Struct)
 Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
@@ -68,7 +70,7 @@ class SceneFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     objective: Objective = Objective()
     """Only the fields that shall differ from their defaults."""
     algorithms: tuple[Algorithm, ...] | None = None
-    """Available algorithms; by default those that can be fused today."""
+    """Available algorithms; by default the three paradigms."""
     previous: PreviousEntry | None = None
 
 
@@ -92,7 +94,9 @@ def read_scene(document: bytes, now_ns: int) -> Case:
             f"the scene is not valid: ego {scene.ego!r} is not one of the robots: "
             f"{', '.join(scene.robots) or 'there are none'}"
         )
-    knowledge = Knowledge(scene.objective, scene.algorithms)
+    available = ALGORITHMS if scene.algorithms is None else scene.algorithms
+    _check_algorithms("algorithms", available)
+    knowledge = Knowledge(scene.objective, available)
     snapshot = Snapshot(
         ego=scene.ego,
         cycle=0,
@@ -114,7 +118,18 @@ def _decode(document: bytes | msgspec.Raw, kind: type[S], where: str) -> S:
         raise DecisionError(f"the scene is not valid: {where}{error}") from error
 
 
+def _check_algorithms(where: str, names: Iterable[str]) -> None:
+    known = all_fusions()
+    for name in names:
+        if name not in known:
+            raise DecisionError(
+                f"the scene is not valid: {where}: algorithm {name!r} is unknown; "
+                f"allowed: {', '.join(known)}"
+            )
+
+
 def _view(robot: str, entry: RobotEntry, now_ns: int) -> RobotView:
+    _check_algorithms(f"robot {robot}: sizes", entry.sizes)
     objects = np.array(
         [[*o.centroid, o.distance, *o.size, o.points, o.density] for o in entry.objects],
         dtype=np.float32,

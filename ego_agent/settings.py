@@ -7,7 +7,8 @@ from typing import Annotated
 
 import msgspec
 
-from swarm.process import ProcessSettings
+from swarm.messages import ALGORITHMS
+from swarm.process import Algorithms, ProcessSettings
 from swarm.settings import Name, load
 
 
@@ -17,6 +18,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     ego: Name = "R1"
     """The robot that fuses; its scans come from the world, never over the link."""
     policy: Name = "coverage"
+    algorithms: Algorithms = ALGORITHMS
+    """Fusion algorithms that policies may choose from; those that cannot be used are left out."""
     period_s: Annotated[float, msgspec.Meta(ge=0.05, le=3600)] = 1.0
     """Time between two decisions; the paper uses 5 s."""
     fusion_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 10.0

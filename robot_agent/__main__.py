@@ -51,7 +51,7 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
     )
     registry = CollectorRegistry()
     metrics = RobotMetrics(registry)
-    encoder = Encoder(world.detector, metrics)
+    encoder = Encoder(world.detector, metrics, settings.algorithms)
     server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
     try:
         log.info("robots_starting", robots=list(settings.robots), metrics_port=server.port)
@@ -77,6 +77,7 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
                 session,
                 beacon_rate_hz=settings.beacon_rate_hz,
                 scene_rate_hz=settings.scene_rate_hz,
+                measure_rate_hz=settings.measure_rate_hz,
                 workers=settings.workers,
                 metrics=metrics,
                 log=log,

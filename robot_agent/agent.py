@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -130,7 +131,8 @@ class RobotAgent:
         sizes = {}
         for algorithm in self._encoder.algorithms:
             try:
-                sizes[algorithm] = len(self._encoder.encode(frame, algorithm, self._options))
+                options = replace(self._options, pose=frame.scan.pose)
+                sizes[algorithm] = len(self._encoder.encode(frame, algorithm, options))
             except PerceptionError as error:
                 self._log.warning("encode_failed", algorithm=algorithm, error=str(error)[:300])
                 continue
@@ -146,8 +148,14 @@ class RobotAgent:
         begun = time.perf_counter()
         self._options = EncodeOptions(request.max_error_m, request.keep_ground)
         frame = self._frame_for(request)
+        options = replace(
+            self._options,
+            pose=frame.scan.pose,
+            reference=request.reference_pose(),
+            demand=request.demand,
+        )
         try:
-            payload = self._encoder.encode(frame, request.algorithm, self._options)
+            payload = self._encoder.encode(frame, request.algorithm, options)
         except CoAdaptError:
             self._count(request, "failed")
             raise

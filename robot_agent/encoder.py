@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 from perception.fusion.base import EncodeOptions
 from perception.fusion.registry import fusion_names, make_fusion
 from robot_agent.frames import Frame
 from robot_agent.metrics import RobotMetrics
+from swarm.messages import ALGORITHMS
 
 
 class Encoder:
     """The robot side of every fusion algorithm there is, for one world's detector."""
 
-    def __init__(self, detector: str, metrics: RobotMetrics) -> None:
+    def __init__(
+        self, detector: str, metrics: RobotMetrics, measured: Sequence[str] = ALGORITHMS
+    ) -> None:
+        """`measured`: the algorithms that beacons announce sizes of; those that are not available
+        are left out."""
         self._detector = detector
         self._metrics = metrics
-        self._fusions = {name: make_fusion(name, detector) for name in fusion_names()}
+        self._fusions = {name: make_fusion(name, detector) for name in fusion_names(detector)}
+        self._measured = tuple(name for name in measured if name in self._fusions)
 
     @property
     def algorithms(self) -> tuple[str, ...]:
-        """The algorithms that a frame can be encoded for."""
-        return tuple(self._fusions)
+        """The algorithms whose sizes are announced."""
+        return self._measured
 
     def encode(self, frame: Frame, algorithm: str, options: EncodeOptions) -> bytes:
         """The payload of a frame; the same form of the same frame is encoded once.

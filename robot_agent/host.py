@@ -28,6 +28,7 @@ class RobotHost:
         *,
         beacon_rate_hz: float,
         scene_rate_hz: float,
+        measure_rate_hz: float,
         workers: int,
         metrics: RobotMetrics,
         log: Logger,
@@ -40,6 +41,7 @@ class RobotHost:
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
+            self._threads.append(self._thread("measure", 1 / measure_rate_hz, part, self._measure))
             self._threads.append(
                 threading.Thread(target=self._sense, args=(part,), name="sense", daemon=True)
             )
@@ -90,7 +92,9 @@ class RobotHost:
         scene = agent.describe()
         if scene is not None:
             self._session.put(keyspace.scene(self._session.swarm, agent.robot), scene)
-            agent.measure()
+
+    def _measure(self, agent: RobotAgent) -> None:
+        agent.measure()
 
     def _guarded(self, loop: str, work: Callable[[RobotAgent], object], agent: RobotAgent) -> None:
         if self._stop.is_set():

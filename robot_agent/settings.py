@@ -8,7 +8,8 @@ from typing import Annotated
 import msgspec
 
 from swarm.errors import SettingError
-from swarm.process import ProcessSettings
+from swarm.messages import ALGORITHMS
+from swarm.process import Algorithms, ProcessSettings
 from swarm.settings import PREFIX, Name, load
 
 
@@ -21,6 +22,10 @@ class RobotSettings(ProcessSettings, frozen=True, kw_only=True):
     """How far the robots' clock is ahead of this machine's, as a badly set clock would be."""
     beacon_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 10.0
     scene_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 2.0
+    algorithms: Algorithms = ALGORITHMS
+    """Fusion algorithms whose sizes beacons announce; a robot answers for all that there are."""
+    measure_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 0.5
+    """How often a robot encodes a frame for each of them, only to know its size."""
     ring_frames: Annotated[int, msgspec.Meta(ge=1, le=100)] = 10
     """Recent frames that a robot keeps to answer queries from."""
     workers: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1

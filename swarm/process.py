@@ -13,6 +13,7 @@ from typing import Annotated, Literal, NoReturn
 
 import msgspec
 
+from swarm.messages.base import Algorithm
 from swarm.settings import Name, Port
 
 _NS = 1_000_000_000
@@ -28,10 +29,13 @@ class SwarmSettings(msgspec.Struct, frozen=True, kw_only=True):
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 
+Algorithms = Annotated[tuple[Algorithm, ...], msgspec.Meta(min_length=1, max_length=16)]
+
+
 class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     """Settings of the processes that live in a world."""
 
-    world: Literal["factory", "opv2v"] = "factory"
+    world: Literal["factory", "opv2v", "road"] = "factory"
     world_data: str = ""
     """Directory of recorded data; needed by `opv2v`."""
     world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6

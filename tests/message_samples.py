@@ -74,6 +74,8 @@ SAMPLES: tuple[Message, ...] = (
         max_error_m=0.05,
         keep_ground=True,
         max_bytes=60_000,
+        reference=POSE,
+        demand=b"\x01\x02",
     ),
     Observation(
         robot="R1",

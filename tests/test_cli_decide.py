@@ -97,10 +97,15 @@ def test_objective_algorithms_and_previous_decision_come_from_the_scene(
             -3,
             "robot R2: Expected `float` >= 0.0 - at `$.beacon_age_s`",
         ),
-        (["robots", "R2", "sizes"], {"voxels": 3}, "Invalid enum value 'voxels'"),
+        (
+            ["robots", "R2", "sizes"],
+            {"voxels": 3},
+            "robot R2: sizes: algorithm 'voxels' is unknown; allo",
+        ),
         (["robots", "R2", "speed"], 3, "robot R2: Object contains unknown field `speed`"),
         (["objective"], {"q_min": 2}, "<= 1.0 - at `$.objective.q_min`"),
-        (["algorithms"], [], "allowed: early, intermediate, late"),
+        (["algorithms"], [], "no algorithm is available"),
+        (["algorithms"], ["magic"], "algorithms: algorithm 'magic' is unknown; allowed: early, in"),
     ],
 )
 def test_a_fault_in_the_scene_is_named_with_its_place(

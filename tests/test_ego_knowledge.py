@@ -4,20 +4,19 @@ import pytest
 from ego_scenes import NOW_NS
 
 from ego_agent.knowledge import MAX_SERIES, PRIOR_FACTORS, CycleResult, Knowledge
-from perception.fusion.registry import fusion_names
 from swarm.errors import DecisionError
 
 SECOND = 10**9
 
 
-def test_the_algorithms_are_those_that_perception_can_fuse() -> None:
-    assert set(Knowledge().algorithms) == set(fusion_names())
+def test_without_an_algorithm_nothing_can_be_decided() -> None:
+    with pytest.raises(DecisionError, match="no algorithm"):
+        Knowledge(algorithms=[])
 
 
-@pytest.mark.parametrize("names", [[], ["early", "magic"]])
-def test_no_algorithm_or_an_unknown_one_is_refused_with_what_is_allowed(names: list[str]) -> None:
-    with pytest.raises(DecisionError, match="early, intermediate, late"):
-        Knowledge(algorithms=names)
+def test_an_algorithm_that_somebody_added_counts_like_a_way_to_fuse_features() -> None:
+    known = Knowledge(algorithms=["early", "twice", "late"])
+    assert known.factors["twice"] == known.factors["early"] * PRIOR_FACTORS["intermediate"]
 
 
 def test_a_quality_factor_outside_its_range_is_refused() -> None:

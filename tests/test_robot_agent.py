@@ -18,6 +18,7 @@ from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Points, transform
 from swarm.messages import ObservationRequest, SceneDescription, decode, encode
 from swarm.process import Clock, capture_ns
+from worlds.factory import FactoryWorld
 
 
 def request(**changes: object) -> ObservationRequest:
@@ -51,7 +52,7 @@ def test_a_beacon_tells_the_bytes_that_an_observation_then_has() -> None:
     robot.agent.measure()
     beacon = robot.agent.beacon()
     assert beacon is not None
-    assert set(beacon.sizes) == {"early", "late"}
+    assert set(beacon.sizes) == {"early", "intermediate", "late"}
     for algorithm, size in beacon.sizes.items():
         assert len(robot.agent.observe(request(algorithm=algorithm)).payload) == size
         assert robot.value("coadapt_robot_payload_bytes", robot="R1", algorithm=algorithm) == size
@@ -132,11 +133,17 @@ def _farthest(points: Points, others: Points) -> float:
 
 
 def test_late_boxes_lie_where_the_objects_are() -> None:
-    boxes = decode_boxes(sensed().agent.observe(request(algorithm="late")).payload)
-    assert len(boxes) == len(BLOCKS)
-    for low in BLOCKS:
-        distances = np.linalg.norm(boxes.centers[:, :2] - np.add(low[:2], (0.45, 0.3)), axis=1)
-        assert distances.min() < 0.3
+    factory = FactoryWorld(robots=4, seed=1_000_003)
+    scan, actors = factory.scan_with_actors("R3", 40)
+    robot = sensed(lambda frame: scan.points)
+    boxes = decode_boxes(robot.agent.observe(request(algorithm="late")).payload)
+    sure = boxes.take(boxes.scores > 0.6).transformed(scan.pose.matrix())
+    truth, _ = factory.actors(40)
+    well_seen = np.bincount(actors[actors >= 0], minlength=len(truth)) >= 100
+    assert len(sure) >= well_seen.sum() > 0
+    apart = np.linalg.norm(sure.centers[:, None, :2] - truth.centers[None, :, :2], axis=2)
+    assert (apart.min(axis=1) < 0.3).all()
+    assert (apart[:, well_seen].min(axis=0) < 0.3).all()
 
 
 def test_points_without_a_return_are_left_out() -> None:
@@ -170,7 +177,7 @@ def test_a_cloud_without_any_return_is_served_as_empty(value: float | None) -> N
     assert len(boxes) == len(Boxes.empty())
     beacon = robot.agent.beacon()
     assert beacon is not None
-    assert set(beacon.sizes) == {"early", "late"}
+    assert set(beacon.sizes) == {"early", "intermediate", "late"}
 
 
 @pytest.mark.parametrize(
@@ -260,11 +267,11 @@ def test_a_payload_larger_than_asked_for_is_refused_and_not_counted_as_sent() ->
     assert sent == 2 * size
 
 
-def test_an_algorithm_that_does_not_exist_yet_is_refused_with_the_reason() -> None:
+def test_an_algorithm_that_does_not_exist_is_refused_with_the_reason() -> None:
     robot = sensed()
-    with pytest.raises(PerceptionError, match="intermediate"):
-        robot.agent.observe(request(algorithm="intermediate"))
-    labels = {"robot": "R1", "algorithm": "intermediate", "outcome": "failed"}
+    with pytest.raises(PerceptionError, match=r"'magic' is not available; allowed: early, interm"):
+        robot.agent.observe(request(algorithm="magic"))
+    labels = {"robot": "R1", "algorithm": "magic", "outcome": "failed"}
     assert robot.value("coadapt_robot_requests_total", **labels) == 1
 
 

@@ -24,7 +24,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
     parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
     parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
-    parser.add_argument("--world", choices=("factory", "opv2v"), default="factory")
+    parser.add_argument("--world", choices=("factory", "opv2v", "road"), default="factory")
     parser.add_argument("--data", default="", help="directory of recorded data, for opv2v")
     parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
     parser.add_argument(

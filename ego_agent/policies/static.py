@@ -7,7 +7,8 @@ from functools import partial
 
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
-from swarm.messages import ALGORITHMS, Algorithm, Decision
+from perception.fusion.registry import all_fusions
+from swarm.messages import Algorithm, Decision
 
 
 @dataclass(frozen=True)
@@ -33,4 +34,4 @@ class Static:
         )
 
 
-POLICIES = tuple(partial(Static, algorithm) for algorithm in ALGORITHMS)
+POLICIES = tuple(partial(Static, algorithm) for algorithm in all_fusions())

@@ -11,8 +11,10 @@ SCHEMA_VERSION = 1
 MAX_MESSAGE_BYTES = 8 * 1024 * 1024
 """Larger messages are refused unread: ten times a raw 64-ring scan."""
 
-Algorithm = Literal["early", "intermediate", "late"]
+Algorithm = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9-]{0,31}(?!\n)$")]
+"""Name of a fusion algorithm; which ones there are is perception's to say."""
 ALGORITHMS: tuple[Algorithm, ...] = ("early", "intermediate", "late")
+"""The paper's three paradigms, each of which is also the name of an algorithm."""
 Source = Literal["policy", "llm", "cache", "fallback", "hold"]
 
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]

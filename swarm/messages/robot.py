@@ -80,6 +80,14 @@ class ObservationRequest(Message, frozen=True, kw_only=True):
     keep_ground: bool = False
     max_bytes: Annotated[int, msgspec.Meta(ge=1)] = MAX_MESSAGE_BYTES
     """A larger payload is refused instead of sent."""
+    reference: Vector6 | None = None
+    """The pose in whose frame feature maps shall lie; the robot's own where none is given."""
+    demand: Annotated[bytes, msgspec.Meta(max_length=4096)] = b""
+    """What the ego wants to know, in the algorithm's own form; empty: everything."""
+
+    def reference_pose(self) -> Pose | None:
+        """`reference` as a pose in the world frame."""
+        return None if self.reference is None else Pose(*self.reference)
 
 
 class Observation(Message, frozen=True, kw_only=True):
