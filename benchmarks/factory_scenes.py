@@ -9,10 +9,10 @@ from ego_agent.knowledge import Knowledge
 from ego_agent.model import RobotView, Snapshot, UnifiedScene
 from perception.detector import configuration
 from perception.fusion.base import EncodeOptions
-from perception.fusion.registry import fusion_names, make_fusion
+from perception.fusion.registry import make_fusion
 from perception.scene import describe, to_array, visible_range
 from swarm.arrays import pack
-from swarm.messages import Beacon, SceneDescription
+from swarm.messages import ALGORITHMS, Beacon, SceneDescription
 from worlds.base import World
 
 SECTORS = 72
@@ -41,7 +41,7 @@ def _view(world: World, robot: str, frame: int) -> RobotView:
     visible = visible_range(scan.points, SECTORS, scan.pose.heading, own_body_m)
     sizes = {
         name: len(make_fusion(name, world.detector).encode(scan.points, EncodeOptions()))
-        for name in fusion_names()
+        for name in ALGORITHMS
     }
     pose = scan.pose.as_tuple()
     return RobotView(
