@@ -23,7 +23,7 @@ from perception.opencood.network import attend
 from perception.opencood.payload import map_bytes
 from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
-from swarm.geometry import Pose, invert
+from swarm.geometry import Matrix, Pose, invert, pose_of
 
 EGO = Pose(100.0, 50.0, 2.0, 0.0, 0.0, 0.5).matrix()
 OTHER = EGO @ Pose(6.0, 3.0, 0.0, 0.0, 0.0, 1.0).matrix()
@@ -37,6 +37,11 @@ def early(tmp_path_factory: pytest.TempPathFactory) -> OpenCoodModel:
 @pytest.fixture(scope="module")
 def attfuse(tmp_path_factory: pytest.TempPathFactory) -> OpenCoodModel:
     return load(write_model(tmp_path_factory.mktemp("att"), settings("Intermediate", 1)))
+
+
+def asked(sensor: Matrix, ego: Matrix) -> EncodeOptions:
+    """What a robot is asked for, and where its sensor is."""
+    return EncodeOptions(pose=pose_of(sensor), reference=pose_of(ego))
 
 
 def same(a: Boxes, b: Boxes, atol: float = 1e-3) -> bool:
@@ -101,7 +106,7 @@ def test_a_map_on_the_wire_has_the_announced_size_and_gives_the_same_boxes(
     expected = attfuse.fuse(maps).transformed(EGO)
     for number_bytes, agreeing in ((4, 1.0), (2, 0.9)):
         fusion = OpenCoodIntermediate(attfuse, number_bytes)
-        payload = fusion.encode_for(scan(1), OTHER, EGO)
+        payload = fusion.encode(scan(1), asked(OTHER, EGO))
         assert len(payload) == map_bytes(attfuse.map_shape(), number_bytes)
         result = fusion.fuse(scan(0), EGO, [Contribution("a", payload, OTHER)])
         assert result.rejected == {}
@@ -130,7 +135,7 @@ def test_attention_weighs_each_cell_by_its_likeness_to_the_egos() -> None:
 def test_an_empty_scan_makes_a_map_that_can_be_fused(attfuse: OpenCoodModel) -> None:
     empty = np.zeros((0, 3), dtype=np.float32)
     fusion = OpenCoodIntermediate(attfuse)
-    payload = fusion.encode_for(scan(1), EGO, EGO)
+    payload = fusion.encode(scan(1), asked(EGO, EGO))
     result = fusion.fuse(empty, EGO, [Contribution("a", payload, EGO)])
     assert result.rejected == {}
 
@@ -139,7 +144,7 @@ def test_a_map_that_cannot_be_fused_is_refused_and_the_others_go_on(
     attfuse: OpenCoodModel, tmp_path: Path
 ) -> None:
     fusion = OpenCoodIntermediate(attfuse)
-    good = fusion.encode_for(scan(1), OTHER, EGO)
+    good = fusion.encode(scan(1), asked(OTHER, EGO))
     other_weights = load(write_model(tmp_path / "w", settings("Intermediate", 1), seed=5))
     other_grid = load(write_model(tmp_path / "g", settings("Intermediate", 0)))
     other_grid.version = attfuse.version
@@ -148,10 +153,10 @@ def test_a_map_that_cannot_be_fused_is_refused_and_the_others_go_on(
         "short": good[:-40],
         "empty": b"",
         "damaged": good[:500] + bytes([good[500] ^ 255]) + good[501:],
-        "weights": OpenCoodIntermediate(other_weights).encode_for(scan(1), OTHER, EGO),
-        "grid": OpenCoodIntermediate(other_grid).encode_for(scan(1), OTHER, EGO),
-        "frame": fusion.encode_for(scan(1), OTHER, OTHER),
-        "nothing": OpenCoodIntermediate(attfuse).encode_for(scan(1), OTHER, EGO * np.nan),
+        "weights": OpenCoodIntermediate(other_weights).encode(scan(1), asked(OTHER, EGO)),
+        "grid": OpenCoodIntermediate(other_grid).encode(scan(1), asked(OTHER, EGO)),
+        "frame": fusion.encode(scan(1), asked(OTHER, OTHER)),
+        "nothing": OpenCoodIntermediate(attfuse).encode(scan(1), asked(OTHER, EGO * np.nan)),
     }
     contributions = [Contribution(name, data, OTHER) for name, data in payloads.items()]
     result = fusion.fuse(scan(0), EGO, contributions)
@@ -163,9 +168,23 @@ def test_a_map_that_cannot_be_fused_is_refused_and_the_others_go_on(
     assert same(result.boxes, alone)
 
 
-def test_a_map_needs_the_egos_frame(attfuse: OpenCoodModel) -> None:
-    with pytest.raises(PerceptionError, match="the ego's frame"):
-        OpenCoodIntermediate(attfuse).encode(scan(0), EncodeOptions())
+def test_the_ego_asks_for_maps_in_its_own_frame(attfuse: OpenCoodModel) -> None:
+    fusion = OpenCoodIntermediate(attfuse)
+    gathering = fusion.begin(scan(0), EGO)
+    ask = gathering.ask()
+    assert ask.reference is not None
+    np.testing.assert_allclose(ask.reference.matrix(), EGO, atol=1e-9)
+    options = EncodeOptions(pose=pose_of(OTHER), reference=ask.reference)
+    gathering.add(Contribution("a", fusion.encode(scan(1), options), OTHER))
+    maps = [attfuse.encode(scan(0)), attfuse.encode(scan(1), invert(EGO) @ OTHER)]
+    assert abs(len(gathering.finish()) - len(attfuse.fuse(maps))) <= 3
+
+
+def test_a_map_that_was_made_for_nobody_lies_in_the_sensors_frame(attfuse: OpenCoodModel) -> None:
+    fusion = OpenCoodIntermediate(attfuse)
+    assert fusion.encode(scan(1), EncodeOptions(pose=pose_of(OTHER))) == fusion.encode(
+        scan(1), asked(OTHER, OTHER)
+    )
 
 
 @pytest.mark.parametrize("fusion", [OpenCoodEarly, OpenCoodLate])

@@ -10,12 +10,12 @@ import numpy as np
 
 from perception.codec.boxes import decode_boxes, encode_boxes
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
-from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
 from perception.opencood.model import OpenCoodModel, Scan
 from perception.opencood.payload import decode_map, encode_map
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError, PerceptionError
-from swarm.geometry import Matrix, Points, invert
+from swarm.geometry import Matrix, Points, Pose, invert, pose_of
 
 MAX_BOXES = 200
 MAX_POINTS = 300_000
@@ -111,16 +111,11 @@ class OpenCoodIntermediate(Fusion):
         self._number_bytes = number_bytes
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
-        """Always raises PerceptionError: `encode_for` makes the map, in the ego's frame."""
-        raise PerceptionError(
-            "an OpenCOOD map is made in the ego's frame: the sensor's pose and the ego's are needed"
-        )
-
-    def encode_for(
-        self, points: Points, world_from_sensor: Matrix, world_from_ego: Matrix
-    ) -> bytes:
-        """A scan, float32 (N, 3) in the sensor's frame, as the map that the ego can fuse."""
-        feature_map = self._model.encode(points, invert(world_from_ego) @ world_from_sensor)
+        """A scan, float32 (N, 3) in the sensor's frame, as a map in the frame that the options ask
+        for; in the sensor's own where none is asked for."""
+        own = options.pose or Pose(0.0, 0.0, 0.0)
+        world_from_ego = (options.reference or own).matrix()
+        feature_map = self._model.encode(points, invert(world_from_ego) @ own.matrix())
         return encode_map(feature_map, self._model.version, world_from_ego, self._number_bytes)
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
@@ -133,6 +128,9 @@ class _Maps(Gathering):
         self._model = model
         self._world_from_own = world_from_own
         self._maps = [model.encode(own)]
+
+    def ask(self) -> Ask:
+        return Ask(reference=pose_of(self._world_from_own))
 
     def add(self, contribution: Contribution) -> None:
         model = self._model
