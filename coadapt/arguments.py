@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import pkgutil
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from perception.fusion.base import Fusion
 
 
 def at_least_zero(text: str) -> float:
@@ -18,10 +23,34 @@ def at_least_zero(text: str) -> float:
     return value
 
 
+def at_least_one(text: str) -> int:
+    """A whole number >= 1, or argparse's error."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number >= 1")
+    return int(text)
+
+
+def comma_separated(text: str) -> list[str]:
+    """The names between the commas."""
+    return [name for name in text.split(",") if name]
+
+
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
-    """Adds what is fused and how: DIR, --algorithm, --ego, --pose-noise and --json."""
+    """Adds what is fused and how: DIR, --algorithm or --opencood, --ego, --pose-noise, --delay and
+    --json."""
     parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
-    parser.add_argument("--algorithm", required=True, help="early or late; single is the ego alone")
+    how = parser.add_mutually_exclusive_group(required=True)
+    how.add_argument(
+        "--algorithm",
+        metavar="NAME",
+        help=f"{', '.join(algorithm_names())}; single is the ego alone",
+    )
+    how.add_argument(
+        "--opencood",
+        type=Path,
+        metavar="MODEL_DIR",
+        help="an OpenCOOD model (config.yaml and a checkpoint), fused as it was trained for",
+    )
     parser.add_argument("--ego", help="the robot that fuses (default: the first)")
     parser.add_argument(
         "--pose-noise",
@@ -30,4 +59,33 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="standard deviation of the senders' poses, metres and degrees",
     )
+    parser.add_argument(
+        "--delay",
+        type=at_least_zero,
+        default=0.0,
+        metavar="S",
+        help="age of contributions, seconds; rounded to whole frames (0.1 s)",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+
+
+def algorithm_names() -> list[str]:
+    """Every fusion algorithm, whether there are weights for it or not."""
+    from perception.fusion import algorithms
+
+    return sorted(
+        module.name.replace("_", "-") for module in pkgutil.iter_modules(algorithms.__path__)
+    )
+
+
+def chosen_fusion(args: argparse.Namespace) -> str | Fusion:
+    """What `add_recorded_fusion` was given: a name, or an OpenCOOD model's fusion.
+
+    Raises PerceptionError for a model that cannot be used.
+    """
+    if args.opencood is None:
+        return str(args.algorithm)
+    from perception.opencood.fusions import opencood_fusion
+    from perception.opencood.model import load
+
+    return opencood_fusion(load(args.opencood))

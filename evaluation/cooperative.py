@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluation.tally import Precision, Tally
 from perception.boxes import iou_bev
-from perception.detector import configuration, detect
-from perception.fusion.base import Contribution, EncodeOptions
-from perception.fusion.registry import make_fusion
-from perception.metrics import average_precision
+from perception.fusion.base import Contribution, EncodeOptions, Fusion
+from perception.fusion.detectors import shared_finder
+from perception.fusion.registry import fusion_names, make_fusion
 from perception.types import Boxes
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Matrix, Pose, invert
@@ -20,8 +20,9 @@ from worlds.base import GroundTruth, World
 
 SINGLE = "single"
 """Not a fusion: the ego's own scan alone."""
-EVALUATION_RANGE_M = (140.0, 40.0)
-"""Boxes count within this of the ego along its own x and y: OPV2V's evaluation range."""
+EVALUATION_RANGES_M = {"road": (140.0, 40.0), "factory": (25.0, 25.0)}
+"""Boxes count within this of the ego along its own x and y, by detector: OPV2V's evaluation range,
+and about the floor of six robots."""
 MIN_VISIBLE_POINTS = 5
 """True boxes with fewer points in all scans together do not count, found or not."""
 IGNORED_IOU = 0.3
@@ -53,7 +54,7 @@ def fuse_frame(
     frame: int,
     ego: str,
     participants: Sequence[str],
-    algorithm: str,
+    algorithm: str | Fusion,
     disturbance: Disturbance | None = None,
 ) -> Fused:
     """Encodes the participants' scans, decodes and fuses them at the ego.
@@ -72,65 +73,62 @@ def fuse_frame(
     own = world.scan(ego, frame)
     world_from_own = own.pose.matrix()
     if algorithm == SINGLE:
-        boxes = detect(own.points, configuration(world.detector))
+        boxes = shared_finder(world.detector).find(own.points)
         return Fused(boxes.transformed(world_from_own), {}, {})
-    fusion = make_fusion(algorithm, world.detector)
+    fusion = make_fusion(algorithm, world.detector) if isinstance(algorithm, str) else algorithm
     sent_frame = max(0, frame - round(disturbance.delay_s * world.rate_hz))
-    contributions = []
+    gathering = fusion.begin(own.points, world_from_own)
+    ask = gathering.ask()
+    sizes, rejected = {}, {}
     for robot in senders:
         scan = world.scan(robot, sent_frame)
-        payload = fusion.encode(scan.points, EncodeOptions())
         pose = _disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
-        contributions.append(Contribution(robot, payload, pose))
-    result = fusion.fuse(own.points, world_from_own, contributions)
-    sizes = {item.robot: len(item.payload) for item in contributions}
-    return Fused(result.boxes, sizes, result.rejected)
-
-
-@dataclass(frozen=True, slots=True)
-class Precision:
-    """Scores of one algorithm over all frames of a world."""
-
-    ap_30: float
-    ap_50: float
-    ap_70: float
-    bytes_per_robot_frame: float
-    frames: int
-    ground_truth: int
+        options = EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
+        payload = fusion.encode(scan.points, options)
+        sizes[robot] = len(payload) + ask.size()
+        try:
+            gathering.add(Contribution(robot, payload, pose.matrix()))
+        except PerceptionError as error:
+            rejected[robot] = str(error)
+    return Fused(gathering.finish(), sizes, rejected)
 
 
 def evaluate(
     world: World,
-    algorithm: str,
+    algorithm: str | Fusion,
     ego: str,
     disturbance: Disturbance | None = None,
     frames: Sequence[int] | None = None,
+    *,
+    per_frame: bool = False,
 ) -> Precision:
     """AP of one algorithm with all robots taking part, seen from one ego.
 
-    Counts boxes within EVALUATION_RANGE_M of the ego, without the ego itself, and true boxes
-    with at least MIN_VISIBLE_POINTS points. What is found of the other true boxes is left out, as
-    KITTI does with its "don't care" regions.
+    Counts what `judge` lets count; `per_frame` ranks as OpenCOOD does (perception.metrics).
     """
-    if algorithm not in (SINGLE, "early", "intermediate", "late"):
+    allowed = (SINGLE, *fusion_names(world.detector))
+    if isinstance(algorithm, str) and algorithm not in allowed:
         raise PerceptionError(
-            f"algorithm {algorithm!r} is not known; allowed: {SINGLE}, early, late"
+            f"algorithm {algorithm!r} is not available; allowed: {', '.join(allowed)}"
         )
-    pairs, sizes = [], []
+    tally = Tally()
     for frame in range(world.frame_count) if frames is None else frames:
         fused = fuse_frame(world, frame, ego, world.robots, algorithm, disturbance)
-        sizes += list(fused.bytes.values())
-        found, counted = _judged(fused.boxes, world.ground_truth(frame), ego)
-        own_from_world = invert(world.pose(ego, frame).matrix())
-        pairs.append((_in_range(found, own_from_world), _in_range(counted, own_from_world)))
-    return Precision(
-        ap_30=average_precision(pairs, 0.3),
-        ap_50=average_precision(pairs, 0.5),
-        ap_70=average_precision(pairs, 0.7),
-        bytes_per_robot_frame=float(np.mean(sizes)) if sizes else 0.0,
-        frames=len(pairs),
-        ground_truth=sum(len(truth) for _, truth in pairs),
-    )
+        tally.add(*judge(world, frame, ego, fused.boxes), fused.bytes.values())
+    return tally.precision(per_frame=per_frame)
+
+
+def judge(world: World, frame: int, ego: str, boxes: Boxes) -> tuple[Boxes, Boxes]:
+    """The detected and the true boxes that count, in the world frame.
+
+    Those within EVALUATION_RANGES_M of the ego, without the ego itself, and true boxes with at
+    least MIN_VISIBLE_POINTS points in all scans of the world together, whoever takes part. What is
+    found of the other true boxes is left out, as KITTI does with its "don't care" regions.
+    """
+    reach = EVALUATION_RANGES_M[world.detector]
+    own_from_world = invert(world.pose(ego, frame).matrix())
+    found, counted = _judged(boxes, world.ground_truth(frame), ego)
+    return _in_range(found, own_from_world, reach), _in_range(counted, own_from_world, reach)
 
 
 def _judged(found: Boxes, truth: GroundTruth, ego: str) -> tuple[Boxes, Boxes]:
@@ -144,16 +142,16 @@ def _judged(found: Boxes, truth: GroundTruth, ego: str) -> tuple[Boxes, Boxes]:
     return found.take(kept), truth.boxes.take(counts)
 
 
-def _in_range(boxes: Boxes, own_from_world: Matrix) -> Boxes:
+def _in_range(boxes: Boxes, own_from_world: Matrix, reach_m: tuple[float, float]) -> Boxes:
     near = boxes.centers @ own_from_world[:3, :3].T + own_from_world[:3, 3]
-    inside = np.flatnonzero((np.abs(near[:, :2]) <= EVALUATION_RANGE_M).all(axis=1))
+    inside = np.flatnonzero((np.abs(near[:, :2]) <= reach_m).all(axis=1))
     return boxes.take(inside)
 
 
-def _disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Matrix:
+def _disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Pose:
     if sigma == 0.0:
-        return pose.matrix()
+        return pose
     x, y, turn = np.random.default_rng([frame, *robot.encode()]).normal(0.0, sigma, 3)
     return Pose(
         pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + math.radians(turn)
-    ).matrix()
+    )

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from coadapt.arguments import add_recorded_fusion, at_least_zero
+from coadapt.arguments import add_recorded_fusion, chosen_fusion
 
 
 def register(commands: Any) -> None:
@@ -22,11 +22,9 @@ def register(commands: Any) -> None:
     )
     add_recorded_fusion(parser)
     parser.add_argument(
-        "--delay",
-        type=at_least_zero,
-        default=0.0,
-        metavar="S",
-        help="age of contributions, seconds; rounded to whole frames (0.1 s)",
+        "--per-frame",
+        action="store_true",
+        help="rank detections within their frame only, as OpenCOOD's published tables do",
     )
     parser.set_defaults(run=run)
 
@@ -39,9 +37,10 @@ def run(args: argparse.Namespace) -> int:
     world = Opv2vWorld(args.directory)
     precision = evaluate(
         world,
-        args.algorithm,
+        chosen_fusion(args),
         args.ego or world.robots[0],
         Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
+        per_frame=args.per_frame,
     )
     figures = {name: round(value, 4) for name, value in asdict(precision).items()}
     if args.json:

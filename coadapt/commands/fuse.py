@@ -7,7 +7,7 @@ import json
 import time
 from typing import Any
 
-from coadapt.arguments import add_recorded_fusion
+from coadapt.arguments import add_recorded_fusion, chosen_fusion, comma_separated
 from perception.types import Boxes
 
 
@@ -22,7 +22,11 @@ def register(commands: Any) -> None:
     add_recorded_fusion(parser)
     parser.add_argument("--frame", required=True, help="a frame's name (006220) or index (0)")
     parser.add_argument(
-        "--participants", default="", help="robots that send, comma-separated (default: all)"
+        "--participants",
+        type=comma_separated,
+        default=[],
+        metavar="NAMES",
+        help="robots that send, comma-separated (default: all)",
     )
     parser.set_defaults(run=run)
 
@@ -35,12 +39,13 @@ def run(args: argparse.Namespace) -> int:
     world = Opv2vWorld(args.directory)
     frame = world.frame_index(args.frame)
     ego = args.ego or world.robots[0]
-    participants = [name for name in args.participants.split(",") if name] or world.robots
-    disturbance = Disturbance(pose_noise_m=args.pose_noise)
-    for robot in {ego, *participants} & set(world.robots):
-        world.scan(robot, frame)  # read the files first: they are not part of the time
+    participants = args.participants or world.robots
+    fusion = chosen_fusion(args)
+    disturbance = Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay)
+    # Files and weights are read first: they are not part of the time.
+    fuse_frame(world, frame, ego, participants, fusion, disturbance)
     started = time.perf_counter()
-    fused = fuse_frame(world, frame, ego, participants, args.algorithm, disturbance)
+    fused = fuse_frame(world, frame, ego, participants, fusion, disturbance)
     elapsed_ms = (time.perf_counter() - started) * 1e3
     if args.json:
         rows = [_row(fused.boxes, i) for i in range(len(fused.boxes))]

@@ -1,0 +1,87 @@
+"""Gathers detections of many frames, of one world or of several, and scores them together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.metrics import Match, match, precision_of
+from perception.types import Boxes
+
+IOUS = (0.3, 0.5, 0.7)
+ALL = ""
+"""In place of a class: all boxes, whatever they are called."""
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """Scores of one algorithm over all frames."""
+
+    ap_30: float
+    ap_50: float
+    ap_70: float
+    bytes_per_robot_frame: float
+    frames: int
+    ground_truth: int
+
+
+@dataclass(slots=True)
+class Tally:
+    """Matches of one algorithm, frame by frame, for the boxes as a whole and for each class."""
+
+    frames: int = 0
+    sizes: list[int] = field(default_factory=list)
+    """Bytes of each contribution."""
+    _matches: dict[tuple[str, float], list[Match]] = field(default_factory=dict)
+
+    def add(self, found: Boxes, truth: Boxes, sizes: Iterable[int]) -> None:
+        """One frame: its detected boxes, its true ones, and the bytes of its contributions."""
+        self.frames += 1
+        self.sizes += sizes
+        for label in (ALL, *sorted({*found.labels, *truth.labels})):
+            mine, theirs = (_of_class(boxes, label) for boxes in (found, truth))
+            for iou in IOUS:
+                self._matches.setdefault((label, iou), []).append(match(mine, theirs, iou))
+
+    def take_up(self, other: Tally) -> None:
+        """Appends the frames of another tally."""
+        self.frames += other.frames
+        self.sizes += other.sizes
+        for key, matches in other._matches.items():
+            self._matches.setdefault(key, []).extend(matches)
+
+    def precision(self, label: str = ALL, *, per_frame: bool = False) -> Precision:
+        """AP of all frames together; `per_frame`: ranked as OpenCOOD does (perception.metrics).
+
+        A box counts as found whatever class it was given, unless `label` asks for one.
+        """
+
+        def ap(iou: float) -> float:
+            return precision_of(self._matches.get((label, iou), []), per_frame=per_frame)
+
+        return Precision(
+            ap_30=ap(0.3),
+            ap_50=ap(0.5),
+            ap_70=ap(0.7),
+            bytes_per_robot_frame=float(np.mean(self.sizes)) if self.sizes else 0.0,
+            frames=self.frames,
+            ground_truth=sum(one.truths for one in self._matches.get((label, 0.5), [])),
+        )
+
+    def labels(self) -> tuple[str, ...]:
+        """The classes that true boxes have."""
+        return tuple(
+            sorted(
+                label
+                for (label, iou), matches in self._matches.items()
+                if label != ALL and iou == 0.5 and any(one.truths for one in matches)
+            )
+        )
+
+
+def _of_class(boxes: Boxes, label: str) -> Boxes:
+    if label == ALL:
+        return boxes
+    return boxes.take(np.array([name == label for name in boxes.labels], dtype=np.bool_))
