@@ -16,22 +16,24 @@ ROBOT ?=
 DIRECTION ?=
 DURATION ?=
 TIME_SCALE ?=
+CONFIG ?= factory
 ARGS ?=
 
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline
+BENCHMARKS = sam codec detector roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline
 
 .DEFAULT_GOAL := help
-.PHONY: help setup up down status logs metrics shape congest net test check lint types bench lock clean
+.PHONY: help setup up down status logs metrics shape congest net test check lint types bench train eval-detector lock clean
 
 help: ## Show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|opv2v DATA=dir RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
-	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s"
+	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s;"
+	@echo "             of train: CONFIG=factory|road"
 
 setup: ## Make .venv and install what the swarm needs (EXTRA=llm: an embedded model, too)
 	@EXTRA='$(EXTRA)' sh deploy/setup.sh
@@ -82,6 +84,12 @@ bench: EXTRA = llm
 bench: setup ## Run the benchmarks; each writes build/bench/<name>.json
 	@for name in $(BENCHMARKS); do \
 		echo "bench $$name" >&2; $(PYTHON_ENV) -m benchmarks.$$name || exit 1; done
+
+train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes on
+	@$(COADAPT) train --config $(CONFIG) $(ARGS)
+
+eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
+	@$(COADAPT) eval-detector $(ARGS)
 
 lock: setup ## Pin the newest versions that pyproject.toml allows
 	@sh deploy/lock.sh
