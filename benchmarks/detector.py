@@ -1,0 +1,216 @@
+"""Time and memory of the detectors and of every fusion algorithm.
+
+Points to boxes on two threads; what a robot encodes on one core; what an ego does with the payloads
+of 2 to 50 robots on two threads (more than six: those of the five nearest repeated, so that every
+robot brings as much as a near one); memory of a process that encodes like a robot. Writes
+build/bench/detector.json and build/bench/detector.svg.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.plot import line_chart
+from benchmarks.report import write_report
+from evaluation.splits import Part, nearest_first
+from perception.detector.weight_files import has_weights
+from perception.fusion.base import Contribution, EncodeOptions, Fusion
+from perception.fusion.detectors import shared_finder
+from perception.fusion.registry import fusion_names, make_fusion
+from training.plans import TEST_SEEDS
+from worlds.base import World
+
+THREADS = 2
+FRAMES = (10, 40, 70)
+ROUNDS = 5
+ROBOTS = (2, 6, 12, 25, 50)
+MEMORY_FRAMES = 20
+DETECTORS = ("factory", "road")
+
+
+def main() -> None:
+    """Measures, prints the figures and writes them."""
+    worlds = {name: Part(name, TEST_SEEDS.start, None, 0, FRAMES).open() for name in DETECTORS}
+    samples: dict[str, Any] = {}
+    figures: dict[str, Any] = {
+        "detector": {name: "learned" if has_weights(name) else "clustered" for name in DETECTORS}
+    }
+    torch.set_num_threads(THREADS)
+    for name, world in worlds.items():
+        samples[f"{name}_ms"] = _detect(world)
+        figures[f"{name}_ms_p50"] = _median(samples[f"{name}_ms"])
+    with one_core():
+        samples["encode_ms"] = {name: _encode(world) for name, world in worlds.items()}
+    figures["encode_ms_p50"] = {
+        name: {algorithm: _median(times) for algorithm, times in by_algorithm.items()}
+        for name, by_algorithm in samples["encode_ms"].items()
+    }
+    rows = [
+        _fuse(worlds["factory"], make_fusion(name, "factory"), robots)
+        for name in fusion_names("factory")
+        for robots in ROBOTS
+    ]
+    figures["fuse_ms_p50"] = {
+        name: {str(row["robots"]): row["fuse_ms_p50"] for row in rows if row["algorithm"] == name}
+        for name in fusion_names("factory")
+    }
+    figures["linear"] = {
+        name: _line(figures["fuse_ms_p50"][name]) for name in fusion_names("factory")
+    }
+    figures["memory_mb"] = {name: _memory_of_child(name) for name in DETECTORS}
+    figures["rows"] = rows
+    path = write_report("detector", figures, samples)
+    chart = path.with_suffix(".svg")
+    chart.write_text(
+        line_chart(
+            {
+                name: [(float(robots), ms) for robots, ms in by_robots.items()]
+                for name, by_robots in figures["fuse_ms_p50"].items()
+            },
+            across="robots",
+            up="ms from payloads to boxes",
+        )
+    )
+    print(json.dumps(figures, indent=1))
+    print(f"wrote {path} and {chart}")
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Runs on one core, with one thread of PyTorch's."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(allowed)})
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(THREADS)
+        os.sched_setaffinity(0, allowed)
+
+
+def _detect(world: World) -> list[float]:
+    finder = shared_finder(world.detector)
+    clouds = [world.scan(robot, frame).points for robot in world.robots for frame in FRAMES]
+    finder.find(clouds[0])  # imports and first allocations
+    return [_ms(partial(finder.find, cloud)) for _ in range(ROUNDS) for cloud in clouds]
+
+
+def _encode(world: World) -> dict[str, list[float]]:
+    """What the ego's nearest robot does when asked."""
+    times: dict[str, list[float]] = {}
+    for name in fusion_names(world.detector):
+        fusion = make_fusion(name, world.detector)
+        jobs = []
+        for frame in FRAMES:
+            ego, sender = nearest_first(world, world.robots[0], frame)[:2]
+            jobs.append((world.scan(sender, frame).points, _options(world, fusion, ego, sender)))
+        fusion.encode(*jobs[0])
+        times[name] = [_ms(partial(fusion.encode, *job)) for _ in range(ROUNDS) for job in jobs]
+    return times
+
+
+def _options(world: World, fusion: Fusion, ego: str, sender: str) -> EncodeOptions:
+    own = world.scan(ego, FRAMES[0])
+    ask = fusion.begin(own.points, own.pose.matrix()).ask()
+    pose = world.pose(sender, FRAMES[0])
+    return EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
+
+
+def _fuse(world: World, fusion: Fusion, robots: int) -> dict[str, Any]:
+    """The ego's work in two parts: before payloads arrive, and from the first payload to boxes."""
+    frame = FRAMES[0]
+    ego, *others = nearest_first(world, world.robots[0], frame)
+    own = world.scan(ego, frame)
+    ask = fusion.begin(own.points, own.pose.matrix()).ask()
+    sent = []
+    for robot in others:
+        scan = world.scan(robot, frame)
+        options = EncodeOptions(pose=scan.pose, reference=ask.reference, demand=ask.demand)
+        sent.append(Contribution(robot, fusion.encode(scan.points, options), scan.pose.matrix()))
+    contributions = list(islice(cycle(sent), robots - 1))
+    before, after = [], []
+    for _ in range(ROUNDS + 1):
+        begun = time.perf_counter()
+        gathering = fusion.begin(own.points, own.pose.matrix())
+        gathering.ask()
+        gathering.prepare()
+        arrived = time.perf_counter()
+        for contribution in contributions:
+            gathering.add(contribution)
+        gathering.finish()
+        before.append((arrived - begun) * 1e3)
+        after.append((time.perf_counter() - arrived) * 1e3)
+    return {
+        "algorithm": fusion.name,
+        "robots": robots,
+        "begin_ms_p50": _median(before[1:]),
+        "fuse_ms_p50": _median(after[1:]),
+        "bytes_per_robot": round(float(np.mean([len(c.payload) for c in contributions]))),
+    }
+
+
+def _line(by_robots: dict[str, float]) -> dict[str, float]:
+    """Least squares of time over robots: milliseconds a robot, of the ego alone, and r2."""
+    x = np.array([float(robots) for robots in by_robots])
+    y = np.array(list(by_robots.values()))
+    slope, fixed = np.polyfit(x, y, 1)
+    left = y - (slope * x + fixed)
+    return {
+        "ms_per_robot": round(float(slope), 3),
+        "ms_fixed": round(float(fixed), 3),
+        "r2": round(1.0 - float(left @ left) / float(((y - y.mean()) ** 2).sum()), 4),
+    }
+
+
+def _memory_of_child(detector: str) -> float:
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.detector", "robot", detector],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return float(done.stdout)
+
+
+def robot_memory_mb(detector: str) -> float:
+    """Largest resident memory of this process, after it has encoded like a robot."""
+    torch.set_num_threads(1)
+    world = Part(detector, TEST_SEEDS.start, None, 0, FRAMES).open()
+    fusions = [make_fusion(name, detector) for name in fusion_names(detector)]
+    for frame in range(MEMORY_FRAMES):
+        scan = world.scan(world.robots[0], frame)
+        for fusion in fusions:
+            fusion.encode(scan.points, EncodeOptions(pose=scan.pose))
+    status = Path("/proc/self/status").read_text()
+    (peak,) = [line for line in status.splitlines() if line.startswith("VmHWM")]
+    return int(peak.split()[1]) / 1e3
+
+
+def _ms(work: Callable[[], object]) -> float:
+    begun = time.perf_counter()
+    work()
+    return (time.perf_counter() - begun) * 1e3
+
+
+def _median(times: list[float]) -> float:
+    return round(float(np.median(times)), 2)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["robot"]:
+        print(robot_memory_mb(sys.argv[2]))
+    else:
+        main()
