@@ -10,7 +10,8 @@ import pytest
 from robot_worlds import BLOCKS, ChosenWorld, Robot, room
 
 from perception.codec.boxes import decode_boxes
-from perception.codec.points import decode_points
+from perception.codec.landmarks import take_landmarks
+from perception.fusion.algorithms.early import MAX_POINTS
 from perception.scene import from_array
 from perception.types import Boxes
 from swarm.arrays import unpack_finite
@@ -118,7 +119,7 @@ def test_a_frame_is_described_once() -> None:
 def test_early_points_keep_the_bound_that_was_asked_for(max_error_m: float) -> None:
     robot = sensed()
     observation = robot.agent.observe(request(max_error_m=max_error_m, keep_ground=True))
-    decoded = decode_points(observation.payload)
+    decoded, _ = take_landmarks(observation.payload, MAX_POINTS)
     scan = room(observation.frame)
     assert decoded.shape == scan.shape
     assert _farthest(scan, decoded) <= max_error_m
@@ -157,7 +158,7 @@ def test_points_without_a_return_are_left_out() -> None:
     robot.agent.measure()
     assert robot.agent.describe() is not None
     observation = robot.agent.observe(request(keep_ground=True))
-    decoded = decode_points(observation.payload)
+    decoded, _ = take_landmarks(observation.payload, MAX_POINTS)
     whole = holes(observation.frame)
     assert len(decoded) == np.isfinite(whole).all(axis=1).sum()
     assert np.isfinite(decoded).all()
@@ -172,7 +173,8 @@ def test_a_cloud_without_any_return_is_served_as_empty(value: float | None) -> N
     assert scene is not None
     assert scene.objects.shape == (0, 9)
     assert scene.ground_points == 0
-    assert len(decode_points(robot.agent.observe(request()).payload)) == 0
+    points, landmarks = take_landmarks(robot.agent.observe(request()).payload, MAX_POINTS)
+    assert len(points) == len(landmarks) == 0
     boxes = decode_boxes(robot.agent.observe(request(algorithm="late")).payload)
     assert len(boxes) == len(Boxes.empty())
     beacon = robot.agent.beacon()

@@ -17,6 +17,8 @@ class Finder(Protocol):
     """Finds boxes in a cloud."""
 
     config: DetectorConfig
+    aligns: bool
+    """Whether what it finds is exact enough to correct poses by."""
 
     def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
         """The boxes in a cloud float32 (N, 3), in its frame, best score first.
@@ -32,6 +34,8 @@ class Finder(Protocol):
 
 class Learned:
     """The learned detector: see `perception.detector.learned`."""
+
+    aligns = True
 
     def __init__(self, name: str) -> None:
         from perception.detector.learned import Detector
@@ -51,7 +55,12 @@ class Learned:
 
 
 class Clustered:
-    """Boxes around clusters: see `perception.detector.detect`. Needs no weights."""
+    """Boxes around clusters: see `perception.detector.detect`. Needs no weights.
+
+    Its boxes lean towards the side that was seen: two robots see one object in two places.
+    """
+
+    aligns = False
 
     def __init__(self, name: str) -> None:
         self.config = configuration(name)
@@ -66,7 +75,5 @@ class Clustered:
         return detect(cloud, self.config, origins)
 
     def landmarks(self, points: Points) -> NDArray[np.float64]:
-        """See `Finder.landmarks`."""
-        from perception.fusion.landmarks import of_boxes
-
-        return of_boxes(self.find(points))
+        """None: see `aligns`."""
+        return np.zeros((0, 2))

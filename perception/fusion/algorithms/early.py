@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
+from perception.codec.landmarks import add_landmarks, take_landmarks
+from perception.codec.points import MAX_RANGE_M, encode_points
 from perception.detector.finders import Finder
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
@@ -29,18 +30,22 @@ class EarlyFusion(Fusion):
         self._finder = finder
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
-        """The scan, without its ground unless asked otherwise, within the asked error."""
+        """The scan, without its ground unless asked otherwise, within the asked error, and the
+        landmarks that the robot sees in it."""
         cloud = clean_points(points)
         if np.abs(cloud).max(initial=0.0) > MAX_RANGE_M:
             # A stray return must not cost the whole scan; the codec would refuse it.
             cloud = cloud[(np.abs(cloud) <= MAX_RANGE_M).all(axis=1)]
+        landmarks = self._finder.landmarks(cloud)
         if not options.keep_ground:
             cloud = cloud[~ground_mask(cloud)]
-        return encode_points(cloud, options.max_error_m)
+        return add_landmarks(encode_points(cloud, options.max_error_m), landmarks)
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         """Starts the merged cloud with the own scan."""
-        return _MergedCloud(self._finder, own, world_from_own, self.corrects)
+        return _MergedCloud(
+            self._finder, own, world_from_own, self.corrects and self._finder.aligns
+        )
 
 
 class _MergedCloud(Gathering):
@@ -60,14 +65,14 @@ class _MergedCloud(Gathering):
             self._own_landmarks = self._finder.landmarks(self._clouds[0])
 
     def add(self, contribution: Contribution) -> None:
-        points = decode_points(contribution.payload, MAX_POINTS)
+        points, landmarks = take_landmarks(contribution.payload, MAX_POINTS)
         own_from_sensor = self._own_from_world @ contribution.world_from_sensor
         if self._corrects:
             self.prepare()
             assert self._own_landmarks is not None
             found = correct(
                 self._own_landmarks,
-                self._finder.landmarks(transform(own_from_sensor, points)),
+                landmarks @ own_from_sensor[:2, :2].T + own_from_sensor[:2, 3],
                 own_from_sensor,
                 np.array(self._finder.config.carrier.center[:2]),
             )

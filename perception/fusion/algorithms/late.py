@@ -38,7 +38,9 @@ class LateFusion(Fusion):
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         """Starts with the boxes of the own scan."""
-        return _MergedBoxes(self._finder, own, world_from_own, self.corrects)
+        return _MergedBoxes(
+            self._finder, own, world_from_own, self.corrects and self._finder.aligns
+        )
 
 
 class _MergedBoxes(Gathering):
