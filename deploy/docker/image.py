@@ -28,6 +28,7 @@ PACKAGES = (
     "perception",
     "robot_agent",
     "swarm",
+    "training",
     "worlds",
 )
 LOCKS = (REPOSITORY / "requirements.lock", REPOSITORY / "requirements-torch.lock")
