@@ -29,8 +29,8 @@ from swarm.errors import PerceptionError, WorldError
 
 DETECTORS = {"factory": "factory", "road": "road", "opv2v": "road"}
 POSE_SIGMAS_M = (0.2, 0.4, 0.6)
-UNCORRECTED_M = 0.4
-"""What poses that are not corrected cost is shown at this one."""
+UNCORRECTED_M = (0.0, 0.4)
+"""What the correction costs and saves is shown at these."""
 DELAYS_S = (0.1, 0.3, 0.5)
 CLEAN = Disturbance()
 AP_KEYS = ("ap_30", "ap_50", "ap_70")
@@ -65,7 +65,10 @@ def cases(world: str, algorithms: Sequence[str]) -> list[Case]:
     for name in fusions:
         rows += [Case(name, most, Disturbance(pose_noise_m=sigma)) for sigma in POSE_SIGMAS_M]
         rows += [Case(name, most, Disturbance(delay_s=delay)) for delay in DELAYS_S]
-        rows += [Case(name, most, Disturbance(pose_noise_m=UNCORRECTED_M), corrected=False)]
+        rows += [
+            Case(name, most, Disturbance(pose_noise_m=sigma), corrected=False)
+            for sigma in UNCORRECTED_M
+        ]
     rows += [Case(name, n) for name in fusions if name in BY_ROBOTS for n in range(2, most)]
     return rows
 

@@ -7,6 +7,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -75,3 +76,15 @@ def test_training_refuses_what_is_not_there(
     with pytest.raises(SystemExit, match="2"):
         main(["train", "--config", "factory", "--steps", "0"])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_finished_run_says_how_to_install_its_weights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Learning the codebook takes sixty batches more.
+    codebook = np.zeros((4, 256, 8), dtype=np.float32)
+    monkeypatch.setattr("training.run.codebook_of", lambda plan, tensors: codebook)
+    assert main(["train", "--config", "factory", "--steps", "1", "--folder", str(tmp_path)]) == 0
+    weights = tmp_path / "weights.safetensors"
+    assert weights.is_file()
+    assert f"cp {weights} " in capsys.readouterr().out
