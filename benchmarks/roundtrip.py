@@ -37,8 +37,8 @@ from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
 from ego_agent.sense import OwnSensor
 from ego_agent.tally import TallyKeeper
-from perception.codec.landmarks import take_landmarks
-from perception.fusion.algorithms.early import MAX_POINTS
+from perception.codec.outlined import take_outline
+from perception.codec.points import decode_points
 from perception.fusion.registry import make_fusion
 from swarm.log import make_logger
 from swarm.messages import Decision
@@ -155,7 +155,7 @@ def decode_cpu_ms(result: FrameResult) -> float:
     """Processor time of decoding the payloads of a frame, measured again on its own."""
     begun = time.thread_time()
     for contribution in result.round.contributions:
-        take_landmarks(contribution.payload, MAX_POINTS)
+        decode_points(take_outline(contribution.payload)[0])
     return (time.thread_time() - begun) * 1e3
 
 

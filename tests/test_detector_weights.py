@@ -172,9 +172,9 @@ def test_a_tensor_of_another_shape_is_named(path: Path) -> None:
 @pytest.mark.parametrize(
     "codebook",
     [
-        np.zeros((4, 256, 9), np.float32),
-        np.zeros((4, 100, 8), np.float32),
-        np.zeros((3, 256, 8), np.float32),
+        np.zeros((8, 256, 9), np.float32),
+        np.zeros((8, 100, 4), np.float32),
+        np.zeros((4, 256, 8), np.float32),
         np.zeros(7, np.float32),
     ],
     ids=["wide", "short", "parts", "flat"],

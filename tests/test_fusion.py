@@ -10,6 +10,7 @@ from test_boxes import make
 
 from evaluation.cooperative import SINGLE, Disturbance, evaluate, fuse_frame
 from perception.codec.boxes import encode_boxes
+from perception.codec.outlined import add_outline
 from perception.codec.points import encode_points
 from perception.detector import weight_files
 from perception.detector.finders import Clustered
@@ -119,7 +120,8 @@ def test_the_ego_does_not_report_itself(name: str) -> None:
 
 def test_a_payload_with_too_many_boxes_is_refused() -> None:
     fusion = make_fusion("late", "factory")
-    payload = encode_boxes(make(*[(0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)] * 1000))
+    boxes = encode_boxes(make(*[(0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)] * 1000))
+    payload = add_outline(boxes, np.zeros((0, 2)))
     nothing = np.zeros((0, 3), dtype=np.float32)
     result = fusion.fuse(nothing, EGO.matrix(), [Contribution("B", payload, OTHER.matrix())])
     assert result.rejected == {"B": "1000 boxes in one scan; allowed: 200"}
@@ -181,7 +183,8 @@ def test_a_stray_return_does_not_cost_the_scan() -> None:
 
 def test_a_contribution_of_millions_of_points_is_rejected_unread() -> None:
     fusion = CLUSTERED["early"]
-    bomb = encode_points(np.zeros((MAX_POINTS + 1, 3), dtype=np.float32))
+    points = encode_points(np.zeros((MAX_POINTS + 1, 3), dtype=np.float32))
+    bomb = add_outline(points, np.zeros((0, 2)))
     assert len(bomb) < 20_000
     own = street(EGO, ("back", "right"))
     result = fusion.fuse(own, EGO.matrix(), [Contribution("bad", bomb, OTHER.matrix())])

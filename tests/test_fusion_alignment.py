@@ -7,76 +7,88 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from perception.fusion.alignment import STILL_M, align
-from perception.fusion.landmarks import correct
+from perception.fusion.aligner import Aligner
+from perception.fusion.alignment import Field, align
 from perception.fusion.maps import moved
+from perception.fusion.outline import SENT_POINTS, outline, thinned
 from swarm.errors import PayloadError
-from swarm.geometry import Matrix, Pose, invert
+from swarm.geometry import Pose, invert
+from worlds.factory import FactoryWorld
 
 Floats = NDArray[np.float64]
-SEEN = np.array([[5.0, 2.0], [-8.0, 6.0], [12.0, -9.0], [-3.0, -14.0], [20.0, 11.0]])
-ONLY_MINE = np.array([[-18.0, 3.0], [2.0, 19.0]])
-ONLY_THEIRS = np.array([[17.0, -2.0], [-11.0, -12.0], [9.0, 16.0]])
+FLOOR = FactoryWorld(robots=4, seed=1_000_003)
+FRAME = 40
 
 
-def misplaced(points: Floats, error: Matrix) -> Floats:
-    """Where points are believed to be when the pose errs by `error`."""
-    return points @ error[:2, :2].T + error[:2, 3]
+def left_over(pose: Pose, claimed: Pose, ego: Pose, correction: Floats) -> float:
+    """How far what a sender sees 10 m around itself ends up from where it is, metres."""
+    ring = np.array([[10 * np.cos(a), 10 * np.sin(a), 0, 1] for a in np.linspace(0, 5, 6)]).T
+    own_from_world = invert(ego.matrix())
+    true = own_from_world @ pose.matrix() @ ring
+    found = correction @ own_from_world @ claimed.matrix() @ ring
+    return float(np.linalg.norm((found - true)[:2], axis=0).mean())
 
 
-def left_over(points: Floats, error: Matrix, corrected_from_claimed: Matrix) -> float:
-    """How far points end up from where they are, on average, metres."""
-    found = misplaced(misplaced(points, error), corrected_from_claimed)
-    return float(np.linalg.norm(found - points, axis=1).mean())
+def corrected(dx: float, dy: float, turn_deg: float, ego: str, sender: str) -> tuple[float, float]:
+    """What is left of a pose error, before and after."""
+    mine, theirs = FLOOR.scan(ego, FRAME), FLOOR.scan(sender, FRAME)
+    pose = theirs.pose
+    claimed = Pose(pose.x + dx, pose.y + dy, pose.z, yaw=pose.yaw + np.radians(turn_deg))
+    own_from_sender = invert(mine.pose.matrix()) @ claimed.matrix()
+    found = Aligner(mine.points).correct(thinned(outline(theirs.points)), own_from_sender)
+    return (
+        left_over(pose, claimed, mine.pose, np.eye(4)),
+        left_over(pose, claimed, mine.pose, found),
+    )
 
 
-@pytest.mark.parametrize("x", [-0.8, 0.3, 1.1])
-@pytest.mark.parametrize("turn_deg", [-1.2, 0.0, 0.8])
-def test_a_wrong_pose_is_corrected_by_what_both_see(x: float, turn_deg: float) -> None:
-    error = Pose(x, 0.5, 0.0, yaw=np.radians(turn_deg)).matrix()
-    mine = np.vstack([SEEN, ONLY_MINE])
-    theirs = misplaced(np.vstack([ONLY_THEIRS, SEEN]), error)
-    found = align(mine, theirs)
-    assert found.together >= len(SEEN)
-    assert left_over(SEEN, error, found.corrected_from_claimed) < 0.12
+@pytest.mark.parametrize(("dx", "dy"), [(0.5, 0.0), (-0.4, 0.6), (0.3, -0.3)])
+@pytest.mark.parametrize("turn_deg", [-0.5, 0.0, 0.4])
+def test_a_wrong_pose_is_corrected_by_what_both_see(dx: float, dy: float, turn_deg: float) -> None:
+    before, after = corrected(dx, dy, turn_deg, "R1", "R2")
+    assert before > 0.3
+    assert after < 0.25
+    assert after < before / 2
 
 
-def test_one_common_object_corrects_the_place_and_leaves_the_heading() -> None:
-    error = Pose(0.6, -0.4, 0.0).matrix()
-    found = align(SEEN[:1], misplaced(SEEN[:1], error))
-    assert found.together == 1
-    assert left_over(SEEN[:1], error, found.corrected_from_claimed) < 0.1
-    turn = np.arctan2(found.corrected_from_claimed[1, 0], found.corrected_from_claimed[0, 0])
-    assert abs(turn) < np.radians(0.3)
+def test_a_right_pose_is_left_alone() -> None:
+    for ego, sender in (("R1", "R2"), ("R3", "R1"), ("R4", "R2")):
+        mine, theirs = FLOOR.scan(ego, FRAME), FLOOR.scan(sender, FRAME)
+        own_from_sender = invert(mine.pose.matrix()) @ theirs.pose.matrix()
+        found = Aligner(mine.points).correct(thinned(outline(theirs.points)), own_from_sender)
+        assert np.array_equal(found, np.eye(4))
 
 
-def test_errors_within_the_landmarks_own_are_left_alone() -> None:
-    noise = np.random.default_rng(1).normal(0.0, STILL_M / 3, SEEN.shape)
-    assert np.array_equal(align(SEEN, SEEN + noise).corrected_from_claimed, np.eye(4))
+@pytest.mark.parametrize(("mine", "theirs"), [(0, 0), (0, 40), (40, 0), (40, 39)])
+def test_too_little_to_go_by_changes_nothing(mine: int, theirs: int) -> None:
+    wall = np.column_stack([np.linspace(-10, 10, 40), np.full(40, 4.0)])
+    found = align(Field.of(wall[:mine]), wall[:theirs] + 0.5, np.zeros(2))
+    assert np.array_equal(found, np.eye(4))
 
 
-@pytest.mark.parametrize(("mine", "theirs"), [(0, 0), (0, 3), (3, 0)])
-def test_nothing_in_common_changes_nothing(mine: int, theirs: int) -> None:
-    found = align(SEEN[:mine], SEEN[:theirs] + 30.0)
-    assert np.array_equal(found.corrected_from_claimed, np.eye(4))
-    assert found.together == 0
+def test_along_a_bare_wall_only_the_distance_to_it_is_corrected() -> None:
+    wall = np.column_stack([np.linspace(-30, 30, 400), np.full(400, 4.0)])
+    found = align(Field.of(wall), wall[150:250:2] + 0.4, np.zeros(2))
+    assert found[1, 3] == pytest.approx(-0.4, abs=0.1)
+    assert abs(found[0, 3]) < 0.1
 
 
-def test_a_sender_that_is_somewhere_else_is_refused() -> None:
-    here = np.array([[5.0, 2.0], [-8.0, 6.0], [9.0, -9.0], [-3.0, -12.0]])
-    there = np.array([[0.0, -3.0], [-12.0, -5.0], [3.0, 9.0], [12.0, 3.0]])
-    with pytest.raises(PayloadError, match="does not align: none of its 4 objects"):
-        align(here, there)
+def test_a_near_sender_that_is_somewhere_else_is_refused() -> None:
+    mine, theirs = FLOOR.scan("R1", FRAME), FactoryWorld(robots=4, seed=9).scan("R3", FRAME)
+    nowhere = Pose(6.0, 5.0, 0.0, yaw=0.7).matrix()
+    with pytest.raises(PayloadError, match="does not align"):
+        Aligner(mine.points).correct(thinned(outline(theirs.points)) * 0.7, nowhere)
 
 
-def test_sender_and_ego_that_see_each_other_need_no_third() -> None:
-    truth = Pose(8.0, 3.0, 0.0, yaw=2.0).matrix()
-    claimed = Pose(0.7, -0.3, 0.0).matrix() @ truth
-    body = np.zeros(2)
-    sees_me = (claimed @ invert(truth) @ [0.0, 0.0, 0.0, 1.0])[None, :2]
-    i_see = truth[None, :2, 3]
-    found = correct(i_see, sees_me, claimed, body).corrected_from_claimed
-    assert np.linalg.norm((found @ claimed)[:2, 3] - truth[:2, 3]) < 0.1
+def test_an_outline_is_even_around_the_robot_and_has_no_ground() -> None:
+    scan = FLOOR.scan("R2", FRAME)
+    places = thinned(outline(scan.points))
+    assert len(places) == SENT_POINTS
+    distance = np.linalg.norm(places[:, None] - scan.points[None, :, :2], axis=2)
+    high = scan.points[:, 2] > -1.1
+    assert distance[:, high].min(axis=1).max() < 0.5
+    angles = np.sort(np.arctan2(places[:, 1], places[:, 0]))
+    assert np.diff(angles).max() < np.pi
 
 
 def test_a_map_is_moved_by_whole_cells_without_loss() -> None:

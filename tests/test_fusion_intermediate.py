@@ -17,6 +17,7 @@ from evaluation.cooperative import fuse_frame
 from perception.boxes import iou_bev
 from perception.codec.envelope import seal, unseal
 from perception.codec.features import CellBlock, decode_cells
+from perception.codec.outlined import add_outline, take_outline
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
 from perception.detector.weight_files import has_weights, weight_file
@@ -85,6 +86,7 @@ def same(a: Boxes, b: Boxes) -> bool:
 
 def cells(detector: Detector, payload: bytes) -> CellBlock:
     book = detector.codebook
+    payload, _ = take_outline(payload)
     return decode_cells(payload, detector.version, detector.config.cells, FEATURES, len(book))
 
 
@@ -114,10 +116,15 @@ def bad_payloads(fusion: Fusion, scans: dict[str, Scan]) -> dict[str, bytes]:
     """Payloads that R1 cannot use, by what is wrong with them."""
     ego, scan = scans["R1"].pose, scans["R3"]
     good = payload_of(fusion, scan, ego)
-    kind, body = unseal(good)
+    inner, places = take_outline(good)
+    kind, body = unseal(inner)
+
+    def altered(raw: bytes) -> bytes:
+        return add_outline(seal(kind, raw), places)
+
     other = "intermediate" if fusion.name == "intermediate-codebook" else "intermediate-codebook"
     return {
-        "weights": seal(kind, bytes((body[0] ^ 1,)) + body[1:]),
+        "weights": altered(bytes((body[0] ^ 1,)) + body[1:]),
         "around": payload_of(fusion, scan, replace(ego, x=ego.x + 1.0)),
         "around ": payload_of(fusion, scan, replace(ego, yaw=ego.yaw + 0.05)),
         "around  ": fusion.encode(scan.points, EncodeOptions(pose=scan.pose)),
@@ -125,7 +132,8 @@ def bad_payloads(fusion: Fusion, scans: dict[str, Scan]) -> dict[str, bytes]:
         "kind": payload_of(make_fusion("early", "factory"), scan, ego),
         "checksum": good[:-20] + good[-19:],
         "checksum ": good[: len(good) // 2],
-        "decompress": seal(kind, body[: len(body) - 9]),
+        "decompress": altered(body[: len(body) - 9]),
+        "outline": inner,
         "bytes": b"",
     }
 

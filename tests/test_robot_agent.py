@@ -10,8 +10,8 @@ import pytest
 from robot_worlds import BLOCKS, ChosenWorld, Robot, room
 
 from perception.codec.boxes import decode_boxes
-from perception.codec.landmarks import take_landmarks
-from perception.fusion.algorithms.early import MAX_POINTS
+from perception.codec.outlined import take_outline
+from perception.codec.points import decode_points
 from perception.scene import from_array
 from perception.types import Boxes
 from swarm.arrays import unpack_finite
@@ -119,7 +119,7 @@ def test_a_frame_is_described_once() -> None:
 def test_early_points_keep_the_bound_that_was_asked_for(max_error_m: float) -> None:
     robot = sensed()
     observation = robot.agent.observe(request(max_error_m=max_error_m, keep_ground=True))
-    decoded, _ = take_landmarks(observation.payload, MAX_POINTS)
+    decoded = decode_points(take_outline(observation.payload)[0])
     scan = room(observation.frame)
     assert decoded.shape == scan.shape
     assert _farthest(scan, decoded) <= max_error_m
@@ -137,7 +137,7 @@ def test_late_boxes_lie_where_the_objects_are() -> None:
     factory = FactoryWorld(robots=4, seed=1_000_003)
     scan, actors = factory.scan_with_actors("R3", 40)
     robot = sensed(lambda frame: scan.points)
-    boxes = decode_boxes(robot.agent.observe(request(algorithm="late")).payload)
+    boxes = decode_boxes(take_outline(robot.agent.observe(request(algorithm="late")).payload)[0])
     sure = boxes.take(boxes.scores > 0.6).transformed(scan.pose.matrix())
     truth, _ = factory.actors(40)
     well_seen = np.bincount(actors[actors >= 0], minlength=len(truth)) >= 100
@@ -158,7 +158,7 @@ def test_points_without_a_return_are_left_out() -> None:
     robot.agent.measure()
     assert robot.agent.describe() is not None
     observation = robot.agent.observe(request(keep_ground=True))
-    decoded, _ = take_landmarks(observation.payload, MAX_POINTS)
+    decoded = decode_points(take_outline(observation.payload)[0])
     whole = holes(observation.frame)
     assert len(decoded) == np.isfinite(whole).all(axis=1).sum()
     assert np.isfinite(decoded).all()
@@ -173,9 +173,9 @@ def test_a_cloud_without_any_return_is_served_as_empty(value: float | None) -> N
     assert scene is not None
     assert scene.objects.shape == (0, 9)
     assert scene.ground_points == 0
-    points, landmarks = take_landmarks(robot.agent.observe(request()).payload, MAX_POINTS)
-    assert len(points) == len(landmarks) == 0
-    boxes = decode_boxes(robot.agent.observe(request(algorithm="late")).payload)
+    payload, places = take_outline(robot.agent.observe(request()).payload)
+    assert len(decode_points(payload)) == len(places) == 0
+    boxes = decode_boxes(take_outline(robot.agent.observe(request(algorithm="late")).payload)[0])
     assert len(boxes) == len(Boxes.empty())
     beacon = robot.agent.beacon()
     assert beacon is not None

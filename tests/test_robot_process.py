@@ -21,8 +21,8 @@ from scipy.spatial import cKDTree
 from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, until
 
 from perception.codec.boxes import decode_boxes
-from perception.codec.landmarks import take_landmarks
-from perception.fusion.algorithms.early import MAX_POINTS
+from perception.codec.outlined import take_outline
+from perception.codec.points import decode_points
 from perception.fusion.algorithms.late import SENT_BOXES, SENT_SCORE
 from perception.fusion.detectors import shared_finder
 from robot_agent.__main__ import run
@@ -108,13 +108,13 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
         got = ego.ask(key, asked, Observation, timeout_s=5).result(WAIT_S).message
         assert (got.frame, got.instance, got.pose) == (beacon.frame, beacon.instance, beacon.pose)
         scan = world.scan(robot, got.frame).points
-        decoded, _ = take_landmarks(got.payload, MAX_POINTS)
+        decoded = decode_points(take_outline(got.payload)[0])
         assert len(decoded) == len(scan)
         assert cKDTree(decoded).query(scan)[0].max() <= 0.05
 
         late = request(capture_ns=beacon.capture_ns, algorithm="late")
         got = ego.ask(key, late, Observation, timeout_s=5).result(WAIT_S).message
-        boxes = decode_boxes(got.payload)
+        boxes = decode_boxes(take_outline(got.payload)[0])
         found = shared_finder(world.detector).find(scan)
         expected = found.take(np.flatnonzero(found.scores >= SENT_SCORE)[:SENT_BOXES])
         np.testing.assert_allclose(boxes.centers, expected.centers, atol=0.003)

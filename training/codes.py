@@ -14,8 +14,10 @@ from perception.detector.pillars import pillarise
 from training.plans import Plan
 from training.stream import make_batch
 
-BATCHES = 60
-MIN_CHANCE = 0.01
+BATCHES = 40
+MAX_CELLS = 60_000
+"""Enough for 256 entries; k-means compares each with all."""
+MIN_CHANCE = 0.02
 """Cells less likely to hold an object's middle are not sent."""
 
 
@@ -31,4 +33,7 @@ def codebook_of(plan: Plan, tensors: dict[str, Tensor]) -> NDArray[np.float32]:
             maps = network.encoder(pillarise(make_batch(plan, step).clouds, config))
             chance = network.encoder.look(maps)[:, 0].sigmoid()
             cells.append(maps.permute(0, 2, 3, 1)[chance > MIN_CHANCE].numpy())
-    return learn_codebook(np.concatenate(cells), np.random.default_rng(plan.seed))
+    found, rng = np.concatenate(cells), np.random.default_rng(plan.seed)
+    if len(found) > MAX_CELLS:
+        found = found[np.sort(rng.choice(len(found), MAX_CELLS, replace=False))]
+    return learn_codebook(found, rng)

@@ -10,7 +10,7 @@ from swarm.errors import PerceptionError
 
 Floats = NDArray[np.float32]
 
-PARTS = 4
+PARTS = 8
 ENTRIES = 256
 ROUNDS = 25
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.detector.config import DetectorConfig, configuration
 from perception.types import Boxes
@@ -17,8 +16,6 @@ class Finder(Protocol):
     """Finds boxes in a cloud."""
 
     config: DetectorConfig
-    aligns: bool
-    """Whether what it finds is exact enough to correct poses by."""
 
     def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
         """The boxes in a cloud float32 (N, 3), in its frame, best score first.
@@ -27,15 +24,9 @@ class Finder(Protocol):
         """
         ...
 
-    def landmarks(self, points: Points) -> NDArray[np.float64]:
-        """Roughly where objects are in a cloud, cheaply: (N, 2), in its frame."""
-        ...
-
 
 class Learned:
     """The learned detector: see `perception.detector.learned`."""
-
-    aligns = True
 
     def __init__(self, name: str) -> None:
         from perception.detector.learned import Detector
@@ -47,20 +38,9 @@ class Learned:
         """See `Finder.find`."""
         return self.detector.detect(points)
 
-    def landmarks(self, points: Points) -> NDArray[np.float64]:
-        """See `Finder.landmarks`: the encoder's own view."""
-        from perception.fusion.landmarks import of_view
-
-        return of_view(self.detector.config, self.detector.look(self.detector.encode(points)))
-
 
 class Clustered:
-    """Boxes around clusters: see `perception.detector.detect`. Needs no weights.
-
-    Its boxes lean towards the side that was seen: two robots see one object in two places.
-    """
-
-    aligns = False
+    """Boxes around clusters: see `perception.detector.detect`. Needs no weights."""
 
     def __init__(self, name: str) -> None:
         self.config = configuration(name)
@@ -73,7 +53,3 @@ class Clustered:
         cloud = without_bodies(points, here_from_others, self.config.carrier)
         origins = np.stack([np.zeros(3), *(sensor[:3, 3] for sensor in here_from_others)])
         return detect(cloud, self.config, origins)
-
-    def landmarks(self, points: Points) -> NDArray[np.float64]:
-        """None: see `aligns`."""
-        return np.zeros((0, 2))

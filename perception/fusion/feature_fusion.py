@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from perception.codec.features import LEVELS, CellBlock, decode_cells, encode_cells
+from perception.codec.outlined import add_outline, take_outline
 from perception.detector.codebook import from_codes, to_codes
 from perception.detector.config import configuration
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
+from perception.fusion.aligner import Aligner
 from perception.fusion.base import (
     Ask,
     Contribution,
@@ -27,8 +29,8 @@ from perception.fusion.base import (
     Fusion,
     Gathering,
 )
-from perception.fusion.landmarks import correct, of_view
 from perception.fusion.maps import moved
+from perception.fusion.outline import outline, thinned
 from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError
@@ -91,7 +93,7 @@ class FeatureFusion(Fusion):
             values,
             self.coded,
         )
-        return encode_cells(block)
+        return add_outline(encode_cells(block), thinned(outline(cloud)))
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         """Starts with the own map."""
@@ -107,6 +109,7 @@ class _Maps(Gathering):
         self._world_from_own = world_from_own
         self._reference = pose_of(world_from_own)
         self._points = own
+        self._aligner = Aligner(own)
         self._own_map: Tensor | None = None
         self._maps: list[Tensor] = []
         self._present: list[Tensor] = []
@@ -119,6 +122,8 @@ class _Maps(Gathering):
 
     def prepare(self) -> None:
         _ = self._own
+        if self._fusion.corrects:
+            self._aligner.prepare()
 
     @property
     def _own(self) -> Tensor:
@@ -129,9 +134,8 @@ class _Maps(Gathering):
     def add(self, contribution: Contribution) -> None:
         shape = self._detector.config.cells
         book = self._detector.codebook
-        block = decode_cells(
-            contribution.payload, self._detector.version, shape, FEATURES, len(book)
-        )
+        payload, places = take_outline(contribution.payload)
+        block = decode_cells(payload, self._detector.version, shape, FEATURES, len(book))
         if block.coded != self._fusion.coded:
             raise PayloadError(f"the feature map is not of the form that {self._fusion.name} sends")
         apart = np.abs(np.subtract(block.reference, self._reference.as_tuple()))
@@ -148,12 +152,7 @@ class _Maps(Gathering):
         features = sent.permute(2, 0, 1)
         own_from_sender = invert(self._world_from_own) @ contribution.world_from_sensor
         if self._fusion.corrects:
-            found = correct(
-                self._landmarks(self._own, None),
-                self._landmarks(features, present),
-                own_from_sender,
-                np.array(self._carrier.center[:2]),
-            ).corrected_from_claimed
+            found = self._aligner.correct(places, own_from_sender)
             own_from_sender = found @ own_from_sender
             if not np.array_equal(found, np.eye(4)):
                 config = self._detector.config
@@ -162,12 +161,6 @@ class _Maps(Gathering):
         self._maps.append(features)
         self._present.append(present)
         self._senders.append(own_from_sender)
-
-    def _landmarks(self, features: Tensor, present: Tensor | None) -> NDArray[np.float64]:
-        seen = self._detector.look(features)
-        if present is not None:
-            seen = torch.cat([seen[:1] * present, seen[1:]])
-        return of_view(self._detector.config, seen)
 
     def finish(self) -> Boxes:
         fused = self._own

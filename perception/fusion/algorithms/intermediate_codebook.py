@@ -9,7 +9,7 @@ from perception.fusion.detectors import shared_detector
 
 
 class IntermediateCodebook(IntermediateSparse):
-    """The likeliest cells, four bytes each before compression."""
+    """The likeliest cells, a byte for each part before compression."""
 
     name = "intermediate-codebook"
     coded = True

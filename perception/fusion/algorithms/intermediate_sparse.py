@@ -15,7 +15,7 @@ from perception.fusion.detectors import shared_detector
 from perception.fusion.feature_fusion import FeatureFusion
 from perception.fusion.maps import attend
 
-MIN_CHANCE = 0.01
+MIN_CHANCE = 0.02
 MAX_CELLS = 600
 """Cells of one payload at most: the likeliest ones."""
 BLOCK = 8

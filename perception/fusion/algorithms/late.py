@@ -6,17 +6,20 @@ import numpy as np
 
 from perception.boxes import weighted_fusion
 from perception.codec.boxes import decode_boxes, encode_boxes
+from perception.codec.outlined import add_outline, take_outline
 from perception.detector.finders import Finder
+from perception.fusion.aligner import Aligner
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
-from perception.fusion.landmarks import correct, of_boxes
+from perception.fusion.outline import outline, thinned
 from perception.fusion.participants import with_participants
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, invert
 
-SENT_BOXES = 20
-"""Best boxes of one scan that are sent, and how sure they must be: about 500 bytes."""
+SENT_BOXES = 10
+"""Best boxes of one scan that are sent, and how sure they must be: less than 500 bytes with the
+outline."""
 SENT_SCORE = 0.1
 MAX_BOXES = 200
 """The most boxes that are taken: merging compares all pairs, so a payload of a few megabytes, each
@@ -33,22 +36,25 @@ class LateFusion(Fusion):
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """The boxes detected in the scan, in the sensor's frame."""
-        boxes = self._finder.find(clean_points(points))
-        return encode_boxes(boxes.take(np.flatnonzero(boxes.scores >= SENT_SCORE)[:SENT_BOXES]))
+        cloud = clean_points(points)
+        boxes = self._finder.find(cloud)
+        best = boxes.take(np.flatnonzero(boxes.scores >= SENT_SCORE)[:SENT_BOXES])
+        return add_outline(encode_boxes(best), thinned(outline(cloud)))
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         """Starts with the boxes of the own scan."""
-        return _MergedBoxes(
-            self._finder, own, world_from_own, self.corrects and self._finder.aligns
-        )
+        aligner = Aligner(own) if self.corrects else None
+        return _MergedBoxes(self._finder, own, world_from_own, aligner)
 
 
 class _MergedBoxes(Gathering):
     """Boxes in the world frame, merged where they overlap."""
 
-    def __init__(self, finder: Finder, own: Points, world_from_own: Matrix, corrects: bool) -> None:
+    def __init__(
+        self, finder: Finder, own: Points, world_from_own: Matrix, aligner: Aligner | None
+    ) -> None:
         self._config = finder.config
-        self._corrects = corrects
+        self._aligner = aligner
         self._world_from_own = world_from_own
         self._finder = finder
         self._points = own
@@ -57,32 +63,24 @@ class _MergedBoxes(Gathering):
         self._senders: list[Matrix] = []
 
     def prepare(self) -> None:
+        if self._aligner is not None:
+            self._aligner.prepare()
         if self._own is None:
             found = self._finder.find(clean_points(self._points))
             self._own = found.transformed(self._world_from_own)
 
     def add(self, contribution: Contribution) -> None:
-        boxes = decode_boxes(contribution.payload)
+        payload, places = take_outline(contribution.payload)
+        boxes = decode_boxes(payload)
         if len(boxes) > MAX_BOXES:
             raise PayloadError(f"{len(boxes)} boxes in one scan; allowed: {MAX_BOXES}")
         world_from_sensor = contribution.world_from_sensor
-        if self._corrects:
-            world_from_sensor = self._corrected(boxes, world_from_sensor)
+        if self._aligner is not None:
+            own_from_sensor = invert(self._world_from_own) @ world_from_sensor
+            correction = self._aligner.correct(places, own_from_sensor)
+            world_from_sensor = self._world_from_own @ correction @ own_from_sensor
         self._parts.append(boxes.transformed(world_from_sensor))
         self._senders.append(world_from_sensor)
-
-    def _corrected(self, boxes: Boxes, world_from_sensor: Matrix) -> Matrix:
-        self.prepare()
-        assert self._own is not None
-        own_from_world = invert(self._world_from_own)
-        own_from_sender = own_from_world @ world_from_sensor
-        found = correct(
-            of_boxes(self._own.transformed(own_from_world)),
-            of_boxes(boxes.transformed(own_from_sender)),
-            own_from_sender,
-            np.array(self._config.carrier.center[:2]),
-        )
-        return self._world_from_own @ found.corrected_from_claimed @ own_from_sender
 
     def finish(self) -> Boxes:
         self.prepare()

@@ -1,0 +1,48 @@
+"""What surrounds a robot, in a few points: by its outline a sender can be laid over the ego."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.scene import ground_mask
+from swarm.geometry import Points
+
+Floats = NDArray[np.float64]
+
+CELL_M = 0.3
+MIN_POINTS = 3
+MIN_HEIGHT_M = 0.3
+"""Of what stands in a cell: a kerb or noise is no outline."""
+REACH_M = 45.0
+SENT_POINTS = 72
+
+
+def outline(points: Points) -> Floats:
+    """Places (N, 2) where something stands, one for each cell, by azimuth.
+
+    points: float32 (M, 3), finite, metres, in the sensor's frame, as the places are.
+    """
+    if not len(points):
+        return np.zeros((0, 2))
+    cloud = points[~ground_mask(points)]
+    cloud = cloud[(np.abs(cloud[:, :2]) < REACH_M).all(axis=1)]
+    cells = np.floor(cloud[:, :2] / CELL_M).astype(np.int64)
+    _, index, counts = np.unique(
+        cells[:, 0] * 100_000 + cells[:, 1], return_inverse=True, return_counts=True
+    )
+    low, high = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
+    np.minimum.at(low, index, cloud[:, 2])
+    np.maximum.at(high, index, cloud[:, 2])
+    x, y = (np.bincount(index, cloud[:, i]) / counts for i in (0, 1))
+    stands = (counts >= MIN_POINTS) & (high - low >= MIN_HEIGHT_M)
+    places = np.column_stack([x, y])[stands]
+    around: Floats = places[np.argsort(np.arctan2(places[:, 1], places[:, 0]), kind="stable")]
+    return around
+
+
+def thinned(places: Floats) -> Floats:
+    """SENT_POINTS of an outline at most, evenly around the robot."""
+    if len(places) <= SENT_POINTS:
+        return places
+    return places[np.linspace(0, len(places) - 1, SENT_POINTS).round().astype(np.intp)]
