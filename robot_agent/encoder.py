@@ -9,21 +9,18 @@ from perception.fusion.base import EncodeOptions
 from perception.fusion.registry import fusion_names, make_fusion
 from robot_agent.frames import Frame
 from robot_agent.metrics import RobotMetrics
-from swarm.messages import ALGORITHMS
 
 
 class Encoder:
     """The robot side of every fusion algorithm there is, for one world's detector."""
 
-    def __init__(
-        self, detector: str, metrics: RobotMetrics, measured: Sequence[str] = ALGORITHMS
-    ) -> None:
-        """`measured`: the algorithms that beacons announce sizes of; those that are not available
-        are left out."""
+    def __init__(self, detector: str, metrics: RobotMetrics, measured: Sequence[str] = ()) -> None:
+        """`measured`: the algorithms that beacons announce sizes of, of those that are available;
+        all where none is named."""
         self._detector = detector
         self._metrics = metrics
         self._fusions = {name: make_fusion(name, detector) for name in fusion_names(detector)}
-        self._measured = tuple(name for name in measured if name in self._fusions)
+        self._measured = tuple(n for n in self._fusions if n in measured or not measured)
 
     @property
     def algorithms(self) -> tuple[str, ...]:

@@ -8,8 +8,8 @@ from typing import Annotated
 import msgspec
 
 from swarm.errors import SettingError
-from swarm.messages import ALGORITHMS
-from swarm.process import Algorithms, ProcessSettings
+from swarm.messages import Algorithm
+from swarm.process import ProcessSettings
 from swarm.settings import PREFIX, Name, load
 
 
@@ -22,8 +22,8 @@ class RobotSettings(ProcessSettings, frozen=True, kw_only=True):
     """How far the robots' clock is ahead of this machine's, as a badly set clock would be."""
     beacon_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 10.0
     scene_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 2.0
-    algorithms: Algorithms = ALGORITHMS
-    """Fusion algorithms whose sizes beacons announce; a robot answers for all that there are."""
+    algorithms: Annotated[tuple[Algorithm, ...], msgspec.Meta(max_length=16)] = ()
+    """Fusion algorithms whose sizes beacons announce; empty: all that there are."""
     measure_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 0.5
     """How often a robot encodes a frame for each of them, only to know its size."""
     ring_frames: Annotated[int, msgspec.Meta(ge=1, le=100)] = 10

@@ -12,6 +12,7 @@ from robot_worlds import BLOCKS, ChosenWorld, Robot, room
 from perception.codec.boxes import decode_boxes
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
+from perception.fusion.registry import fusion_names
 from perception.scene import from_array
 from perception.types import Boxes
 from swarm.arrays import unpack_finite
@@ -53,7 +54,7 @@ def test_a_beacon_tells_the_bytes_that_an_observation_then_has() -> None:
     robot.agent.measure()
     beacon = robot.agent.beacon()
     assert beacon is not None
-    assert set(beacon.sizes) == {"early", "intermediate", "late"}
+    assert set(beacon.sizes) == set(fusion_names("factory"))
     for algorithm, size in beacon.sizes.items():
         assert len(robot.agent.observe(request(algorithm=algorithm)).payload) == size
         assert robot.value("coadapt_robot_payload_bytes", robot="R1", algorithm=algorithm) == size
@@ -179,7 +180,7 @@ def test_a_cloud_without_any_return_is_served_as_empty(value: float | None) -> N
     assert len(boxes) == len(Boxes.empty())
     beacon = robot.agent.beacon()
     assert beacon is not None
-    assert set(beacon.sizes) == {"early", "intermediate", "late"}
+    assert set(beacon.sizes) == set(fusion_names("factory"))
 
 
 @pytest.mark.parametrize(

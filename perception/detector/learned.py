@@ -15,8 +15,8 @@ from perception.detector.grid import BevConfig
 from perception.detector.heads import read_boxes
 from perception.detector.pillars import pillarise
 from perception.detector.weights import load_weights
-from perception.types import Boxes
-from swarm.geometry import Points
+from perception.types import Boxes, clean_points
+from swarm.geometry import Matrix, Points, transform
 
 
 class Detector:
@@ -31,10 +31,21 @@ class Detector:
         self.config: BevConfig = loaded.config
         self.version = loaded.version
         self.codebook = loaded.codebook
+        self._last: tuple[Points, Matrix, Tensor] | None = None
         for module in list(loaded.network.modules()):
             _fold_norms(module)
         self._encoder = loaded.network.encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._decoder = loaded.network.decoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def encode_in(self, points: Points, map_from_points: Matrix) -> Tensor:
+        """The feature map of a cloud float32 (N, 3), 4 x 4 of whose frame is given in that of the
+        map. The last one is kept: several algorithms send parts of the same map."""
+        last = self._last
+        if last is not None and last[0] is points and np.array_equal(last[1], map_from_points):
+            return last[2]
+        features = self.encode(transform(map_from_points, clean_points(points)))
+        self._last = (points, map_from_points, features)
+        return features
 
     def encode(self, points: Points) -> Tensor:
         """The feature map of a cloud float32 (N, 3) in the frame of the map."""

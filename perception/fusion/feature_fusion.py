@@ -34,7 +34,7 @@ from perception.fusion.outline import outline, thinned
 from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError
-from swarm.geometry import Matrix, Points, Pose, invert, pose_of, transform
+from swarm.geometry import Matrix, Points, Pose, invert, pose_of
 
 MAX_REFERENCE_OFF = 0.01
 """Metres and radians by which a payload's reference may differ from the ego's: float32 on the wire
@@ -77,7 +77,7 @@ class FeatureFusion(Fusion):
         own = options.pose or Pose(0.0, 0.0, 0.0)
         reference = options.reference or own
         matrix = invert(reference.matrix()) @ own.matrix()
-        features = self.detector.encode(transform(matrix, cloud))
+        features = self.detector.encode_in(points, matrix)
         chance = self.detector.look(features)[0].numpy()
         present = self.select(chance, self.wanted(options.demand))
         cells = features.permute(1, 2, 0)[torch.from_numpy(present)].numpy()
