@@ -47,8 +47,8 @@ class Clustered:
 
     def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
         """See `Finder.find`."""
+        from perception.detector.bodies import without_bodies
         from perception.detector.detect import detect
-        from perception.fusion.participants import without_bodies
 
         cloud = without_bodies(points, here_from_others, self.config.carrier)
         origins = np.stack([np.zeros(3), *(sensor[:3, 3] for sensor in here_from_others)])

@@ -37,7 +37,8 @@ def make_fusion(name: str, detector: str) -> Fusion:
     """
     allowed = fusion_names(detector)
     if name not in allowed:
-        why = "" if has_weights(detector) else f" (there are no weights for {detector!r})"
+        known = name in all_fusions() and not has_weights(detector)
+        why = f" (there are no weights for {detector!r})" if known else ""
         raise PerceptionError(
             f"fusion {name!r} is not available{why}; allowed: {', '.join(allowed)}"
         )
