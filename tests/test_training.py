@@ -18,7 +18,9 @@ from tiny_detector import TINY, random_codebook, tiny  # noqa: F401
 import training.codes
 import training.run
 import worlds.factory
+import worlds.road
 from perception.detector.codebook import ENTRIES, PARTS
+from perception.detector.grid import bev_config
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
 from swarm.errors import PerceptionError
@@ -27,6 +29,7 @@ from training.plans import TEST_SEEDS, Plan, plan
 from training.run import Run
 from training.stream import Batch, batches, make_batch
 from worlds.factory import FactoryWorld
+from worlds.road import RoadWorld
 
 pytestmark = pytest.mark.usefixtures("tiny", "quick")
 STEPS = 4
@@ -291,8 +294,32 @@ def test_worlds_for_tests_are_never_drawn(monkeypatch: pytest.MonkeyPatch) -> No
     assert min(settings["robots"] for settings in drawn) >= 2
 
 
+def test_streets_for_tests_are_never_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[dict[str, Any]] = []
+
+    class Spy(RoadWorld):
+        def __init__(self, **settings: Any) -> None:
+            drawn.append(settings)
+
+    monkeypatch.setattr(worlds.road, "RoadWorld", Spy)
+    real = plan("road")
+    for step in range(200):
+        real.world(np.random.default_rng([real.seed, step, 0]))
+    assert len({settings["seed"] for settings in drawn}) > 190
+    assert min(settings["seed"] for settings in drawn) >= 1000
+    assert max(settings["seed"] for settings in drawn) < TEST_SEEDS.start
+    assert {settings["robots"] for settings in drawn} == {1, 2, 3}
+
+
+def test_a_batch_of_streets_has_its_vehicles() -> None:
+    batch = make_batch(replace(plan("road"), batch=1), 0)
+    assert batch.fused.heat.shape == (1, 1, *bev_config("road").cells)
+    assert len(batch.fused.map) > 0
+    assert all(len(cloud) > 20_000 for cloud in batch.clouds)
+
+
 def test_an_unknown_plan_is_refused_with_those_there_are() -> None:
-    with pytest.raises(PerceptionError, match="'sea'; allowed: factory"):
+    with pytest.raises(PerceptionError, match="'sea'; allowed: factory, road"):
         plan("sea")
 
 

@@ -44,7 +44,16 @@ def _factory(rng: np.random.Generator) -> ActorWorld:
     )
 
 
-_PLANS = (Plan("factory", _factory, reach_m=45.0, steps=2500, batch=4, rate=2e-3, seed=1),)
+def _road(rng: np.random.Generator) -> ActorWorld:
+    from worlds.road import RoadWorld
+
+    return RoadWorld(robots=int(rng.integers(1, 4)), seed=int(rng.integers(1000, TEST_SEEDS.start)))
+
+
+_PLANS = (
+    Plan("factory", _factory, reach_m=45.0, steps=2500, batch=4, rate=2e-3, seed=1),
+    Plan("road", _road, reach_m=70.0, steps=2500, batch=4, rate=2e-3, seed=2),
+)
 
 
 def plan(name: str) -> Plan:
