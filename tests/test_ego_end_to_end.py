@@ -156,7 +156,7 @@ def test_a_second_ego_on_the_same_journal_is_told_so(swarm: Swarm, tmp_path: Pat
     ("name", "value", "told"),
     [
         ("POLICY", "genius", "allowed: coverage"),
-        ("POLICY", "static-intermediate", "intermediate fusion"),
+        ("ALGORITHMS", "magic", "COADAPT_ALGORITHMS = 'magic' holds none"),
         ("PERIOD_S", "0", "COADAPT_PERIOD_S"),
         ("EGO", "R9", "allowed: R1, R2"),
         ("ROUTER", "somewhere", "tcp/HOST:PORT"),
