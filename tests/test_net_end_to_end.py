@@ -113,6 +113,12 @@ def rich(view: SwarmView) -> bool:
     return view.algorithm == "early" and len(view.selected or ()) >= 4
 
 
+def several(view: SwarmView) -> bool:
+    """Points of more robots than 15 % of the link can carry, and fewer than all of fusion's share:
+    where robots lack processor time, the ego measures less than the link gives."""
+    return view.algorithm == "early" and len(view.selected or ()) >= 3
+
+
 def actions(spec: SwarmSpec, *kinds: str) -> list[dict[str, Any]]:
     """Lines of the controller's journal."""
     lines = Path(net_journal_path(spec, spec.var_dir)).read_text().splitlines()
@@ -161,7 +167,7 @@ def test_telemetry_that_fills_the_link_makes_the_controller_act_once_and_give_ba
     await_(lambda: not rich(watch.view()), "a decision that leaves room for telemetry")
     # ...until the controller puts fusion first.
     await_(lambda: actions(swarm.spec, "raised"), "the controller raises the link's level")
-    await_(lambda: rich(watch.view()), "the points of many fit beside telemetry")
+    await_(lambda: several(watch.view()), "the points of several fit beside telemetry")
     state = cell(net)
     assert state["level"] == 1
     assert state["classes"]["fusion"]["priority"] < state["classes"]["background"]["priority"]
