@@ -10,11 +10,8 @@ right-handed (worlds/carla.py).
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import yaml
@@ -26,6 +23,7 @@ from worlds import carla
 from worlds.base import GroundTruth, Scan
 from worlds.cache import ScanCache
 from worlds.pcd import read_pcd
+from worlds.recent import Recent
 
 RATE_HZ = 10.0
 RANGE_M = 120.0
@@ -33,8 +31,6 @@ MAX_CACHED = 128
 """Scans, descriptions and truths in memory; a scan takes 0.7 MB."""
 BOX_MARGIN_M = 0.1
 """Points this far outside a box still count as the vehicle's: range noise and box rounding."""
-
-T = TypeVar("T")
 
 
 class Opv2vWorld:
@@ -57,8 +53,7 @@ class Opv2vWorld:
         self.robots, self.frame_names = _list_frames(self._directory)
         self.frame_count = len(self.frame_names)
         self._disk = None if cache is None else ScanCache(cache)
-        self._lock = threading.Lock()
-        self._cache: OrderedDict[tuple[str, str, int], Any] = OrderedDict()
+        self._recent = Recent(MAX_CACHED)
 
     def frame_index(self, name: str) -> int:
         """The index of a frame by its name in the data set (`006220`) or its own number.
@@ -87,7 +82,7 @@ class Opv2vWorld:
     def scan(self, robot: str, frame: int) -> Scan:
         """One recorded scan in the right-handed sensor frame."""
         frame %= self.frame_count
-        points = self._remember(
+        points = self._recent.get(
             ("points", robot, frame),
             lambda: self._points(self._path(robot, frame, "pcd")),
         )
@@ -102,7 +97,7 @@ class Opv2vWorld:
     def ground_truth(self, frame: int) -> GroundTruth:
         """Boxes of all vehicles that any recording vehicle lists in this frame."""
         frame %= self.frame_count
-        truth: GroundTruth = self._remember(("truth", "", frame), lambda: self._truth(frame))
+        truth: GroundTruth = self._recent.get(("truth", "", frame), lambda: self._truth(frame))
         return truth
 
     def _points(self, path: Path) -> Points:
@@ -152,7 +147,7 @@ class Opv2vWorld:
 
     def _facts(self, robot: str, frame: int) -> dict[str, Any]:
         frame %= self.frame_count
-        facts: dict[str, Any] = self._remember(
+        facts: dict[str, Any] = self._recent.get(
             ("facts", robot, frame), lambda: _read_yaml(self._path(robot, frame, "yaml"))
         )
         return facts
@@ -163,19 +158,6 @@ class Opv2vWorld:
                 f"robot {robot!r} is not in {self._directory}; it has {', '.join(self.robots)}"
             )
         return self._directory / robot / f"{self.frame_names[frame % self.frame_count]}.{suffix}"
-
-    def _remember(self, key: tuple[str, str, int], make: Callable[[], T]) -> T:
-        with self._lock:
-            if key in self._cache:
-                self._cache.move_to_end(key)
-                found: T = self._cache[key]
-                return found
-        made = make()
-        with self._lock:
-            self._cache[key] = made
-            while len(self._cache) > MAX_CACHED:
-                self._cache.popitem(last=False)
-        return made
 
 
 def points_in_box(points: Points, boxes: Boxes, index: int) -> np.ndarray[Any, np.dtype[np.bool_]]:

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 import zlib
-from collections import OrderedDict
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +18,7 @@ from worlds.factory.layout import build_floor
 from worlds.factory.lidar import RANGE_M, RINGS, Lidar, Returns
 from worlds.factory.paths import Motion
 from worlds.factory.scenarios import PERIOD_S, cast, check_scenario, link_rate_bps
+from worlds.recent import Recent
 
 RATE_HZ = 10.0
 ROBOTS_ALLOWED = (2, 100)
@@ -29,8 +26,6 @@ GENERATOR = 1
 """Version of everything that shapes a scan: raise it when any point changes."""
 MIN_KEPT = 64
 """Scans and truths held in memory; a large swarm holds one frame of all its robots."""
-
-T = TypeVar("T")
 
 
 class FactoryWorld:
@@ -82,10 +77,8 @@ class FactoryWorld:
         self._noise_key = (seed, zlib.crc32(scenario.encode()))
         self._file_key = f"v{GENERATOR}-{scenario}-s{seed}-r{rings}-n{robots}"
         self._cache = ScanCache(cache) if cache is not None else None
-        self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[str, int, int], Any] = OrderedDict()
         # A frame is a scan for each robot, the bodies and the truth.
-        self._max_kept = max(MIN_KEPT, robots + 2)
+        self._recent = Recent(max(MIN_KEPT, robots + 2))
 
     def pose(self, robot: str, frame: int) -> Pose:
         """The robot's sensor in the world frame. Raises WorldError for an unknown robot."""
@@ -100,7 +93,7 @@ class FactoryWorld:
         """A scan and, for each point, the index of its actor in `ground_truth`, or -1."""
         frame %= self.frame_count
         index = self._index(robot)
-        returns: Returns = self._remember(
+        returns: Returns = self._recent.get(
             ("scan", index, frame), lambda: self._returns(index, frame)
         )
         scan = Scan(
@@ -115,7 +108,7 @@ class FactoryWorld:
     def ground_truth(self, frame: int) -> GroundTruth:
         """The boxes of all robots, forklifts and workers. Computes the scans of all robots."""
         frame %= self.frame_count
-        truth: GroundTruth = self._remember(("truth", 0, frame), lambda: self._truth(frame))
+        truth: GroundTruth = self._recent.get(("truth", 0, frame), lambda: self._truth(frame))
         return truth
 
     def actors(self, frame: int) -> tuple[Boxes, tuple[str, ...]]:
@@ -143,7 +136,7 @@ class FactoryWorld:
 
     def _bodies(self, frame: int) -> Solids:
         """Kept because a process may host many robots."""
-        bodies: Solids = self._remember(
+        bodies: Solids = self._recent.get(
             ("bodies", 0, frame), lambda: solids(self._actors, self._motions(frame))
         )
         return bodies
@@ -174,16 +167,3 @@ class FactoryWorld:
             visible += np.bincount(actors[actors >= 0], minlength=len(visible))
         boxes, names = self.actors(frame)
         return GroundTruth(boxes=boxes, ids=names, visible_points=visible)
-
-    def _remember(self, key: tuple[str, int, int], make: Callable[[], T]) -> T:
-        with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                found: T = self._kept[key]
-                return found
-        made = make()
-        with self._lock:
-            self._kept[key] = made
-            while len(self._kept) > self._max_kept:
-                self._kept.popitem(last=False)
-        return made

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
-from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +13,7 @@ from swarm.errors import WorldError
 from swarm.geometry import Pose, wrap_heading
 from worlds.base import GroundTruth, Scan
 from worlds.cache import ScanCache
+from worlds.recent import Recent
 from worlds.road.lidar import RANGE_M, Returns, Scene
 from worlds.road.meshes import Mesh, join
 from worlds.road.streets import plan_street
@@ -31,8 +28,6 @@ GENERATOR = 2
 """Version of everything that shapes a scan: raise it when any point changes."""
 MIN_KEPT = 16
 """Scans, scenes and truths held in memory."""
-
-T = TypeVar("T")
 
 
 class RoadWorld:
@@ -69,9 +64,7 @@ class RoadWorld:
         self._actors = make_traffic(self._street, robots, np.random.default_rng((seed, 1, robots)))
         self._file_key = f"road-v{GENERATOR}-s{seed}-n{robots}"
         self._cache = ScanCache(cache) if cache is not None else None
-        self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[str, int, int], Any] = OrderedDict()
-        self._max_kept = max(MIN_KEPT, robots + 2)
+        self._recent = Recent(max(MIN_KEPT, robots + 2))
 
     def pose(self, robot: str, frame: int) -> Pose:
         """The robot's sensor in the world frame. Raises WorldError for an unknown robot."""
@@ -87,7 +80,7 @@ class RoadWorld:
         """A scan and, for each point, the index of its vehicle in `ground_truth`, or -1."""
         frame %= self.frame_count
         index = self._index(robot)
-        returns: Returns = self._remember(
+        returns: Returns = self._recent.get(
             ("scan", index, frame), lambda: self._returns(index, frame)
         )
         scan = Scan(
@@ -102,7 +95,7 @@ class RoadWorld:
     def ground_truth(self, frame: int) -> GroundTruth:
         """The boxes of all vehicles, the robots' own first. Computes the scans of all robots."""
         frame %= self.frame_count
-        truth: GroundTruth = self._remember(("truth", 0, frame), lambda: self._truth(frame))
+        truth: GroundTruth = self._recent.get(("truth", 0, frame), lambda: self._truth(frame))
         return truth
 
     def actors(self, frame: int) -> tuple[Boxes, tuple[str, ...]]:
@@ -155,7 +148,7 @@ class RoadWorld:
             ]
             return Scene(self._static, meshes)
 
-        scene: Scene = self._remember(("scene", 0, frame), make)
+        scene: Scene = self._recent.get(("scene", 0, frame), make)
         return scene
 
     def _returns(self, index: int, frame: int) -> Returns:
@@ -180,16 +173,3 @@ class RoadWorld:
             visible += np.bincount(actors[actors >= 0], minlength=len(visible))
         boxes, identities = self.actors(frame)
         return GroundTruth(boxes=boxes, ids=identities, visible_points=visible)
-
-    def _remember(self, key: tuple[str, int, int], make: Callable[[], T]) -> T:
-        with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                found: T = self._kept[key]
-                return found
-        made = make()
-        with self._lock:
-            self._kept[key] = made
-            while len(self._kept) > self._max_kept:
-                self._kept.popitem(last=False)
-        return made
