@@ -18,14 +18,15 @@ REACH_M = 45.0
 SENT_POINTS = 72
 
 
-def outline(points: Points) -> Floats:
+def outline(points: Points, ground: NDArray[np.bool_] | None = None) -> Floats:
     """Places (N, 2) where something stands, one for each cell, by azimuth.
 
     points: float32 (M, 3), finite, metres, in the sensor's frame, as the places are.
+    ground: bool (M,), which of them are ground, where that is known.
     """
     if not len(points):
         return np.zeros((0, 2))
-    cloud = points[~ground_mask(points)]
+    cloud = points[~(ground_mask(points) if ground is None else ground)]
     cloud = cloud[(np.abs(cloud[:, :2]) < REACH_M).all(axis=1)]
     cells = np.floor(cloud[:, :2] / CELL_M).astype(np.int64)
     _, index, counts = np.unique(

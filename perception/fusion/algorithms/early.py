@@ -35,9 +35,10 @@ class EarlyFusion(Fusion):
         if np.abs(cloud).max(initial=0.0) > MAX_RANGE_M:
             # A stray return must not cost the whole scan; the codec would refuse it.
             cloud = cloud[(np.abs(cloud) <= MAX_RANGE_M).all(axis=1)]
-        places = thinned(outline(cloud))
+        ground = ground_mask(cloud)
+        places = thinned(outline(cloud, ground))
         if not options.keep_ground:
-            cloud = cloud[~ground_mask(cloud)]
+            cloud = cloud[~ground]
         return add_outline(encode_points(cloud, options.max_error_m), places)
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
