@@ -17,6 +17,10 @@ from worlds.base import Scan, World
 MAX_SENDERS = 4
 CODED_STEP_M = 0.115
 """Side of a cube whose corners are 0.1 m from its middle: coded points err no more by default."""
+SHAKEN = 0.4
+"""Share of the samples whose helpers' poses err by what correction leaves of odometry's errors."""
+SHIFT_M, TURN_RAD = 0.12, np.radians(0.5)
+"""Standard deviations of these errors at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +70,7 @@ def draw(world: ActorWorld, rng: np.random.Generator, reach_m: float) -> Sample:
     reference = _reference(near, rng)
     mirror = rng.random() < 0.5
     coded = form == "merged" and rng.random() < 0.7
-    shaky = rng.random() < 0.3
+    shake = float(rng.random()) if rng.random() < SHAKEN else 0.0
 
     truth, _ = world.actors(frame)
     clouds, hits = [], []
@@ -78,8 +82,8 @@ def draw(world: ActorWorld, rng: np.random.Generator, reach_m: float) -> Sample:
             points, actors = points[kept], actors[kept]
             if coded:
                 points = np.rint(points / CODED_STEP_M).astype(np.float32) * CODED_STEP_M
-        if robot != ego and shaky:
-            x, y, turn = rng.normal(0.0, (0.05, 0.05, np.radians(0.3)))
+        if robot != ego and shake:
+            x, y, turn = shake * rng.normal(0.0, (SHIFT_M, SHIFT_M, TURN_RAD))
             pose = Pose(pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + turn)
         clouds.append(transform(reference @ pose.matrix(), points))
         hits.append(np.bincount(actors[actors >= 0], minlength=len(truth)))

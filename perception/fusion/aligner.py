@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.fusion.alignment import Field, align
-from perception.fusion.outline import outline
+from perception.fusion.outline import standing
 from perception.types import clean_points
 from swarm.geometry import Matrix, Points
 
@@ -21,7 +21,7 @@ class Aligner:
     def prepare(self) -> None:
         """Does what needs no sender."""
         if self._field is None:
-            self._field = Field.of(outline(clean_points(self._own)))
+            self._field = Field.of(standing(clean_points(self._own)))
 
     def correct(self, places: NDArray[np.float64], own_from_sender: Matrix) -> Matrix:
         """The correction, 4 x 4 in the ego's frame, of a sender with this outline (N, 2) in its own

@@ -21,7 +21,9 @@ Floats = NDArray[np.float64]
 CELL_M = 0.15
 REACH_M = 45.0
 SPREAD_M = 0.15
-"""Distance at which two outlines agree less, one standard deviation."""
+"""Distance at which a place agrees less, one standard deviation."""
+SPREAD_CELLS = 3
+"""Farther away it does not agree at all."""
 PRIOR_SHIFT_M = 0.5
 PRIOR_TURN_RAD = np.radians(0.6)
 """What poses usually err by, one standard deviation an axis."""
@@ -29,9 +31,10 @@ STRAY = 0.1
 """Likelihood of a point that the ego does not see."""
 INDEPENDENT = 0.3
 """Points of one wall tell the same: so much does each count."""
-SHIFTS_M = np.arange(-1.6, 1.61, 0.2)
+SHIFT_CELLS = 11
+"""The first search shifts by whole cells, this many each way."""
 TURNS_RAD = np.radians(np.arange(-1.8, 1.81, 0.6))
-FINE_SHIFTS_M = np.arange(-0.16, 0.161, 0.04)
+FINE_SHIFTS_M = np.arange(-0.12, 0.121, 0.04)
 FINE_TURNS_RAD = np.radians(np.arange(-0.45, 0.451, 0.15))
 MIN_GAIN = 2.0
 """By how much a correction's log likelihood must exceed that of none."""
@@ -49,31 +52,35 @@ MIN_AGREEMENT = 0.12
 class Field:
     """How likely something stands at each place around the ego."""
 
-    likelihood: Floats
+    likelihood: NDArray[np.float32]
     """(rows, columns) in 0 to 1; cells of CELL_M from -REACH_M on."""
+    log: NDArray[np.float32]
+    """(rows, columns): log of STRAY more, for sums over places."""
 
     @classmethod
-    def of(cls, places: Floats) -> Field:
-        """The field of an outline (N, 2), metres."""
-        from scipy.ndimage import distance_transform_edt
-
+    def of(cls, places: NDArray[np.floating]) -> Field:
+        """The field of everything that stands, (N, 2) metres."""
         side = round(2 * REACH_M / CELL_M)
-        free = np.ones((side, side), dtype=np.bool_)
+        image = np.zeros((side, side), dtype=np.float32)
         column, row = np.floor((places + REACH_M) / CELL_M).astype(np.intp).T
         inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
-        free[row[inside], column[inside]] = False
-        if free.all():
-            return cls(np.zeros((side, side)))
-        distance = distance_transform_edt(free) * CELL_M
-        return cls(np.exp(-0.5 * (distance / SPREAD_M) ** 2))
+        image[row[inside], column[inside]] = 1.0
+        # The nearest place's Gaussian, one axis after the other: it is a product of both.
+        image = _spread(_spread(image).T).T
+        return cls(image, np.log(STRAY + image))
 
-    def at(self, places: Floats) -> Floats:
-        """The likelihood at places (..., 2); 0 beyond the field."""
+    def at(self, places: Floats) -> NDArray[np.float32]:
+        """The likelihood at places (..., 2); beyond the field that at its edge."""
+        return self.likelihood.reshape(-1)[self.index(places)]
+
+    def index(self, places: Floats, margin: int = 0) -> NDArray[np.intp]:
+        """Where places (..., 2) lie in the flattened field, `margin` cells from its edge at
+        least."""
         side = len(self.likelihood)
-        index = np.floor((places + REACH_M) / CELL_M).astype(np.intp)
-        inside = ((index >= 0) & (index < side)).all(axis=-1)
-        index = np.clip(index, 0, side - 1)
-        return np.where(inside, self.likelihood[index[..., 1], index[..., 0]], 0.0)
+        cells = np.floor((places + REACH_M) / CELL_M).astype(np.intp)
+        cells = np.clip(cells, margin, side - 1 - margin)
+        flat: NDArray[np.intp] = cells[..., 1] * side + cells[..., 0]
+        return flat
 
 
 def align(field: Field, places: Floats, sender: Floats) -> Matrix:
@@ -86,9 +93,8 @@ def align(field: Field, places: Floats, sender: Floats) -> Matrix:
         return np.eye(4)
     around = places - sender
     still = _score(field, around, sender, np.zeros((1, 3)))[0]
-    coarse = _grid(np.zeros(3), SHIFTS_M, TURNS_RAD)
-    best = coarse[int(_score(field, around, sender, coarse).argmax())]
-    fine = _grid(best, FINE_SHIFTS_M, FINE_TURNS_RAD)
+    best = _coarse(field, around, sender)
+    fine = best + _grid(FINE_SHIFTS_M, FINE_SHIFTS_M, FINE_TURNS_RAD)
     scores = _score(field, around, sender, fine)
     x, y, turn = fine[int(scores.argmax())]
     moved = _moved(around, sender, np.array([[x, y, turn]]))[0]
@@ -108,10 +114,34 @@ def align(field: Field, places: Floats, sender: Floats) -> Matrix:
     return matrix
 
 
-def _grid(middle: Floats, shifts: Floats, turns: Floats) -> Floats:
-    """(K, 3): shifts along x and y, and turns, around a middle."""
-    x, y, turn = np.meshgrid(shifts, shifts, turns, indexing="ij")
-    return middle + np.column_stack([x.ravel(), y.ravel(), turn.ravel()])
+def _spread(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Each row's largest value about every cell, weighed by its distance."""
+    spread = image.copy()
+    for step in range(1, SPREAD_CELLS + 1):
+        weighed = image * np.float32(np.exp(-0.5 * (step * CELL_M / SPREAD_M) ** 2))
+        np.maximum(spread[:, step:], weighed[:, :-step], out=spread[:, step:])
+        np.maximum(spread[:, :-step], weighed[:, step:], out=spread[:, :-step])
+    return spread
+
+
+def _coarse(field: Field, around: Floats, sender: Floats) -> Floats:
+    """The likeliest turn and shift (x, y, turn) of whole cells."""
+    steps = np.arange(-SHIFT_CELLS, SHIFT_CELLS + 1)
+    shifts = steps.astype(np.float64) * CELL_M
+    moves = _grid(shifts, shifts, TURNS_RAD)
+    turned = np.zeros((len(TURNS_RAD), 3))
+    turned[:, 2] = TURNS_RAD
+    base = field.index(_moved(around, sender, turned), margin=SHIFT_CELLS)
+    shift = (steps[None, :] * len(field.likelihood) + steps[:, None]).reshape(-1, 1, 1)
+    found = field.log.reshape(-1)[base[None] + shift].sum(axis=-1).reshape(-1)
+    best: Floats = moves[int((found * INDEPENDENT + _prior(moves)).argmax())]
+    return best
+
+
+def _grid(x: Floats, y: Floats, turns: Floats) -> Floats:
+    """(K, 3): all shifts along x and y with all turns, turns fastest."""
+    mesh = np.meshgrid(x, y, turns, indexing="ij")
+    return np.column_stack([part.ravel() for part in mesh])
 
 
 def _moved(around: Floats, sender: Floats, moves: Floats) -> Floats:
@@ -124,8 +154,13 @@ def _moved(around: Floats, sender: Floats, moves: Floats) -> Floats:
 
 def _score(field: Field, around: Floats, sender: Floats, moves: Floats) -> Floats:
     """Log likelihood of K moves, up to a constant."""
-    seen = field.at(_moved(around, sender, moves))
-    likely = np.log(STRAY + seen).sum(axis=1) * INDEPENDENT
-    prior = (moves[:, :2] ** 2).sum(axis=1) / PRIOR_SHIFT_M**2 + (moves[:, 2] / PRIOR_TURN_RAD) ** 2
-    score: Floats = likely - 0.5 * prior
+    seen = field.log.reshape(-1)[field.index(_moved(around, sender, moves))]
+    score: Floats = seen.sum(axis=1) * INDEPENDENT + _prior(moves)
     return score
+
+
+def _prior(moves: Floats) -> Floats:
+    """Log likelihood of errors (K, 3) by themselves, up to a constant."""
+    shift = (moves[:, :2] ** 2).sum(axis=1) / PRIOR_SHIFT_M**2
+    prior: Floats = -0.5 * (shift + (moves[:, 2] / PRIOR_TURN_RAD) ** 2)
+    return prior

@@ -24,10 +24,9 @@ def outline(points: Points, ground: NDArray[np.bool_] | None = None) -> Floats:
     points: float32 (M, 3), finite, metres, in the sensor's frame, as the places are.
     ground: bool (M,), which of them are ground, where that is known.
     """
-    if not len(points):
+    cloud = _standing(points, ground)
+    if not len(cloud):
         return np.zeros((0, 2))
-    cloud = points[~(ground_mask(points) if ground is None else ground)]
-    cloud = cloud[(np.abs(cloud[:, :2]) < REACH_M).all(axis=1)]
     cells = np.floor(cloud[:, :2] / CELL_M).astype(np.int64)
     _, index, counts = np.unique(
         cells[:, 0] * 100_000 + cells[:, 1], return_inverse=True, return_counts=True
@@ -40,6 +39,18 @@ def outline(points: Points, ground: NDArray[np.bool_] | None = None) -> Floats:
     places = np.column_stack([x, y])[stands]
     around: Floats = places[np.argsort(np.arctan2(places[:, 1], places[:, 0]), kind="stable")]
     return around
+
+
+def standing(points: Points) -> NDArray[np.float32]:
+    """All places (N, 2) of a cloud, as `outline`'s, where a point is not ground."""
+    return _standing(points, None)[:, :2]
+
+
+def _standing(points: Points, ground: NDArray[np.bool_] | None) -> Points:
+    if not len(points):
+        return points
+    cloud = points[~(ground_mask(points) if ground is None else ground)]
+    return cloud[(np.abs(cloud[:, 0]) < REACH_M) & (np.abs(cloud[:, 1]) < REACH_M)]
 
 
 def thinned(places: Floats) -> Floats:
