@@ -39,6 +39,7 @@ from ego_agent.sense import OwnSensor
 from ego_agent.tally import TallyKeeper
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
+from perception.fusion.compensation import MotionCompensation
 from perception.fusion.registry import make_fusion
 from swarm.log import make_logger
 from swarm.messages import Decision
@@ -105,8 +106,17 @@ def loops(session: Session, world: World, sensor: OwnSensor, monitor: Monitor) -
             keep_ground=False,
         )
         fusions = {"early": make_fusion("early", world.detector)}
+        motion = MotionCompensation(world.detector)
         loop = FusionLoop(
-            monitor.ego, sensor, asker, fusions, tally, log, rate_hz=10.0, deadline_s=DEADLINE_S
+            monitor.ego,
+            sensor,
+            asker,
+            fusions,
+            motion,
+            tally,
+            log,
+            rate_hz=10.0,
+            deadline_s=DEADLINE_S,
         )
         loop.connect(session)
         made.append(loop)

@@ -23,6 +23,7 @@ from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.tally import TallyKeeper
+from perception.fusion.compensation import MotionCompensation
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
@@ -129,6 +130,7 @@ def _agent(
         sensor,
         asker,
         {name: make_fusion(name, world.detector) for name in knowledge.algorithms},
+        MotionCompensation(world.detector),
         tally,
         log,
         rate_hz=settings.fusion_rate_hz,

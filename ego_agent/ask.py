@@ -261,7 +261,9 @@ class Asker:
             return None
         done.bytes[ask.robot] = len(seen.payload)
         done.encode_ms[ask.robot] = seen.encode_ms
-        contribution = Contribution(ask.robot, seen.payload, seen.sensor_pose().matrix())
+        age_s = (ask.request.capture_ns - seen.capture_ns) * 1e-9
+        pose = seen.sensor_pose().matrix()
+        contribution = Contribution(ask.robot, seen.payload, pose, age_s)
         done.contributions.append(contribution)
         return contribution
 

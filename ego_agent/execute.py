@@ -18,6 +18,7 @@ from ego_agent.ask import Asker, FrameRound, kind_of
 from ego_agent.sense import OwnFrame, OwnSensor
 from ego_agent.tally import TallyKeeper
 from perception.fusion.base import Contribution, Fusion
+from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.types import Boxes
 from swarm import keyspace
 from swarm.arrays import pack
@@ -54,6 +55,7 @@ class FusionLoop:
         sensor: OwnSensor,
         asker: Asker,
         fusions: Mapping[str, Fusion],
+        motion: MotionCompensation,
         tally: TallyKeeper,
         log: Logger,
         *,
@@ -64,6 +66,7 @@ class FusionLoop:
         self._sensor = sensor
         self._asker = asker
         self._fusions = fusions
+        self._motion = motion
         self._tally = tally
         self._log = log
         self._stride = max(1, round(sensor.rate_hz / rate_hz))
@@ -128,7 +131,8 @@ class FusionLoop:
         session = self._session
         others = tuple(robot for robot in decision.participants if robot != self._ego)
         fusion = self._fusions[decision.algorithm]
-        gathering = fusion.begin(own.points, own.world_from_sensor)
+        scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
+        gathering = self._motion.begin(fusion, scan)
         done = self._asker.ask(
             session,
             others,

@@ -10,7 +10,8 @@ import numpy as np
 
 from evaluation.tally import Precision, Tally
 from perception.boxes import iou_bev
-from perception.fusion.base import Contribution, EncodeOptions, Fusion
+from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.detectors import shared_finder
 from perception.fusion.registry import fusion_names, make_fusion
 from perception.types import Boxes
@@ -25,6 +26,8 @@ EVALUATION_RANGES_M = {"road": (140.0, 40.0), "factory": (25.0, 25.0)}
 and about the floor of six robots."""
 MIN_VISIBLE_POINTS = 5
 """True boxes with fewer points in all scans together do not count, found or not."""
+HISTORY_FRAMES = 3
+"""Where contributions come late, the ego has fused the frame this long before, too."""
 IGNORED_IOU = 0.3
 """A detected box that overlaps such a true box this much is neither right nor wrong."""
 
@@ -70,27 +73,61 @@ def fuse_frame(
         raise WorldError(
             f"robot {unknown[0]!r} is not in this world; it has {', '.join(world.robots)}"
         )
-    own = world.scan(ego, frame)
-    world_from_own = own.pose.matrix()
     if algorithm == SINGLE:
-        boxes = shared_finder(world.detector).find(own.points)
-        return Fused(boxes.transformed(world_from_own), {}, {})
+        scan = world.scan(ego, frame)
+        boxes = shared_finder(world.detector).find(scan.points)
+        return Fused(boxes.transformed(scan.pose.matrix()), {}, {})
     fusion = make_fusion(algorithm, world.detector) if isinstance(algorithm, str) else algorithm
-    sent_frame = max(0, frame - round(disturbance.delay_s * world.rate_hz))
-    gathering = fusion.begin(own.points, world_from_own)
+    late = round(disturbance.delay_s * world.rate_hz)
+    if not late:
+        own = _own_scan(world, ego, frame)
+        gathering = fusion.begin(own.points, own.world_from_own)
+        return _gathered(gathering, fusion, world, senders, frame, frame, disturbance)
+    # The ego knows how things move from its frames before.
+    motion = MotionCompensation(world.detector)
+    fused = Fused(Boxes.empty(), {}, {})
+    times = [max(0, frame - HISTORY_FRAMES), frame]
+    sent = [max(0, now - late) for now in times]
+    for at in sorted({*times, *sent}):
+        own = _own_scan(world, ego, at)
+        if at not in times:
+            motion.remember(own)
+            continue
+        gathering = motion.begin(fusion, own)
+        captured = max(0, at - late)
+        fused = _gathered(gathering, fusion, world, senders, at, captured, disturbance)
+    return fused
+
+
+def _gathered(
+    gathering: Gathering,
+    fusion: Fusion,
+    world: World,
+    senders: Sequence[str],
+    frame: int,
+    captured: int,
+    disturbance: Disturbance,
+) -> Fused:
+    """The senders' contributions of the frame `captured`, fused by the ego in `frame`."""
     ask = gathering.ask()
+    age_s = (frame - captured) / world.rate_hz
     sizes, rejected = {}, {}
     for robot in senders:
-        scan = world.scan(robot, sent_frame)
+        scan = world.scan(robot, captured)
         pose = _disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
         options = EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
         payload = fusion.encode(scan.points, options)
         sizes[robot] = len(payload) + ask.size()
         try:
-            gathering.add(Contribution(robot, payload, pose.matrix()))
+            gathering.add(Contribution(robot, payload, pose.matrix(), age_s))
         except PerceptionError as error:
             rejected[robot] = str(error)
     return Fused(gathering.finish(), sizes, rejected)
+
+
+def _own_scan(world: World, ego: str, frame: int) -> OwnScan:
+    scan = world.scan(ego, frame)
+    return OwnScan(frame / world.rate_hz, scan.points, scan.pose.matrix())
 
 
 def evaluate(

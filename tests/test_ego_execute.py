@@ -20,6 +20,7 @@ from ego_agent.sense import OwnFrame, OwnSensor
 from ego_agent.tally import TallyKeeper
 from perception.codec.points import decode_points, encode_points
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.compensation import MotionCompensation
 from perception.types import Boxes, clean_points
 from swarm import keyspace
 from swarm.errors import PerceptionError, WorldError
@@ -122,6 +123,7 @@ class Ego:
             self.sensor,
             asker,
             {name: Crates(name) for name in ("early", "late")},
+            MotionCompensation("factory"),
             self.tally,
             log,
             rate_hz=10.0,

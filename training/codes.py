@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from perception.detector.codebook import learn_codebook
-from perception.detector.grid import bev_config
 from perception.detector.network import Network
 from perception.detector.pillars import pillarise
 from training.plans import Plan
@@ -23,7 +22,7 @@ MIN_CHANCE = 0.02
 
 def codebook_of(plan: Plan, tensors: dict[str, Tensor]) -> NDArray[np.float32]:
     """float32 (parts, entries, channels of a part), learnt from batches after the plan's last."""
-    config = bev_config(plan.config)
+    config = plan.shown()
     network = Network(config)
     network.load_state_dict({name: tensor.cpu() for name, tensor in tensors.items()})
     network.eval()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from perception.detector.grid import BevConfig, bev_config
 from swarm.errors import PerceptionError
 from training.samples import ActorWorld
 
@@ -30,6 +31,21 @@ class Plan:
     rate: float
     """Highest learning rate."""
     seed: int
+    samples_of_world: int = 1
+    """Of a batch, that share a world, where making one takes long."""
+    part_x_m: float | None = None
+    """A sample shows so much of the area along x, half of it, metres; None: all of it. Layers are
+    convolutions, so what is learnt on a part holds for the whole."""
+
+    def shown(self) -> BevConfig:
+        """The area that a sample shows."""
+        config = bev_config(self.config)
+        return config if self.part_x_m is None else replace(config, half_x_m=self.part_x_m)
+
+    @property
+    def aside_m(self) -> float:
+        """How far along x the middle of a sample may lie from the ego."""
+        return bev_config(self.config).half_x_m - self.shown().half_x_m
 
 
 def _factory(rng: np.random.Generator) -> ActorWorld:
@@ -52,8 +68,11 @@ def _road(rng: np.random.Generator) -> ActorWorld:
 
 _PLANS = (
     Plan("factory", _factory, reach_m=45.0, steps=3000, batch=4, rate=2e-3, seed=1),
-    Plan("road", _road, reach_m=70.0, steps=2500, batch=4, rate=2e-3, seed=2),
-)
+    Plan(
+        "road", _road, reach_m=70.0, steps=2200, batch=4, rate=2e-3, seed=2,
+        samples_of_world=2, part_x_m=70.4,
+    ),
+)  # fmt: skip
 
 
 def plan(name: str) -> Plan:

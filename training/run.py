@@ -11,7 +11,6 @@ from types import FrameType
 
 import torch
 
-from perception.detector.grid import bev_config
 from perception.detector.network import Network
 from perception.detector.weights import save_weights
 from swarm.errors import PerceptionError
@@ -37,7 +36,7 @@ class Run:
     def __init__(self, plan: Plan, folder: Path, device: str = "cpu") -> None:
         self._plan = plan
         self._folder = folder
-        self._config = bev_config(plan.config)
+        self._config = plan.shown()
         torch.manual_seed(plan.seed)
         self._network = Network(self._config).to(device)
         self._network = self._network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -134,6 +133,7 @@ class Run:
         return {
             "config": plan.config, "steps": str(plan.steps), "batch": str(plan.batch),
             "rate": str(plan.rate), "seed": str(plan.seed), "reach_m": str(plan.reach_m),
+            "part_x_m": str(plan.part_x_m),
         }  # fmt: skip
 
     def _show(self, parts: dict[str, float], step_s: float) -> None:

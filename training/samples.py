@@ -50,11 +50,14 @@ class ActorWorld(World, Protocol):
 Maker = Callable[[np.random.Generator], ActorWorld]
 
 
-def draw(world: ActorWorld, rng: np.random.Generator, reach_m: float) -> Sample:
+def draw(
+    world: ActorWorld, rng: np.random.Generator, reach_m: float, aside_m: float = 0.0
+) -> Sample:
     """A random frame, ego, helpers, reference frame and form of sharing.
 
     A third of the samples is one robot alone, a third merges the points of several as early fusion
-    does, a third keeps their clouds apart. `reach_m`: how far helpers may be.
+    does, a third keeps their clouds apart. `reach_m`: how far helpers may be; `aside_m`: how
+    far along x the middle of the reference frame may lie from the ego, mostly less.
     """
     frame = int(rng.integers(world.frame_count))
     ego = str(rng.choice(world.robots))
@@ -68,6 +71,8 @@ def draw(world: ActorWorld, rng: np.random.Generator, reach_m: float) -> Sample:
     count = 0 if form == "alone" else int(rng.integers(1, min(len(others), MAX_SENDERS) + 1))
     helpers = [str(robot) for robot in rng.permutation(others)[:count]] if count else []
     reference = _reference(near, rng)
+    if aside_m:
+        reference[0, 3] += aside_m * float(rng.uniform(-1.0, 1.0, 2).mean())
     mirror = rng.random() < 0.5
     coded = form == "merged" and rng.random() < 0.7
     shake = float(rng.random()) if rng.random() < SHAKEN else 0.0

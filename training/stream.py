@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from perception.detector.grid import BevConfig, bev_config
+from perception.detector.grid import BevConfig
 from training.plans import Plan
 from training.samples import Sample, draw
 from training.targets import Targets, make_targets
@@ -49,11 +49,13 @@ class Stream(IterableDataset[Batch]):
 
 def make_batch(plan: Plan, step: int) -> Batch:
     """The batch of one step."""
-    config = bev_config(plan.config)
+    config = plan.shown()
     samples = []
     for number in range(plan.batch):
         rng = np.random.default_rng([plan.seed, step, number])
-        samples.append(draw(plan.world(rng), rng, plan.reach_m))
+        if number % plan.samples_of_world == 0:
+            world = plan.world(rng)
+        samples.append(draw(world, rng, plan.reach_m, plan.aside_m))
     return Batch(
         step=step,
         clouds=[torch.from_numpy(cloud) for sample in samples for cloud in sample.clouds],

@@ -47,6 +47,8 @@ class DetectorConfig:
     carrier: Carrier
     own_body_m: float
     """Boxes with their centre this close to the sensor, seen from above, are the robot itself."""
+    usual_speed_m_s: float
+    """Standard deviation of the objects' velocities along an axis."""
 
 
 _ROAD = DetectorConfig(
@@ -63,6 +65,7 @@ _ROAD = DetectorConfig(
     # ground and 0.5 m behind the middle.
     carrier=Carrier("vehicle", (4.9, 2.13, 1.51), (0.5, 0.0, -1.18)),
     own_body_m=2.1,
+    usual_speed_m_s=6.0,
 )
 _FACTORY = DetectorConfig(
     name="factory",
@@ -79,6 +82,7 @@ _FACTORY = DetectorConfig(
     # worlds/factory/actors.py: the LiDAR stands in the middle, 1.2 m above the floor.
     carrier=Carrier("robot", (0.9, 0.6, 1.26), (0.0, 0.0, -0.57)),
     own_body_m=0.6,
+    usual_speed_m_s=1.0,
 )
 _CONFIGURATIONS = {config.name: config for config in (_ROAD, _FACTORY)}
 

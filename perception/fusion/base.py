@@ -48,6 +48,8 @@ class Contribution:
     robot: str
     payload: bytes
     world_from_sensor: Matrix
+    age_s: float = 0.0
+    """How long before the ego's scan of the frame it was captured; negative: after it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,124 @@
+"""Fusing contributions that were captured at other times than the ego's newest scan.
+
+Each contribution is fused with the ego's own scan of its time, so that everything that is laid over
+each other was captured together, whatever the algorithm sends. What is found there is moved to the
+present with the objects' own velocities, and joined with what the ego and the timely contributions
+show now.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.boxes import weighted_fusion
+from perception.detector.config import configuration
+from perception.fusion.base import Ask, Contribution, Fusion, Gathering
+from perception.fusion.tracks import Tracks
+from perception.types import Boxes
+from swarm.geometry import Matrix, Points, invert, transform
+
+KEPT_SCANS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class OwnScan:
+    """A scan of the ego."""
+
+    time_s: float
+    """Capture, seconds of the ego's clock."""
+    points: Points
+    """float32 (N, 3) in the sensor's frame."""
+    world_from_own: Matrix
+
+
+class MotionCompensation:
+    """What an ego remembers from frame to frame: its scans of late, and how objects move."""
+
+    def __init__(self, detector: str) -> None:
+        """`detector`: the world's detector configuration. Raises PerceptionError for an unknown
+        one."""
+        about = configuration(detector)
+        self._own_body_m = about.own_body_m
+        self._tracks = Tracks(about.usual_speed_m_s)
+        self._scans: deque[OwnScan] = deque(maxlen=KEPT_SCANS)
+
+    def remember(self, own: OwnScan) -> None:
+        """Keeps a scan that contributions of its time may be fused with."""
+        if self._scans and own.time_s <= self._scans[-1].time_s:
+            # The clock was put back: what is remembered lies in the future.
+            self._scans.clear()
+        self._scans.append(own)
+
+    def begin(self, fusion: Fusion, own: OwnScan) -> Gathering:
+        """Starts a frame. Contributions tell by `age_s` how long before `own` they were captured;
+        each is fused with the ego's scan nearest to that."""
+        self.remember(own)
+        return _Compensated(fusion, tuple(self._scans), self._tracks, self._own_body_m)
+
+
+class _Compensated(Gathering):
+    """A gathering for the present and one for each past scan that a contribution belongs to."""
+
+    def __init__(
+        self, fusion: Fusion, scans: tuple[OwnScan, ...], tracks: Tracks, own_body_m: float
+    ) -> None:
+        self._fusion = fusion
+        self._scans = scans
+        self._own = scans[-1]
+        self._tracks = tracks
+        self._own_body_m = own_body_m
+        self._now = fusion.begin(self._own.points, self._own.world_from_own)
+        self._gatherings = {len(scans) - 1: self._now}
+        self._views = [1] * len(scans)
+        """Robots that show each scan's time, the ego included."""
+
+    def ask(self) -> Ask:
+        return self._now.ask()
+
+    def prepare(self) -> None:
+        self._now.prepare()
+
+    def add(self, contribution: Contribution) -> None:
+        captured_s = self._own.time_s - contribution.age_s
+        nearest = min(
+            range(len(self._scans)), key=lambda i: abs(self._scans[i].time_s - captured_s)
+        )
+        gathering = self._gatherings.get(nearest) or self._begin_at(self._scans[nearest])
+        gathering.add(contribution)
+        self._gatherings[nearest] = gathering
+        self._views[nearest] += 1
+
+    def finish(self) -> Boxes:
+        most = max(self._views)
+        parts = []
+        for index, gathering in sorted(self._gatherings.items()):
+            boxes, scan = gathering.finish(), self._scans[index]
+            if scan is not self._own:
+                boxes = self._at_present(self._without_ego(boxes, scan), scan.time_s)
+            elif len(self._gatherings) == 1:
+                self._tracks.update(boxes, scan.time_s)
+                return boxes
+            # The more robots have seen an object, the nearer they come.
+            trust = math.sqrt(self._views[index] / most)
+            parts.append(replace(boxes, scores=boxes.scores * trust))
+        return weighted_fusion(Boxes.concatenate(parts))
+
+    def _begin_at(self, scan: OwnScan) -> Gathering:
+        """As if the ego had stood then where it stands now: that is the frame it asked for."""
+        here = self._own.world_from_own
+        points = transform(invert(here) @ scan.world_from_own, scan.points)
+        return self._fusion.begin(points, here)
+
+    def _without_ego(self, boxes: Boxes, scan: OwnScan) -> Boxes:
+        """Others saw the ego where it was."""
+        apart = boxes.centers[:, :2] - scan.world_from_own[:2, 3]
+        return boxes.take(np.hypot(*apart.T) > self._own_body_m)
+
+    def _at_present(self, boxes: Boxes, time_s: float) -> Boxes:
+        centers = boxes.centers.copy()
+        centers[:, :2] += self._tracks.update(boxes, time_s) * (self._own.time_s - time_s)
+        return replace(boxes, centers=centers)
