@@ -60,10 +60,12 @@ def test_noise_moves_what_robots_believe_of_their_pose_and_repeats(world: Factor
 def test_delay_sends_older_scans_with_the_pose_of_their_time(world: FactoryWorld) -> None:
     spy = Spy()
     fuse_frame(world, 10, "R1", ["R2"], spy, LATE)
-    np.testing.assert_array_equal(spy.clouds[0], world.scan("R2", 5).points)
-    assert spy.options[0].pose == world.pose("R2", 5)
+    np.testing.assert_array_equal(spy.clouds[-1], world.scan("R2", 5).points)
+    assert spy.options[-1].pose == world.pose("R2", 5)
+    # The frame before, from which the ego knows how things move.
+    np.testing.assert_array_equal(spy.clouds[0], world.scan("R2", 2).points)
     fuse_frame(world, 2, "R1", ["R2"], spy, LATE)
-    np.testing.assert_array_equal(spy.clouds[1], world.scan("R2", 0).points)
+    np.testing.assert_array_equal(spy.clouds[-1], world.scan("R2", 0).points)
 
 
 def test_the_ego_alone_sends_nothing(world: FactoryWorld) -> None:

@@ -12,7 +12,7 @@ from perception.fusion.alignment import Field, align
 from perception.fusion.maps import moved
 from perception.fusion.outline import SENT_POINTS, outline, thinned
 from swarm.errors import PayloadError
-from swarm.geometry import Pose, invert
+from swarm.geometry import Matrix, Points, Pose, invert
 from worlds.factory import FactoryWorld
 
 Floats = NDArray[np.float64]
@@ -29,13 +29,20 @@ def left_over(pose: Pose, claimed: Pose, ego: Pose, correction: Floats) -> float
     return float(np.linalg.norm((found - true)[:2], axis=0).mean())
 
 
+def correction_of(mine: Points, theirs: Points, own_from_sender: Floats) -> Floats:
+    aligner = Aligner(mine)
+    aligner.add(thinned(outline(theirs)), own_from_sender)
+    (found,) = aligner.corrections()
+    return found
+
+
 def corrected(dx: float, dy: float, turn_deg: float, ego: str, sender: str) -> tuple[float, float]:
     """What is left of a pose error, before and after."""
     mine, theirs = FLOOR.scan(ego, FRAME), FLOOR.scan(sender, FRAME)
     pose = theirs.pose
     claimed = Pose(pose.x + dx, pose.y + dy, pose.z, yaw=pose.yaw + np.radians(turn_deg))
     own_from_sender = invert(mine.pose.matrix()) @ claimed.matrix()
-    found = Aligner(mine.points).correct(thinned(outline(theirs.points)), own_from_sender)
+    found = correction_of(mine.points, theirs.points, own_from_sender)
     return (
         left_over(pose, claimed, mine.pose, np.eye(4)),
         left_over(pose, claimed, mine.pose, found),
@@ -51,11 +58,55 @@ def test_a_wrong_pose_is_corrected_by_what_both_see(dx: float, dy: float, turn_d
     assert after < before / 2
 
 
+def test_a_sender_that_sees_other_things_is_laid_over_the_other_senders() -> None:
+    # Two long corners; the ego sees the first, the middle sender both, the last the second.
+    near = corner(0.0)
+    far = corner(20.0)
+    aligner = Aligner(upright(near))
+    aligner.add(np.concatenate([near[::4], far[::4]]) - [15.0, 0.0], at(15.0, 0.0))
+    aligner.add(far[1::4] + np.array([0.4 - 15.0, 0.3]), at(15.0, 0.0))
+    first, second = aligner.corrections()
+    assert np.array_equal(first, np.eye(4))
+    assert second[:2, 3] == pytest.approx([-0.4, -0.3], abs=0.12)
+
+
+def test_a_sender_that_is_refused_takes_no_place() -> None:
+    near = corner(0.0)
+    aligner = Aligner(upright(near))
+    with pytest.raises(PayloadError):
+        aligner.add(near[::4] * 0.3 + np.array([3.0, 3.0]), at(1.0, 0.0))
+    aligner.add(near[::4] - [15.0, 0.0], at(15.0, 0.0))
+    assert len(aligner.corrections()) == 1
+
+
+def corner(x: float) -> Floats:
+    """Two walls, (N, 2)."""
+    steps = np.linspace(0.0, 10.0, 101)
+    walls = [np.column_stack([x + steps, np.full(101, 8.0)])]
+    walls.append(np.column_stack([np.full(101, x + 5.0), steps - 12.0]))
+    return np.concatenate(walls)
+
+
+def upright(places: Floats) -> Points:
+    """Points (M, 3) of walls over a floor."""
+    walls = [np.column_stack([places, np.full(len(places), z)]) for z in np.linspace(-1, 1, 9)]
+    x, y = np.meshgrid(np.linspace(-20, 30, 120), np.linspace(-20, 20, 120))
+    floor = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -1.2)])
+    return np.concatenate([*walls, floor]).astype(np.float32)
+
+
+def at(x: float, y: float) -> Matrix:
+    """A sender there that looks where the ego looks."""
+    matrix = np.eye(4)
+    matrix[:2, 3] = x, y
+    return matrix
+
+
 def test_a_right_pose_is_left_alone() -> None:
     for ego, sender in (("R1", "R2"), ("R3", "R1"), ("R4", "R2")):
         mine, theirs = FLOOR.scan(ego, FRAME), FLOOR.scan(sender, FRAME)
         own_from_sender = invert(mine.pose.matrix()) @ theirs.pose.matrix()
-        found = Aligner(mine.points).correct(thinned(outline(theirs.points)), own_from_sender)
+        found = correction_of(mine.points, theirs.points, own_from_sender)
         assert np.array_equal(found, np.eye(4))
 
 
@@ -77,7 +128,7 @@ def test_a_near_sender_that_is_somewhere_else_is_refused() -> None:
     mine, theirs = FLOOR.scan("R1", FRAME), FactoryWorld(robots=4, seed=9).scan("R3", FRAME)
     nowhere = Pose(6.0, 5.0, 0.0, yaw=0.7).matrix()
     with pytest.raises(PayloadError, match="does not align"):
-        Aligner(mine.points).correct(thinned(outline(theirs.points)) * 0.7, nowhere)
+        Aligner(mine.points).add(thinned(outline(theirs.points)) * 0.7, nowhere)
 
 
 def test_an_outline_is_even_around_the_robot_and_has_no_ground() -> None:

@@ -27,6 +27,7 @@ from swarm.errors import PerceptionError
 from training.learn import rate_at
 from training.plans import TEST_SEEDS, Plan, plan
 from training.run import Run
+from training.samples import ActorWorld
 from training.stream import Batch, batches, make_batch
 from worlds.factory import FactoryWorld
 from worlds.road import RoadWorld
@@ -312,10 +313,26 @@ def test_streets_for_tests_are_never_drawn(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_batch_of_streets_has_its_vehicles() -> None:
-    batch = make_batch(replace(plan("road"), batch=1), 0)
-    assert batch.fused.heat.shape == (1, 1, *bev_config("road").cells)
+    road = replace(plan("road"), batch=1)
+    batch = make_batch(road, 0)
+    rows, columns = bev_config("road").cells
+    assert road.shown().cells == (rows, columns // 2)
+    assert batch.fused.heat.shape == (1, 1, *road.shown().cells)
     assert len(batch.fused.map) > 0
     assert all(len(cloud) > 20_000 for cloud in batch.clouds)
+
+
+def test_samples_of_one_street_differ() -> None:
+    made: list[RoadWorld] = []
+    road = plan("road")
+
+    def noted(rng: np.random.Generator) -> ActorWorld:
+        made.append(RoadWorld(robots=2, seed=int(rng.integers(1000, 2000))))
+        return made[-1]
+
+    batch = make_batch(replace(road, world=noted, batch=4), 0)
+    assert len(made) == 2
+    assert len({len(cloud) for cloud in batch.clouds}) > 2
 
 
 def test_an_unknown_plan_is_refused_with_those_there_are() -> None:

@@ -2,34 +2,89 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.fusion.alignment import Field, align
 from perception.fusion.outline import standing
 from perception.types import clean_points
+from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points
+
+Floats = NDArray[np.float64]
+
+SETTLED_AGREEMENT = 0.25
+"""A sender whose outline agrees this much with what the ego sees itself is in its place. The others
+see other parts of the floor, which those who are settled show, too."""
 
 
 class Aligner:
-    """Lays senders over the ego's own scan, float32 (N, 3) in its frame."""
+    """Lays senders over the ego's own scan, float32 (N, 3) in its frame, and over each other."""
 
     def __init__(self, own: Points) -> None:
         self._own = own
         self._field: Field | None = None
+        self._senders: list[tuple[Floats, Floats]] = []
+        """Of each: where it believes to see its outline and to stand itself."""
+        self._corrections: list[Matrix] = []
+        self._unsettled: list[int] = []
 
     def prepare(self) -> None:
         """Does what needs no sender."""
         if self._field is None:
             self._field = Field.of(standing(clean_points(self._own)))
 
-    def correct(self, places: NDArray[np.float64], own_from_sender: Matrix) -> Matrix:
-        """The correction, 4 x 4 in the ego's frame, of a sender with this outline (N, 2) in its own
-        frame, metres; the identity where nothing better can be told.
+    def add(self, places: Floats, own_from_sender: Matrix) -> None:
+        """A sender with this outline (N, 2), metres in its own frame.
 
-        Raises PayloadError for a sender that does not align.
+        Raises PayloadError for one that does not align, which counts as never added.
         """
         self.prepare()
         assert self._field is not None
-        there = places @ own_from_sender[:2, :2].T + own_from_sender[:2, 3]
-        return align(self._field, there, own_from_sender[:2, 3])
+        there = _moved(places, own_from_sender)
+        sender = own_from_sender[:2, 3]
+        correction = align(self._field, there, sender)
+        here = _moved(there, correction)
+        if not len(here) or float(self._field.at(here).mean()) < SETTLED_AGREEMENT:
+            self._unsettled.append(len(self._senders))
+        self._senders.append((there, sender))
+        self._corrections.append(correction)
+
+    def corrections(self) -> list[Matrix]:
+        """The corrections, 4 x 4 in the ego's frame, in the order of `add`; the identity where
+        nothing better can be told."""
+        settled = [
+            _moved(there, correction)
+            for i, ((there, _), correction) in enumerate(
+                zip(self._senders, self._corrections, strict=True)
+            )
+            if i not in self._unsettled
+        ]
+        if not settled or not self._unsettled:
+            return self._corrections
+        assert self._field is not None
+        field = self._field.and_of(np.concatenate(settled))
+        for i in self._unsettled:
+            try:
+                self._corrections[i] = align(field, *self._senders[i])
+            except PayloadError:
+                # It was let in by what the ego sees itself, and the others may err.
+                continue
+        self._unsettled.clear()
+        return self._corrections
+
+
+def corrected(own_from_senders: Sequence[Matrix], aligner: Aligner | None) -> list[Matrix]:
+    """Senders in the ego's frame as the aligner has them, which knows them in this order; as they
+    were told without one."""
+    if aligner is None:
+        return list(own_from_senders)
+    corrections = aligner.corrections()
+    return [by @ sender for by, sender in zip(corrections, own_from_senders, strict=True)]
+
+
+def _moved(places: Floats, by: Matrix) -> Floats:
+    moved: Floats = places @ by[:2, :2].T + by[:2, 3]
+    return moved

@@ -66,8 +66,13 @@ class Field:
         inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
         image[row[inside], column[inside]] = 1.0
         # The nearest place's Gaussian, one axis after the other: it is a product of both.
-        image = _spread(_spread(image).T).T
+        image = np.ascontiguousarray(_spread(_spread(image).T).T)
         return cls(image, np.log(STRAY + image))
+
+    def and_of(self, places: NDArray[np.floating]) -> Field:
+        """This field and that of more places together."""
+        image = np.maximum(self.likelihood, Field.of(places).likelihood)
+        return Field(image, np.log(STRAY + image))
 
     def at(self, places: Floats) -> NDArray[np.float32]:
         """The likelihood at places (..., 2); beyond the field that at its edge."""

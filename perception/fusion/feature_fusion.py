@@ -21,7 +21,7 @@ from perception.detector.codebook import from_codes, to_codes
 from perception.detector.config import configuration
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
-from perception.fusion.aligner import Aligner
+from perception.fusion.aligner import Aligner, corrected
 from perception.fusion.base import (
     Ask,
     Contribution,
@@ -109,7 +109,7 @@ class _Maps(Gathering):
         self._world_from_own = world_from_own
         self._reference = pose_of(world_from_own)
         self._points = own
-        self._aligner = Aligner(own)
+        self._aligner = Aligner(own) if fusion.corrects else None
         self._own_map: Tensor | None = None
         self._maps: list[Tensor] = []
         self._present: list[Tensor] = []
@@ -122,7 +122,7 @@ class _Maps(Gathering):
 
     def prepare(self) -> None:
         _ = self._own
-        if self._fusion.corrects:
+        if self._aligner is not None:
             self._aligner.prepare()
 
     @property
@@ -149,26 +149,32 @@ class _Maps(Gathering):
         present = torch.from_numpy(block.present)
         sent = torch.zeros(*shape, FEATURES)
         sent[present] = cells
-        features = sent.permute(2, 0, 1)
         own_from_sender = invert(self._world_from_own) @ contribution.world_from_sensor
-        if self._fusion.corrects:
-            found = self._aligner.correct(places, own_from_sender)
-            own_from_sender = found @ own_from_sender
-            if not np.array_equal(found, np.eye(4)):
-                config = self._detector.config
-                half = (config.half_x_m, config.half_y_m)
-                features, present = moved(features, present, half, found)
-        self._maps.append(features)
+        if self._aligner is not None:
+            self._aligner.add(places, own_from_sender)
+        self._maps.append(sent.permute(2, 0, 1))
         self._present.append(present)
         self._senders.append(own_from_sender)
 
     def finish(self) -> Boxes:
         fused = self._own
+        senders = corrected(self._senders, self._aligner)
         if self._maps:
             everywhere = torch.ones(self._detector.config.cells, dtype=torch.bool)
             with torch.inference_mode():
-                maps = torch.stack([fused, *self._maps])
-                fused = self._fusion.fuse_maps(maps, torch.stack([everywhere, *self._present]))
+                maps, present = self._corrected()
+                here = torch.stack([everywhere, *present])
+                fused = self._fusion.fuse_maps(torch.stack([fused, *maps]), here)
         found = without_own(self._detector.decode(fused), self._own_body_m)
-        found = with_participants(found, self._senders, self._carrier)
+        found = with_participants(found, senders, self._carrier)
         return found.transformed(self._world_from_own)
+
+    def _corrected(self) -> tuple[list[Tensor], list[Tensor]]:
+        """The maps and which of their cells are present, moved where poses are corrected."""
+        maps, present = list(self._maps), list(self._present)
+        config = self._detector.config
+        half = (config.half_x_m, config.half_y_m)
+        for i, by in enumerate(self._aligner.corrections() if self._aligner else ()):
+            if not np.array_equal(by, np.eye(4)):
+                maps[i], present[i] = moved(maps[i], present[i], half, by)
+        return maps, present

@@ -21,9 +21,14 @@ def attend(maps: Tensor, present: Tensor) -> Tensor:
     maps: float32 (K, C, rows, columns), the ego's first; present: bool (K, rows, columns), which
     cells each robot has sent, the ego's all. Returns (C, rows, columns).
     """
-    scores = (maps[:1] * maps).sum(dim=1) / math.sqrt(maps.shape[1])
+    # One map after the other stays in the processor's cache.
+    own = maps[0]
+    scores = torch.stack([(own * one).sum(dim=0) for one in maps]) / math.sqrt(len(own))
     weights = torch.softmax(scores.masked_fill(~present, -math.inf), dim=0)
-    return (weights[:, None] * maps).sum(dim=0)
+    fused = weights[0] * own
+    for weight, one in zip(weights[1:], maps[1:], strict=True):
+        fused = torch.addcmul(fused, weight, one)
+    return fused
 
 
 def moved(
@@ -54,4 +59,7 @@ def moved(
 
 def strongest(maps: Tensor, present: Tensor) -> Tensor:
     """The largest value of each channel (F-Cooper: Chen et al., SEC 2019); as `attend`."""
-    return (maps * present[:, None]).amax(dim=0)
+    fused = maps[0]
+    for one, here in zip(maps[1:], present[1:], strict=True):
+        fused = torch.maximum(fused, one * here)
+    return fused

@@ -7,7 +7,7 @@ import numpy as np
 from perception.codec.outlined import add_outline, take_outline
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
 from perception.detector.finders import Finder
-from perception.fusion.aligner import Aligner
+from perception.fusion.aligner import Aligner, corrected
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
 from perception.fusion.outline import outline, thinned
@@ -57,8 +57,10 @@ class _MergedCloud(Gathering):
         self._aligner = aligner
         self._world_from_own = world_from_own
         self._own_from_world = invert(world_from_own)
-        self._clouds = [clean_points(own)]
-        self._own_from_senders: list[Matrix] = []
+        self._own = own
+        self._clouds: list[Points] = []
+        self._senders: list[Matrix] = []
+        """Of each cloud: its sensor in the ego's frame, as it was told."""
 
     def prepare(self) -> None:
         if self._aligner is not None:
@@ -69,14 +71,20 @@ class _MergedCloud(Gathering):
         points = decode_points(payload, MAX_POINTS)
         own_from_sensor = self._own_from_world @ contribution.world_from_sensor
         if self._aligner is not None:
-            own_from_sensor = self._aligner.correct(places, own_from_sensor) @ own_from_sensor
-        self._clouds.append(clean_points(transform(own_from_sensor, points)))
-        self._own_from_senders.append(own_from_sensor)
+            self._aligner.add(places, own_from_sensor)
+        self._clouds.append(points)
+        self._senders.append(own_from_sensor)
 
     def finish(self) -> Boxes:
-        found = self._finder.find(np.concatenate(self._clouds), self._own_from_senders)
+        senders = corrected(self._senders, self._aligner)
+        others = [
+            clean_points(transform(sender, cloud))
+            for sender, cloud in zip(senders, self._clouds, strict=True)
+        ]
+        merged = np.concatenate([clean_points(self._own), *others])
+        found = self._finder.find(merged, senders)
         found = without_own(found, self._finder.config.own_body_m)
-        found = with_participants(found, self._own_from_senders, self._finder.config.carrier)
+        found = with_participants(found, senders, self._finder.config.carrier)
         return found.transformed(self._world_from_own)
 
 

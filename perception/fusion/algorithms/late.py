@@ -8,11 +8,11 @@ from perception.boxes import weighted_fusion
 from perception.codec.boxes import decode_boxes, encode_boxes
 from perception.codec.outlined import add_outline, take_outline
 from perception.detector.finders import Finder
-from perception.fusion.aligner import Aligner
+from perception.fusion.aligner import Aligner, corrected
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
 from perception.fusion.outline import outline, thinned
-from perception.fusion.participants import with_participants
+from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, invert
@@ -48,7 +48,7 @@ class LateFusion(Fusion):
 
 
 class _MergedBoxes(Gathering):
-    """Boxes in the world frame, merged where they overlap."""
+    """Boxes in the ego's frame, merged where they overlap."""
 
     def __init__(
         self, finder: Finder, own: Points, world_from_own: Matrix, aligner: Aligner | None
@@ -56,6 +56,7 @@ class _MergedBoxes(Gathering):
         self._config = finder.config
         self._aligner = aligner
         self._world_from_own = world_from_own
+        self._own_from_world = invert(world_from_own)
         self._finder = finder
         self._points = own
         self._own: Boxes | None = None
@@ -66,30 +67,30 @@ class _MergedBoxes(Gathering):
         if self._aligner is not None:
             self._aligner.prepare()
         if self._own is None:
-            found = self._finder.find(clean_points(self._points))
-            self._own = found.transformed(self._world_from_own)
+            self._own = self._finder.find(clean_points(self._points))
 
     def add(self, contribution: Contribution) -> None:
         payload, places = take_outline(contribution.payload)
         boxes = decode_boxes(payload)
         if len(boxes) > MAX_BOXES:
             raise PayloadError(f"{len(boxes)} boxes in one scan; allowed: {MAX_BOXES}")
-        world_from_sensor = contribution.world_from_sensor
+        own_from_sensor = self._own_from_world @ contribution.world_from_sensor
         if self._aligner is not None:
-            own_from_sensor = invert(self._world_from_own) @ world_from_sensor
-            correction = self._aligner.correct(places, own_from_sensor)
-            world_from_sensor = self._world_from_own @ correction @ own_from_sensor
-        self._parts.append(boxes.transformed(world_from_sensor))
-        self._senders.append(world_from_sensor)
+            self._aligner.add(places, own_from_sensor)
+        self._parts.append(boxes)
+        self._senders.append(own_from_sensor)
 
     def finish(self) -> Boxes:
         self.prepare()
         assert self._own is not None
-        fused = weighted_fusion(Boxes.concatenate([self._own, *self._parts]))
-        # The others see the ego; it does not report itself.
-        from_ego = fused.centers[:, :2] - self._world_from_own[:2, 3]
-        others = fused.take(np.hypot(*from_ego.T) > self._config.own_body_m)
-        return with_participants(others, self._senders, self._config.carrier)
+        senders = corrected(self._senders, self._aligner)
+        others = [
+            boxes.transformed(sender) for sender, boxes in zip(senders, self._parts, strict=True)
+        ]
+        fused = weighted_fusion(Boxes.concatenate([self._own, *others]))
+        fused = without_own(fused, self._config.own_body_m)
+        fused = with_participants(fused, senders, self._config.carrier)
+        return fused.transformed(self._world_from_own)
 
 
 def fusion(detector: str) -> Fusion:
