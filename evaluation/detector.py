@@ -34,8 +34,8 @@ UNCORRECTED_M = (0.0, 0.4)
 DELAYS_S = (0.1, 0.3, 0.5)
 CLEAN = Disturbance()
 AP_KEYS = ("ap_30", "ap_50", "ap_70")
-BY_ROBOTS = ("early", "late", "intermediate")
-"""Algorithms that are measured with every number of robots."""
+TYPICAL = ("early", "late", "intermediate")
+"""Algorithms that are also measured with every number of robots, and without correction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +65,12 @@ def cases(world: str, algorithms: Sequence[str]) -> list[Case]:
     for name in fusions:
         rows += [Case(name, most, Disturbance(pose_noise_m=sigma)) for sigma in POSE_SIGMAS_M]
         rows += [Case(name, most, Disturbance(delay_s=delay)) for delay in DELAYS_S]
+    for name in (name for name in fusions if name in TYPICAL):
         rows += [
             Case(name, most, Disturbance(pose_noise_m=sigma), corrected=False)
             for sigma in UNCORRECTED_M
         ]
-    rows += [Case(name, n) for name in fusions if name in BY_ROBOTS for n in range(2, most)]
+        rows += [Case(name, n) for n in range(2, most)]
     return rows
 
 

@@ -15,8 +15,8 @@ ROBOTS = {"factory": 6, "road": 2, "opv2v": 2}
 """That take part, the ego included."""
 FRAMES_OF_WORLD = 5
 """Frames of one floor or street, as far apart as it allows."""
-FIRST_FRAME = 6
-"""Contributions of half a second ago must exist."""
+FIRST_FRAME = 9
+"""Contributions of half a second ago must exist, and those of the ego's frame before."""
 
 
 @dataclass(frozen=True, slots=True)
