@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm.errors import WorldError
-from swarm.geometry import TWO_PI, Points, Pose
+from swarm.geometry import TWO_PI, Pose
 from worlds.factory.actors import Solids
 from worlds.factory.layout import Floor, triangles
+from worlds.returns import Returns
 
 Floats = NDArray[np.float64]
 Rays = NDArray[np.float32]
@@ -32,15 +32,6 @@ STATIC = -1
 """Index of everything that is no actor."""
 
 
-@dataclass(frozen=True, slots=True)
-class Returns:
-    """What came back: points in the sensor's frame, ring by ring from the lowest, each ring in
-    ascending azimuth from 0, with the actor that each point lies on."""
-
-    points: Points
-    actors: NDArray[np.int16]
-
-
 class Lidar:
     """Shoots scans on one floor. Safe to use from several threads."""
 
@@ -56,7 +47,8 @@ class Lidar:
         self._scene: Any = None
 
     def shoot(self, pose: Pose, own: int, bodies: Solids, rng: np.random.Generator) -> Returns:
-        """One scan from a pose without roll and pitch.
+        """One scan from a pose without roll and pitch: ring by ring from the lowest, each ring in
+        ascending azimuth from 0.
 
         `own` is the actor that carries the sensor: it is not seen.
         """

@@ -15,10 +15,11 @@ from worlds.base import GroundTruth, Scan
 from worlds.cache import ScanCache
 from worlds.factory.actors import SENSOR_HEIGHT_M, Solids, solids, true_boxes
 from worlds.factory.layout import build_floor
-from worlds.factory.lidar import RANGE_M, RINGS, Lidar, Returns
+from worlds.factory.lidar import RANGE_M, RINGS, Lidar
 from worlds.factory.paths import Motion
 from worlds.factory.scenarios import PERIOD_S, cast, check_scenario, link_rate_bps
 from worlds.recent import Recent
+from worlds.returns import Returns, kept_returns
 
 RATE_HZ = 10.0
 ROBOTS_ALLOWED = (2, 100)
@@ -143,22 +144,13 @@ class FactoryWorld:
 
     def _returns(self, index: int, frame: int) -> Returns:
         name = f"{self._file_key}-{self.robots[index]}-{frame:04d}"
-        kept = self._cache.read(name, columns=4) if self._cache else None
-        if kept is not None:
-            found = Returns(np.ascontiguousarray(kept[:, :3]), kept[:, 3].astype(np.int16))
-        else:
-            found = self._lidar.shoot(
-                self.pose(self.robots[index], frame),
-                index,
-                self._bodies(frame),
-                np.random.default_rng((*self._noise_key, index, frame)),
-            )
-            if self._cache:
-                actors = found.actors.astype(np.float32)
-                self._cache.write(name, np.column_stack([found.points, actors]))
-        found.points.setflags(write=False)
-        found.actors.setflags(write=False)
-        return found
+
+        def shoot() -> Returns:
+            pose = self.pose(self.robots[index], frame)
+            rng = np.random.default_rng((*self._noise_key, index, frame))
+            return self._lidar.shoot(pose, index, self._bodies(frame), rng)
+
+        return kept_returns(self._cache, name, shoot)
 
     def _truth(self, frame: int) -> GroundTruth:
         visible = np.zeros(len(self._actors), dtype=np.int64)

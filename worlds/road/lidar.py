@@ -5,14 +5,14 @@ Settings are those that OPV2V publishes with every scenario (data_protocol.yaml,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm.errors import WorldError
-from swarm.geometry import TWO_PI, Points, Pose
+from swarm.geometry import TWO_PI, Pose
+from worlds.returns import Returns
 from worlds.road.meshes import Mesh
 
 RINGS = 64
@@ -29,15 +29,6 @@ STATIC = -1
 """Index of everything that is no actor."""
 
 
-@dataclass(frozen=True, slots=True)
-class Returns:
-    """What came back: points in the sensor's frame, ring by ring from the highest, each ring
-    clockwise, and the actor that each point lies on."""
-
-    points: Points
-    actors: NDArray[np.int16]
-
-
 class Scene:
     """All surfaces at one moment."""
 
@@ -52,7 +43,8 @@ class Scene:
             )
 
     def shoot(self, pose: Pose, rng: np.random.Generator) -> Returns:
-        """One scan; all rays leave at once, from a random first azimuth."""
+        """One scan; all rays leave at once. Ring by ring from the highest, each ring clockwise from
+        a random first azimuth."""
         azimuth = rng.uniform(0.0, TWO_PI) - np.arange(COLUMNS) * (TWO_PI / COLUMNS)
         flat, up = np.cos(ELEVATIONS)[:, None], np.sin(ELEVATIONS)[:, None]
         towards = np.stack(

@@ -14,7 +14,8 @@ from swarm.geometry import Pose, wrap_heading
 from worlds.base import GroundTruth, Scan
 from worlds.cache import ScanCache
 from worlds.recent import Recent
-from worlds.road.lidar import RANGE_M, Returns, Scene
+from worlds.returns import Returns, kept_returns
+from worlds.road.lidar import RANGE_M, Scene
 from worlds.road.meshes import Mesh, join
 from worlds.road.streets import plan_street
 from worlds.road.surroundings import surroundings
@@ -153,18 +154,12 @@ class RoadWorld:
 
     def _returns(self, index: int, frame: int) -> Returns:
         name = f"{self._file_key}-{self.robots[index]}-{frame:04d}"
-        kept = self._cache.read(name, columns=4) if self._cache else None
-        if kept is not None:
-            found = Returns(np.ascontiguousarray(kept[:, :3]), kept[:, 3].astype(np.int16))
-        else:
+
+        def shoot() -> Returns:
             rng = np.random.default_rng((self._seed, 3, index, frame))
-            found = self._scene(frame).shoot(self.pose(self.robots[index], frame), rng)
-            if self._cache:
-                actors = found.actors.astype(np.float32)
-                self._cache.write(name, np.column_stack([found.points, actors]))
-        found.points.setflags(write=False)
-        found.actors.setflags(write=False)
-        return found
+            return self._scene(frame).shoot(self.pose(self.robots[index], frame), rng)
+
+        return kept_returns(self._cache, name, shoot)
 
     def _truth(self, frame: int) -> GroundTruth:
         visible = np.zeros(len(self._actors), dtype=np.int64)
