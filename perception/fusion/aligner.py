@@ -19,6 +19,9 @@ SETTLED_AGREEMENT = 0.25
 """A sender whose outline agrees this much with what the ego sees itself is in its place. The others
 see other parts of the floor, which those who are settled show, too."""
 
+SECOND_HAND_GAIN = 4.0
+"""What others show of a place they are in themselves is weaker evidence: see `align`."""
+
 
 class Aligner:
     """Lays senders over the ego's own scan, float32 (N, 3) in its frame, and over each other."""
@@ -68,7 +71,7 @@ class Aligner:
         field = self._field.and_of(np.concatenate(settled))
         for i in self._unsettled:
             try:
-                self._corrections[i] = align(field, *self._senders[i])
+                self._corrections[i] = align(field, *self._senders[i], SECOND_HAND_GAIN)
             except PayloadError:
                 # It was let in by what the ego sees itself, and the others may err.
                 continue

@@ -37,7 +37,7 @@ TURNS_RAD = np.radians(np.arange(-1.8, 1.81, 0.6))
 FINE_SHIFTS_M = np.arange(-0.12, 0.121, 0.04)
 FINE_TURNS_RAD = np.radians(np.arange(-0.45, 0.451, 0.15))
 MIN_GAIN = 2.0
-"""By how much a correction's log likelihood must exceed that of none."""
+"""By how much a correction's log likelihood must exceed that of none, unless told otherwise."""
 STILL_M = 0.08
 STILL_RAD = np.radians(0.25)
 """Smaller corrections are within the outlines' own error."""
@@ -88,7 +88,7 @@ class Field:
         return flat
 
 
-def align(field: Field, places: Floats, sender: Floats) -> Matrix:
+def align(field: Field, places: Floats, sender: Floats, min_gain: float = MIN_GAIN) -> Matrix:
     """The correction, 4 x 4 in the ego's frame, of a sender that believes to stand at `sender` (2,)
     and to see `places` (N, 2), metres; the identity where nothing better can be told.
 
@@ -110,7 +110,7 @@ def align(field: Field, places: Floats, sender: Floats) -> Matrix:
             f"agrees with the ego's to {agreement:.2f}; at least {MIN_AGREEMENT} is needed"
         )
     small = np.hypot(x, y) < STILL_M and abs(turn) < STILL_RAD
-    if small or scores.max() - still < MIN_GAIN:
+    if small or scores.max() - still < min_gain:
         return np.eye(4)
     matrix = np.eye(4)
     cos, sin = np.cos(turn), np.sin(turn)
