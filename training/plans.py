@@ -69,7 +69,7 @@ def _road(rng: np.random.Generator) -> ActorWorld:
 _PLANS = (
     Plan("factory", _factory, reach_m=45.0, steps=3000, batch=4, rate=2e-3, seed=1),
     Plan(
-        "road", _road, reach_m=70.0, steps=2200, batch=4, rate=2e-3, seed=2,
+        "road", _road, reach_m=70.0, steps=1600, batch=4, rate=2e-3, seed=2,
         samples_of_world=2, part_x_m=70.4,
     ),
 )  # fmt: skip
