@@ -149,6 +149,8 @@ class _Maps(Gathering):
         present = torch.from_numpy(block.present)
         sent = torch.zeros(*shape, FEATURES)
         sent[present] = cells
+        # A robot says nothing about cells without any feature: it has no point near.
+        present &= sent.amax(dim=-1) > 0.0
         own_from_sender = invert(self._world_from_own) @ contribution.world_from_sensor
         if self._aligner is not None:
             self._aligner.add(places, own_from_sender)
