@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -82,9 +82,11 @@ def measure(part: Part, rows: Sequence[Case]) -> list[Tally]:
         kind: _fusion(*kind, world.detector) for kind in {(r.algorithm, r.corrected) for r in rows}
     }
     tallies = [Tally() for _ in rows]
+    # Rows of one disturbance share feature maps, which are kept for a while.
+    order = sorted(zip(rows, tallies, strict=True), key=lambda pair: astuple(pair[0].disturbance))
     for frame in part.frames:
         robots = nearest_first(world, ego, frame)
-        for row, tally in zip(rows, tallies, strict=True):
+        for row, tally in order:
             fusion = fusions[row.algorithm, row.corrected]
             fused = fuse_frame(world, frame, ego, robots[: row.robots], fusion, row.disturbance)
             tally.add(*judge(world, frame, ego, fused.boxes), fused.bytes.values())

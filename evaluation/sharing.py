@@ -21,7 +21,7 @@ from perception.fusion.detectors import shared_finder
 from perception.types import Boxes
 from swarm.geometry import Matrix, Points
 
-MOST_MAPS = 48
+MOST_MAPS = 64
 """A road's map takes 4.5 MB."""
 MOST_PAYLOADS = 400
 
