@@ -126,13 +126,13 @@ def nms(boxes: Boxes, max_iou: float = 0.1) -> Boxes:
     return ranked.take(alive)
 
 
-def weighted_fusion(boxes: Boxes, min_iou: float = 0.15) -> Boxes:
+def weighted_fusion(boxes: Boxes, min_iou: float = 0.15, *, independent: bool = True) -> Boxes:
     """Merges boxes that overlap by at least `min_iou` in BEV into their score-weighted mean.
 
     After "Weighted boxes fusion" (Solovyev et al., 2021): groups form around the best-scored box;
     centres and sizes are averaged with the scores as weights, headings modulo pi, since a
     rectangle looks the same turned by half. The label is the best box's. Independent witnesses
-    raise the score: 1 - product of (1 - score).
+    raise the score: 1 - product of (1 - score); where they are not, the best score stays.
     """
     ranked = boxes.take(np.argsort(-boxes.scores, kind="stable"))
     iou = iou_bev(ranked, ranked)
@@ -143,19 +143,20 @@ def weighted_fusion(boxes: Boxes, min_iou: float = 0.15) -> Boxes:
             members = np.flatnonzero(free & ((iou[i] >= min_iou) | (np.arange(len(ranked)) == i)))
             free[members] = False
             groups.append(members)
-    return Boxes.concatenate([_merge(ranked.take(members)) for members in groups])
+    return Boxes.concatenate([_merge(ranked.take(members), independent) for members in groups])
 
 
-def _merge(group: Boxes) -> Boxes:
+def _merge(group: Boxes, independent: bool) -> Boxes:
     weights = np.maximum(group.scores, _EPSILON)
     weights = weights / weights.sum()
     best = group.headings[0]
     doubled = 2.0 * (group.headings - best)
     turn = np.arctan2((weights * np.sin(doubled)).sum(), (weights * np.cos(doubled)).sum()) / 2.0
+    score = 1.0 - np.prod(1.0 - group.scores) if independent else group.scores.max()
     return Boxes(
         centers=(weights @ group.centers)[None],
         sizes=(weights @ group.sizes)[None],
         headings=np.array([wrap_heading(float(best + turn))]),
-        scores=np.array([1.0 - np.prod(1.0 - group.scores)]),
+        scores=np.array([score]),
         labels=group.labels[:1],
     )

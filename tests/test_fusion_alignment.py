@@ -70,6 +70,26 @@ def test_a_sender_that_sees_other_things_is_laid_over_the_other_senders() -> Non
     assert second[:2, 3] == pytest.approx([-0.4, -0.3], abs=0.12)
 
 
+def test_what_lies_beyond_the_ego_s_field_is_no_evidence() -> None:
+    # The ego sees a wall at its edge; the sender one of the same shape far behind it.
+    places = np.column_stack([np.full(101, 44.9), np.linspace(5.0, 15.0, 101)])
+    field = Field.of(places)
+    assert field.at(np.array([[100.0, 10.0], [44.9, 10.0]])) == pytest.approx([0.0, 1.0])
+    theirs = np.column_stack([np.linspace(52.0, 95.0, 72), np.linspace(6.2, 16.2, 72)])
+    assert np.array_equal(align(field, theirs, np.array([60.0, 0.0])), np.eye(4))
+
+
+def test_what_the_ego_corrected_itself_stays_when_others_show_nothing_new() -> None:
+    near = corner(0.0)
+    aligner = Aligner(upright(near))
+    aligner.add(near[::4] - [15.0, 0.0], at(15.0, 0.0))
+    # Eight places are the ego's corner: enough for the ego's word, too few for that of others.
+    known = near[np.linspace(5, 195, 8).astype(int)] + np.array([0.4, 0.0])
+    strange = np.random.default_rng(0).uniform(25.0, 40.0, (40, 2))
+    aligner.add(np.concatenate([known, strange]) - [15.0, 0.0], at(15.0, 0.0))
+    assert aligner.corrections()[1][:2, 3] == pytest.approx([-0.4, 0.0], abs=0.15)
+
+
 def test_a_sender_that_is_refused_takes_no_place() -> None:
     near = corner(0.0)
     aligner = Aligner(upright(near))

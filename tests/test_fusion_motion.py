@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from evaluation.cooperative import SINGLE, Disturbance, fuse_frame, judge
 from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
+from perception.fusion.participants import without_own
 from perception.fusion.tracks import FORGOTTEN_S, Tracks
 from perception.metrics import average_precision
 from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
-from swarm.geometry import Matrix, Points, Pose
+from swarm.geometry import Matrix, Points, Pose, invert
 from worlds.factory import FactoryWorld
 
 
@@ -74,6 +75,30 @@ class TestTracks:
         later = 0.4 + FORGOTTEN_S + 0.1
         assert not tracks.update(boxes((later, 0)), later).any()
 
+    def test_the_older_of_two_ages_is_followed_too(self) -> None:
+        tracks = Tracks(1.0)
+        for i in range(20):
+            now = i / 10
+            tracks.update(boxes((-5, 0)), now - 0.1)
+            told = tracks.update(boxes((5 + now - 0.3, 0)), now - 0.3)
+        assert told[0] == pytest.approx([1, 0], abs=0.1)
+
+    def test_doubtful_boxes_are_not_followed(self) -> None:
+        tracks = Tracks(1.0)
+        for i in range(10):
+            told = tracks.update(boxes((i / 10, 0), score=0.05), i / 10)
+        assert not told.any()
+
+    def test_a_flood_of_boxes_leaves_the_best_followed(self) -> None:
+        tracks = Tracks(1.0)
+        rng = np.random.default_rng(0)
+        for i in range(6):
+            flood = boxes(*rng.uniform(50, 500, (1000, 2)).tolist(), score=0.3)
+            sure = boxes((i / 10, 0))
+            told = tracks.update(Boxes.concatenate([flood, sure]), i / 10)
+        assert told[-1] == pytest.approx([1, 0], abs=0.25)
+        assert (told[:-1] == 0).all(axis=1).sum() >= 800
+
     def test_nothing_seen_is_no_error(self) -> None:
         tracks = Tracks(1.0)
         tracks.update(Boxes.empty(), 0.0)
@@ -94,11 +119,12 @@ class Places(Fusion):
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         self.begun.append((own, world_from_own))
-        return _Places()
+        return _Places(world_from_own)
 
 
 class _Places(Gathering):
-    def __init__(self) -> None:
+    def __init__(self, world_from_own: Matrix) -> None:
+        self._world_from_own = world_from_own
         self._found: list[tuple[float, float]] = []
 
     def ask(self) -> Ask:
@@ -111,7 +137,8 @@ class _Places(Gathering):
         self._found.append((float(x), float(y)))
 
     def finish(self) -> Boxes:
-        return boxes(*self._found)
+        found = boxes(*self._found).transformed(invert(self._world_from_own))
+        return without_own(found, 0.6, self.stood_at).transformed(self._world_from_own)
 
 
 def own_at(time_s: float, x: float = 0.0) -> OwnScan:
@@ -177,13 +204,53 @@ def test_a_refused_late_contribution_leaves_no_trace() -> None:
     assert gathering.finish().scores == pytest.approx([0.9])
 
 
-def test_a_clock_that_was_put_back_forgets_the_scans_of_the_future() -> None:
+def test_a_clock_that_was_put_back_forgets_what_lies_in_the_future() -> None:
     motion, fusion = MotionCompensation("factory"), Places()
-    motion.remember(own_at(100.0))
+    for i in range(20):
+        gathering = motion.begin(fusion, own_at(1000 + i / 10))
+        gathering.add(seen_at(i / 10, 7, 0.0))
+        gathering.finish()
+    for i in range(20):
+        # Now it stands still.
+        gathering = motion.begin(fusion, own_at(1 + i / 10))
+        gathering.add(seen_at(1.9, 7, 0.3 if i > 3 else 0.0))
+        found = gathering.finish()
+    assert found.centers[0, :2] == pytest.approx([1.9, 7], abs=0.02)
+
+
+@pytest.mark.parametrize("age_s", [3600.0, 0.9, -0.9])
+def test_a_contribution_of_no_time_that_the_ego_knows_is_refused(age_s: float) -> None:
+    motion, fusion = MotionCompensation("factory"), Places()
+    motion.remember(own_at(0.9))
     gathering = motion.begin(fusion, own_at(1.0))
-    gathering.add(seen_at(1, 2, -99.0))
-    assert len(fusion.begun) == 1
-    assert len(gathering.finish()) == 1
+    with pytest.raises(PayloadError, match=f"captured {age_s:.1f} s before"):
+        gathering.add(seen_at(1, 2, age_s))
+    assert len(gathering.finish()) == 0
+
+
+def test_of_scans_as_near_the_newer_is_taken() -> None:
+    motion, fusion = MotionCompensation("factory"), Places()
+    for second in range(1, 30):
+        motion.remember(own_at(second + 0.8))
+        gathering = motion.begin(fusion, own_at(second + 1.0))
+        gathering.add(seen_at(1, 2, 0.1))
+    assert len(fusion.begun) == 29
+
+
+def test_what_past_and_present_show_is_one_object_no_surer_than_each() -> None:
+    motion, fusion = MotionCompensation("factory"), Places()
+    motion.remember(own_at(0.5))
+    gathering = motion.begin(fusion, own_at(1.0))
+    gathering.add(seen_at(3.0, 4.0, 0.5))
+    gathering.add(seen_at(3.0, 4.0, 0.5))
+    gathering.add(seen_at(3.2, 4.0, 0.0))
+    gathering.add(seen_at(8.0, 8.0, 0.0))
+    found = gathering.finish()
+    assert len(found) == 2
+    assert found.scores.max() == pytest.approx(0.9)
+    # Two robots and the ego weigh as much as one and the ego, twice.
+    assert 3.0 < found.centers[0, 0] < 3.15
+    assert found.centers[1, :2] == pytest.approx([8, 8])
 
 
 def test_an_unknown_detector_is_named() -> None:

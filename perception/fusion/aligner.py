@@ -71,10 +71,12 @@ class Aligner:
         field = self._field.and_of(np.concatenate(settled))
         for i in self._unsettled:
             try:
-                self._corrections[i] = align(field, *self._senders[i], SECOND_HAND_GAIN)
+                found = align(field, *self._senders[i], SECOND_HAND_GAIN)
             except PayloadError:
                 # It was let in by what the ego sees itself, and the others may err.
                 continue
+            if not np.array_equal(found, np.eye(4)):
+                self._corrections[i] = found
         self._unsettled.clear()
         return self._corrections
 

@@ -19,7 +19,9 @@ from swarm.geometry import Matrix
 Floats = NDArray[np.float64]
 
 CELL_M = 0.15
-REACH_M = 45.0
+REACH_M = 48.45
+"""Half of the field's side: an outline's reach and a border that stays empty, to which everything
+beyond is counted."""
 SPREAD_M = 0.15
 """Distance at which a place agrees less, one standard deviation."""
 SPREAD_CELLS = 3
@@ -33,6 +35,7 @@ INDEPENDENT = 0.3
 """Points of one wall tell the same: so much does each count."""
 SHIFT_CELLS = 11
 """The first search shifts by whole cells, this many each way."""
+BORDER = 2 * SHIFT_CELLS + 1
 TURNS_RAD = np.radians(np.arange(-1.8, 1.81, 0.6))
 FINE_SHIFTS_M = np.arange(-0.12, 0.121, 0.04)
 FINE_TURNS_RAD = np.radians(np.arange(-0.45, 0.451, 0.15))
@@ -44,7 +47,7 @@ STILL_RAD = np.radians(0.25)
 MIN_POINTS = 40
 """Fewer show too little: two sides of one car, each seen by one of two, fit in many ways."""
 NEAR_M = 12.0
-MIN_AGREEMENT = 0.12
+MIN_AGREEMENT = 0.25
 """A sender this near whose outline agrees less with the ego's is not where it says."""
 
 
@@ -67,6 +70,8 @@ class Field:
         image[row[inside], column[inside]] = 1.0
         # The nearest place's Gaussian, one axis after the other: it is a product of both.
         image = np.ascontiguousarray(_spread(_spread(image).T).T)
+        image[:BORDER] = image[-BORDER:] = 0.0
+        image[:, :BORDER] = image[:, -BORDER:] = 0.0
         return cls(image, np.log(STRAY + image))
 
     def and_of(self, places: NDArray[np.floating]) -> Field:
@@ -75,12 +80,12 @@ class Field:
         return Field(image, np.log(STRAY + image))
 
     def at(self, places: Floats) -> NDArray[np.float32]:
-        """The likelihood at places (..., 2); beyond the field that at its edge."""
+        """The likelihood at places (..., 2); 0 beyond the field."""
         return self.likelihood.reshape(-1)[self.index(places)]
 
     def index(self, places: Floats, margin: int = 0) -> NDArray[np.intp]:
-        """Where places (..., 2) lie in the flattened field, `margin` cells from its edge at
-        least."""
+        """Where places (..., 2) lie in the flattened field; those beyond lie in its border,
+        `margin` cells from the edge."""
         side = len(self.likelihood)
         cells = np.floor((places + REACH_M) / CELL_M).astype(np.intp)
         cells = np.clip(cells, margin, side - 1 - margin)

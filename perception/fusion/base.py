@@ -63,6 +63,10 @@ class FusionResult:
 class Gathering(ABC):
     """One frame's fusion at the ego, while contributions come in."""
 
+    stood_at: tuple[float, float] = (0.0, 0.0)
+    """Where the ego stood when the scan was taken, in the frame of its points: elsewhere where an
+    older scan is told in the present's frame."""
+
     def ask(self) -> Ask:
         """What robots must be told before they encode."""
         return Ask()

@@ -12,16 +12,17 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from perception.boxes import weighted_fusion
 from perception.detector.config import configuration
 from perception.fusion.base import Ask, Contribution, Fusion, Gathering
 from perception.fusion.tracks import Tracks
 from perception.types import Boxes
+from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, invert, transform
 
 KEPT_SCANS = 12
+MAX_APART_S = 0.5
+"""A contribution farther in time from all of the ego's scans cannot be fused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +42,7 @@ class MotionCompensation:
     def __init__(self, detector: str) -> None:
         """`detector`: the world's detector configuration. Raises PerceptionError for an unknown
         one."""
-        about = configuration(detector)
-        self._own_body_m = about.own_body_m
-        self._tracks = Tracks(about.usual_speed_m_s)
+        self._tracks = Tracks(configuration(detector).usual_speed_m_s)
         self._scans: deque[OwnScan] = deque(maxlen=KEPT_SCANS)
 
     def remember(self, own: OwnScan) -> None:
@@ -51,26 +50,24 @@ class MotionCompensation:
         if self._scans and own.time_s <= self._scans[-1].time_s:
             # The clock was put back: what is remembered lies in the future.
             self._scans.clear()
+            self._tracks.clear()
         self._scans.append(own)
 
     def begin(self, fusion: Fusion, own: OwnScan) -> Gathering:
         """Starts a frame. Contributions tell by `age_s` how long before `own` they were captured;
         each is fused with the ego's scan nearest to that."""
         self.remember(own)
-        return _Compensated(fusion, tuple(self._scans), self._tracks, self._own_body_m)
+        return _Compensated(fusion, tuple(self._scans), self._tracks)
 
 
 class _Compensated(Gathering):
     """A gathering for the present and one for each past scan that a contribution belongs to."""
 
-    def __init__(
-        self, fusion: Fusion, scans: tuple[OwnScan, ...], tracks: Tracks, own_body_m: float
-    ) -> None:
+    def __init__(self, fusion: Fusion, scans: tuple[OwnScan, ...], tracks: Tracks) -> None:
         self._fusion = fusion
         self._scans = scans
         self._own = scans[-1]
         self._tracks = tracks
-        self._own_body_m = own_body_m
         self._now = fusion.begin(self._own.points, self._own.world_from_own)
         self._gatherings = {len(scans) - 1: self._now}
         self._views = [1] * len(scans)
@@ -84,9 +81,17 @@ class _Compensated(Gathering):
 
     def add(self, contribution: Contribution) -> None:
         captured_s = self._own.time_s - contribution.age_s
+        # The newest of those that are as near, to the millisecond.
         nearest = min(
-            range(len(self._scans)), key=lambda i: abs(self._scans[i].time_s - captured_s)
+            reversed(range(len(self._scans))),
+            key=lambda i: round(abs(self._scans[i].time_s - captured_s), 3),
         )
+        apart_s = abs(self._scans[nearest].time_s - captured_s)
+        if apart_s > MAX_APART_S:
+            raise PayloadError(
+                f"the contribution was captured {contribution.age_s:.1f} s before the ego's scan, "
+                f"{apart_s:.1f} s from any that the ego keeps; allowed: {MAX_APART_S}"
+            )
         gathering = self._gatherings.get(nearest) or self._begin_at(self._scans[nearest])
         gathering.add(contribution)
         self._gatherings[nearest] = gathering
@@ -98,25 +103,23 @@ class _Compensated(Gathering):
         for index, gathering in sorted(self._gatherings.items()):
             boxes, scan = gathering.finish(), self._scans[index]
             if scan is not self._own:
-                boxes = self._at_present(self._without_ego(boxes, scan), scan.time_s)
+                boxes = self._at_present(boxes, scan.time_s)
             elif len(self._gatherings) == 1:
                 self._tracks.update(boxes, scan.time_s)
                 return boxes
             # The more robots have seen an object, the nearer they come.
             trust = math.sqrt(self._views[index] / most)
             parts.append(replace(boxes, scores=boxes.scores * trust))
-        return weighted_fusion(Boxes.concatenate(parts))
+        # The ego's own eyes are in each of them.
+        return weighted_fusion(Boxes.concatenate(parts), independent=False)
 
     def _begin_at(self, scan: OwnScan) -> Gathering:
         """As if the ego had stood then where it stands now: that is the frame it asked for."""
         here = self._own.world_from_own
-        points = transform(invert(here) @ scan.world_from_own, scan.points)
-        return self._fusion.begin(points, here)
-
-    def _without_ego(self, boxes: Boxes, scan: OwnScan) -> Boxes:
-        """Others saw the ego where it was."""
-        apart = boxes.centers[:, :2] - scan.world_from_own[:2, 3]
-        return boxes.take(np.hypot(*apart.T) > self._own_body_m)
+        here_from_then = invert(here) @ scan.world_from_own
+        gathering = self._fusion.begin(transform(here_from_then, scan.points), here)
+        gathering.stood_at = (float(here_from_then[0, 3]), float(here_from_then[1, 3]))
+        return gathering
 
     def _at_present(self, boxes: Boxes, time_s: float) -> Boxes:
         centers = boxes.centers.copy()

@@ -167,7 +167,7 @@ class _Maps(Gathering):
                 maps, present = self._corrected()
                 here = torch.stack([everywhere, *present])
                 fused = self._fusion.fuse_maps(torch.stack([fused, *maps]), here)
-        found = without_own(self._detector.decode(fused), self._own_body_m)
+        found = without_own(self._detector.decode(fused), self._own_body_m, self.stood_at)
         found = with_participants(found, senders, self._carrier)
         return found.transformed(self._world_from_own)
 

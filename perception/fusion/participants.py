@@ -15,9 +15,12 @@ SAME_OBJECT_IOU = 0.1
 """Two solid bodies do not overlap: a box that shares this much with a participant shows it."""
 
 
-def without_own(found: Boxes, own_body_m: float) -> Boxes:
-    """Boxes in the ego's frame without the ego, whom others see: it does not report itself."""
-    return found.take(np.hypot(*found.centers[:, :2].T) > own_body_m)
+def without_own(
+    found: Boxes, own_body_m: float, stood_at: tuple[float, float] = (0.0, 0.0)
+) -> Boxes:
+    """Boxes in the ego's frame without the ego, whom others see where it stood: it does not report
+    itself."""
+    return found.take(np.hypot(*(found.centers[:, :2] - stood_at).T) > own_body_m)
 
 
 def with_participants(found: Boxes, here_from_sensors: Sequence[Matrix], carrier: Carrier) -> Boxes:

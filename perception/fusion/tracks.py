@@ -23,6 +23,9 @@ GATE = 9.2
 """Squared distance, in variances, beyond which a box is not a track's: 99 % of two axes."""
 FORGOTTEN_S = 1.0
 """A track that was not seen for so long ends."""
+MIN_SCORE = 0.1
+MAX_FOLLOWED = 200
+"""Boxes of one time that are followed, the best: finding the tracks of all takes every pair."""
 
 
 @dataclass(slots=True)
@@ -58,27 +61,29 @@ class Tracks:
         """`usual_speed_m_s`: standard deviation of an object's velocity along an axis."""
         self._usual = usual_speed_m_s
         self._tracks: list[_Track] = []
-        self._time_s = -np.inf
+
+    def clear(self) -> None:
+        """Forgets everything."""
+        self._tracks.clear()
 
     def update(self, boxes: Boxes, time_s: float) -> Floats:
         """Takes up the boxes of a time; returns the velocity of each, (N, 2) m/s in the world
-        frame, 0 where it is not known yet. Boxes of a time before the last only learn theirs."""
-        newer = time_s > self._time_s
-        if newer:
-            self._time_s = time_s
-            self._tracks = [t for t in self._tracks if time_s - t.seen_s <= FORGOTTEN_S]
+        frame, 0 where it is not known. A track that was seen later learns nothing from them."""
+        self._tracks = [t for t in self._tracks if time_s - t.seen_s <= FORGOTTEN_S]
         velocities = np.zeros((len(boxes), 2))
-        matched = self._matched(boxes, time_s)
-        for i in range(len(boxes)):
-            track = matched.get(i)
-            if track is not None:
-                if newer:
-                    track.measured(boxes.centers[i, :2], time_s)
-                velocities[i] = track.velocity
-            elif newer:
+        best = np.argsort(-boxes.scores, kind="stable")[:MAX_FOLLOWED]
+        followed = np.sort(best[boxes.scores[best] >= MIN_SCORE])
+        matched = self._matched(boxes.take(followed), time_s)
+        for number, i in enumerate(followed):
+            track = matched.get(number)
+            if track is None:
                 spread = np.diag([MEASURED_M**2, self._usual**2])
                 place = boxes.centers[i, :2].copy()
                 self._tracks.append(_Track(boxes.labels[i], place, np.zeros(2), spread, time_s))
+                continue
+            if time_s > track.seen_s:
+                track.measured(boxes.centers[i, :2], time_s)
+            velocities[i] = track.velocity
         return velocities
 
     def _matched(self, boxes: Boxes, time_s: float) -> dict[int, _Track]:
@@ -92,7 +97,7 @@ class Tracks:
         places = np.stack([place for place, _ in there])
         spread = np.array([spread[0, 0] for _, spread in there]) + MEASURED_M**2
         apart = ((boxes.centers[:, None, :2] - places[None]) ** 2).sum(axis=2) / spread
-        other = np.array([[label != track.label for track in tracks] for label in boxes.labels])
+        other = np.array(boxes.labels)[:, None] != np.array([track.label for track in tracks])
         cost = np.where(other | (apart > GATE), 1e6, apart)
         rows, columns = linear_sum_assignment(cost)
         return {

@@ -83,7 +83,7 @@ class _MergedCloud(Gathering):
         ]
         merged = np.concatenate([clean_points(self._own), *others])
         found = self._finder.find(merged, senders)
-        found = without_own(found, self._finder.config.own_body_m)
+        found = without_own(found, self._finder.config.own_body_m, self.stood_at)
         found = with_participants(found, senders, self._finder.config.carrier)
         return found.transformed(self._world_from_own)
 

@@ -88,7 +88,7 @@ class _MergedBoxes(Gathering):
             boxes.transformed(sender) for sender, boxes in zip(senders, self._parts, strict=True)
         ]
         fused = weighted_fusion(Boxes.concatenate([self._own, *others]))
-        fused = without_own(fused, self._config.own_body_m)
+        fused = without_own(fused, self._config.own_body_m, self.stood_at)
         fused = with_participants(fused, senders, self._config.carrier)
         return fused.transformed(self._world_from_own)
 
