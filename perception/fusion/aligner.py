@@ -19,6 +19,8 @@ SETTLED_AGREEMENT = 0.25
 """A sender whose outline agrees this much with what the ego sees itself is in its place. The others
 see other parts of the floor, which those who are settled show, too."""
 
+TRUSTED_AGREEMENT = 0.15
+"""A correction after which it agrees less is left to what the others show."""
 SECOND_HAND_GAIN = 4.0
 """What others show of a place they are in themselves is weaker evidence: see `align`."""
 
@@ -50,8 +52,11 @@ class Aligner:
         sender = own_from_sender[:2, 3]
         correction = align(self._field, there, sender)
         here = _moved(there, correction)
-        if not len(here) or float(self._field.at(here).mean()) < SETTLED_AGREEMENT:
+        agreement = float(self._field.at(here).mean()) if len(here) else 0.0
+        if agreement < SETTLED_AGREEMENT:
             self._unsettled.append(len(self._senders))
+        if agreement < TRUSTED_AGREEMENT:
+            correction = np.eye(4)
         self._senders.append((there, sender))
         self._corrections.append(correction)
 
