@@ -25,7 +25,6 @@ from perception.fusion import algorithms
 from perception.fusion.algorithms.intermediate_sparse import (
     BLOCK,
     DOUBT,
-    MAX_CELLS,
     SURE,
     IntermediateSparse,
 )
@@ -269,7 +268,7 @@ def test_cells_that_nobody_asked_for_are_not_sent(
         cells(detector, payload_of(fusion, scans["R2"], scans["R1"].pose, text)).present
         for text in (b"", demand)
     )
-    assert 0 < asked.sum() <= MAX_CELLS
+    assert 0 < asked.sum() <= fusion.max_cells
     assert not (asked & ~wanted).any()
     assert (everything & ~wanted).any()
     nothing = zlib.compress(bytes(len(zlib.decompress(demand))))
@@ -288,16 +287,22 @@ def test_a_demand_that_cannot_be_read_is_refused(demand: bytes, scans: dict[str,
         payload_of(sparse(), scans["R2"], scans["R1"].pose, demand)
 
 
-def test_the_likeliest_cells_are_sent_first() -> None:
+def test_cells_around_the_likeliest_middles_are_sent_first() -> None:
     fusion = sparse()
     rows, columns = fusion.detector.config.cells
+    everywhere = np.ones((rows, columns), dtype=np.bool_)
     chance = np.random.default_rng(1).random((rows, columns), dtype=np.float32)
-    chosen = fusion.select(chance, np.ones((rows, columns), dtype=np.bool_))
-    assert MAX_CELLS * 0.9 < chosen.sum() <= MAX_CELLS
-    assert chance[chosen].min() > chance[~chosen].max()
+    assert fusion.select(chance, everywhere).sum() == fusion.max_cells
     few = np.zeros((rows, columns), dtype=np.float32)
-    few[3, 5], few[3, 6] = 0.5, 0.0001
-    assert np.argwhere(fusion.select(few, np.ones_like(chosen))).tolist() == [[3, 5]]
+    few[3, 5], few[30, 60], few[90, 90] = 0.5, 0.03, 0.0001
+    chosen = np.argwhere(fusion.select(few, everywhere)).tolist()
+    sure = [[row, column] for row in range(1, 6) for column in range(3, 8)]
+    assert sorted(chosen) == [*sure, [30, 60]]
+    # Where there is room for few, the middles go first.
+    few[10:40, 10:110:5] = 0.4
+    dense = fusion.select(few, everywhere)
+    assert dense.sum() == fusion.max_cells
+    assert dense[10:40, 10:110:5].sum() >= 599
 
 
 def strange_clouds() -> dict[str, Points]:

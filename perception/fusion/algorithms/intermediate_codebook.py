@@ -9,9 +9,10 @@ from perception.fusion.detectors import shared_detector
 
 
 class IntermediateCodebook(IntermediateSparse):
-    """The likeliest cells, a byte for each part before compression."""
+    """The likeliest objects' cells, a byte for each part before compression."""
 
     name = "intermediate-codebook"
+    max_cells = 900
     coded = True
 
 

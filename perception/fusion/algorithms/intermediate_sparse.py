@@ -16,8 +16,10 @@ from perception.fusion.feature_fusion import FeatureFusion
 from perception.fusion.maps import attend
 
 MIN_CHANCE = 0.02
-MAX_CELLS = 600
-"""Cells of one payload at most: the likeliest ones."""
+AROUND = 2
+"""Cells around an object's likely middle that are sent, too: its box shows in all of them."""
+FADE = 0.6
+"""How much less each step away from the middle counts."""
 BLOCK = 8
 """Cells along one side of a block, for which the ego asks or does not."""
 SURE = 0.9
@@ -27,16 +29,24 @@ DOUBT = 0.05
 
 
 class IntermediateSparse(FeatureFusion):
-    """The likeliest cells."""
+    """The likeliest objects' cells."""
+
+    max_cells = 600
+    """Of one payload, so that it takes less than 8 kB."""
 
     name = "intermediate-sparse"
     fuse_maps = staticmethod(attend)
     asks = True
 
     def select(self, chance: NDArray[np.float32], demand: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """The likeliest cells of those asked for, MAX_CELLS at most."""
-        wanted = np.where(demand, chance, 0.0).reshape(-1)
-        best = np.argsort(-wanted, kind="stable")[:MAX_CELLS]
+        """Those around the likeliest middles of those asked for, `max_cells` at most."""
+        from scipy.ndimage import maximum_filter
+
+        worth = chance
+        for step in range(1, AROUND + 1):
+            worth = np.maximum(worth, FADE**step * maximum_filter(chance, 2 * step + 1))
+        wanted = np.where(demand, worth, 0.0).reshape(-1)
+        best = np.argsort(-wanted, kind="stable")[: self.max_cells]
         chosen = np.zeros(wanted.shape, dtype=np.bool_)
         chosen[best[wanted[best] > MIN_CHANCE]] = True
         return chosen.reshape(chance.shape)
