@@ -18,7 +18,7 @@ def coadapt(*arguments: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "coadapt.main", *arguments],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=240,
         check=False,
     )
 

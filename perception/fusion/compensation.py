@@ -21,6 +21,8 @@ from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, invert, transform
 
 KEPT_SCANS = 12
+FADES_S = 0.7
+"""In this time a box that is moved with its object loses two thirds of its weight."""
 MAX_APART_S = 0.5
 """A contribution farther in time from all of the ego's scans cannot be fused."""
 
@@ -107,8 +109,9 @@ class _Compensated(Gathering):
             elif len(self._gatherings) == 1:
                 self._tracks.update(boxes, scan.time_s)
                 return boxes
-            # The more robots have seen an object, the nearer they come.
-            trust = math.sqrt(self._views[index] / most)
+            # The more robots have seen an object, the nearer they come; the longer ago, the less.
+            ago_s = self._own.time_s - scan.time_s
+            trust = math.sqrt(self._views[index] / most) * math.exp(-ago_s / FADES_S)
             parts.append(replace(boxes, scores=boxes.scores * trust))
         # The ego's own eyes are in each of them.
         return weighted_fusion(Boxes.concatenate(parts), independent=False)

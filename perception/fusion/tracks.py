@@ -23,7 +23,8 @@ GATE = 9.2
 """Squared distance, in variances, beyond which a box is not a track's: 99 % of two axes."""
 FORGOTTEN_S = 1.0
 """A track that was not seen for so long ends."""
-MIN_SCORE = 0.1
+MIN_SCORE = 0.3
+"""Of a box that is followed: less sure ones come and go."""
 MAX_FOLLOWED = 200
 """Boxes of one time that are followed, the best: finding the tracks of all takes every pair."""
 
@@ -98,10 +99,11 @@ class Tracks:
         spread = np.array([spread[0, 0] for _, spread in there]) + MEASURED_M**2
         apart = ((boxes.centers[:, None, :2] - places[None]) ** 2).sum(axis=2) / spread
         other = np.array(boxes.labels)[:, None] != np.array([track.label for track in tracks])
-        cost = np.where(other | (apart > GATE), 1e6, apart)
+        # No match costs as much as the worst one: more would shuffle sure matches to get another.
+        cost = np.where(other, GATE, np.minimum(apart, GATE))
         rows, columns = linear_sum_assignment(cost)
         return {
             int(row): tracks[column]
             for row, column in zip(rows, columns, strict=True)
-            if cost[row, column] <= GATE
+            if cost[row, column] < GATE
         }
