@@ -20,9 +20,9 @@ SETTLED_AGREEMENT = 0.25
 see other parts of the floor, which those who are settled show, too."""
 
 TRUSTED_AGREEMENT = 0.15
-"""A correction after which it agrees less is left to what the others show."""
+"""A correction after which it agrees less needs as much evidence as one that rests on others."""
 SECOND_HAND_GAIN = 4.0
-"""What others show of a place they are in themselves is weaker evidence: see `align`."""
+"""What others show is weaker evidence: see `align`."""
 
 
 class Aligner:
@@ -56,7 +56,7 @@ class Aligner:
         if agreement < SETTLED_AGREEMENT:
             self._unsettled.append(len(self._senders))
         if agreement < TRUSTED_AGREEMENT:
-            correction = np.eye(4)
+            correction = align(self._field, there, sender, SECOND_HAND_GAIN)
         self._senders.append((there, sender))
         self._corrections.append(correction)
 
