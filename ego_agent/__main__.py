@@ -35,6 +35,10 @@ from swarm.settings import PREFIX
 from worlds.base import World
 from worlds.registry import open_world
 
+TIMELY_SCANS = 1.1
+"""Lag that a frame tolerates. Robots that share processors with the ego fall one scan behind when
+these are busy, and another pass through the detector would make them busier."""
+
 
 def main() -> int:
     """Runs one ego until SIGTERM or SIGINT; wrong settings end it at once with 1."""
@@ -130,7 +134,7 @@ def _agent(
         sensor,
         asker,
         {name: make_fusion(name, world.detector) for name in knowledge.algorithms},
-        MotionCompensation(world.detector),
+        MotionCompensation(world.detector, timely_s=TIMELY_SCANS / world.rate_hz),
         tally,
         log,
         rate_hz=settings.fusion_rate_hz,

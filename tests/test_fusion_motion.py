@@ -170,6 +170,18 @@ def test_timely_contributions_are_fused_as_without_compensation() -> None:
     assert len(fusion.begun) == 1
 
 
+def test_a_lag_that_is_tolerated_takes_no_other_pass() -> None:
+    motion, fusion = MotionCompensation("factory", timely_s=0.11), Places()
+    motion.remember(own_at(0.9))
+    gathering = motion.begin(fusion, own_at(1.0))
+    gathering.add(seen_at(3, 4, 0.1))
+    gathering.add(seen_at(6, 4, -0.1))
+    assert len(gathering.finish()) == 2
+    assert len(fusion.begun) == 1
+    gathering.add(seen_at(9, 4, 0.12))
+    assert len(fusion.begun) == 2
+
+
 def test_a_late_contribution_is_moved_on_with_its_object() -> None:
     motion, fusion = MotionCompensation("factory"), Places()
     for i in range(20):

@@ -41,9 +41,11 @@ class OwnScan:
 class MotionCompensation:
     """What an ego remembers from frame to frame: its scans of late, and how objects move."""
 
-    def __init__(self, detector: str) -> None:
+    def __init__(self, detector: str, timely_s: float = 0.0) -> None:
         """`detector`: the world's detector configuration. Raises PerceptionError for an unknown
-        one."""
+        one. `timely_s`: contributions this much older or newer than the ego's scan are fused with
+        it all the same: each other time takes another pass through the detector."""
+        self._timely_s = timely_s
         self._tracks = Tracks(configuration(detector).usual_speed_m_s)
         self._scans: deque[OwnScan] = deque(maxlen=KEPT_SCANS)
 
@@ -59,16 +61,19 @@ class MotionCompensation:
         """Starts a frame. Contributions tell by `age_s` how long before `own` they were captured;
         each is fused with the ego's scan nearest to that."""
         self.remember(own)
-        return _Compensated(fusion, tuple(self._scans), self._tracks)
+        return _Compensated(fusion, tuple(self._scans), self._tracks, self._timely_s)
 
 
 class _Compensated(Gathering):
     """A gathering for the present and one for each past scan that a contribution belongs to."""
 
-    def __init__(self, fusion: Fusion, scans: tuple[OwnScan, ...], tracks: Tracks) -> None:
+    def __init__(
+        self, fusion: Fusion, scans: tuple[OwnScan, ...], tracks: Tracks, timely_s: float
+    ) -> None:
         self._fusion = fusion
         self._scans = scans
         self._own = scans[-1]
+        self._timely_s = timely_s
         self._tracks = tracks
         self._now = fusion.begin(self._own.points, self._own.world_from_own)
         self._gatherings = {len(scans) - 1: self._now}
@@ -82,7 +87,8 @@ class _Compensated(Gathering):
         self._now.prepare()
 
     def add(self, contribution: Contribution) -> None:
-        captured_s = self._own.time_s - contribution.age_s
+        timely = abs(contribution.age_s) <= self._timely_s
+        captured_s = self._own.time_s - (0.0 if timely else contribution.age_s)
         # The newest of those that are as near, to the millisecond.
         nearest = min(
             reversed(range(len(self._scans))),
