@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 LATENCY_S = 0.05
 """What is over within this time shows latency, not capacity."""
 MIN_FILL_BYTES = 5_000
-"""Fewer bytes cannot fill a link: when the boxes of six robots take long, a busy machine is late, and
-to send even less would help nobody."""
+"""Fewer bytes cannot fill a link: when the boxes of six robots take long, a busy machine is late,
+and to send even less would help nobody."""
 BUCKET_S = 0.02
 """A shaper lets what it would send in this time pass at once: the depth of the network
 controller's buckets."""

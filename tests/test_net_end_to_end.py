@@ -47,8 +47,6 @@ def swarm() -> Iterator[State]:
     ):
         patch.setenv("COADAPT_RUN_DIR", f"{directory}/run")
         patch.setenv("COADAPT_WINDOW_S", "1")
-        # Encoding all forms to announce their sizes takes a quarter of a core with six robots.
-        patch.setenv("COADAPT_MEASURE_RATE_HZ", "0.05")
         patch.setenv("PYTHONPATH", str(REPOSITORY))
         spec = make_spec(
             swarm="links",
