@@ -4,11 +4,9 @@ robots."""
 from __future__ import annotations
 
 import json
-import multiprocessing
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, astuple, dataclass
 from functools import partial
@@ -16,12 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.cooperative import SINGLE, Disturbance, fuse_frame, judge
+from evaluation.kept import Kept
 from evaluation.machine import machine_facts
 from evaluation.sample import opv2v_sample
-from evaluation.sharing import RememberingFusion, share_maps
+from evaluation.sharing import RememberingFusion
 from evaluation.splits import ROBOTS, WORLDS, Part, nearest_first, recorded, simulated
 from evaluation.tally import Tally
 from evaluation.uncoded import EARLY_UNCODED, UncodedEarly
+from evaluation.workers import each
 from perception.detector.weight_files import has_weights
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
@@ -104,7 +104,8 @@ def run(
 
     `algorithms`: all when None; `frames`: of each simulated world; `workers`: processes. Raises
     WorldError for an unknown world, PerceptionError for an algorithm that none of the worlds has,
-    and WorldError when nothing could be measured.
+    and WorldError when nothing could be measured. What is finished is kept beside the report, for a
+    run that goes on after this one was ended.
     """
     for world in worlds:
         if world not in WORLDS:
@@ -134,8 +135,11 @@ def run(
             if not wanted:
                 continue
             begun = time.monotonic()
-            tallies = _over_parts(world, parts, wanted, workers)
-            speed[world] = round(tallies[0].frames / (time.monotonic() - begun), 3)
+            tallies, fresh = _over_parts(
+                world, parts, wanted, workers, Kept(report.parent / "kept")
+            )
+            if fresh:
+                speed[world] = round(fresh / (time.monotonic() - begun), 3)
             rows += [_row(world, case, tally) for case, tally in zip(wanted, tallies, strict=True)]
             _write(report, rows, speed, skipped)
     if not rows:
@@ -144,34 +148,38 @@ def run(
 
 
 def _over_parts(
-    world: str, parts: Sequence[Part], rows: Sequence[Case], workers: int
-) -> list[Tally]:
+    world: str, parts: Sequence[Part], rows: Sequence[Case], workers: int, kept: Kept
+) -> tuple[list[Tally], int]:
+    """The tally of each row over all parts, and the number of frames that were not kept from a run
+    before. Finished parts of simulated worlds are kept; a recorded one is quickly measured."""
     totals = [Tally() for _ in rows]
-    count = sum(len(part.frames) for part in parts)
+    known = [None if part.folder else kept.get(_key(part, rows)) for part in parts]
+    missing = [part for part, found in zip(parts, known, strict=True) if found is None]
+    count, fresh = sum(len(part.frames) for part in parts), 0
+    left = sum(len(part.frames) for part in missing)
     begun = time.monotonic()
-    # Forking a process in which PyTorch has run is not safe.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _prepare, (DETECTORS[world],)) as pool:
-        for tallies in pool.map(partial(measure, rows=rows), parts):
-            for total, tally in zip(totals, tallies, strict=True):
-                total.take_up(tally)
-            done = totals[0].frames
-            rate = done / (time.monotonic() - begun)
-            print(
-                f"{world}: {done}/{count} frames, {len(rows)} rows, {rate:.2f} frames/s, "
-                f"{(count - done) / rate / 60:.0f} min left",
-                file=sys.stderr,
-                flush=True,
-            )
-    return totals
+    measured = each(partial(measure, rows=rows), missing, workers, DETECTORS[world])
+    for part, found in zip(parts, known, strict=True):
+        tallies = next(measured) if found is None else [Tally.unpacked(one) for one in found]
+        if found is None and part.folder is None:
+            kept.put(_key(part, rows), [tally.packed() for tally in tallies])
+        for total, tally in zip(totals, tallies, strict=True):
+            total.take_up(tally)
+        if found is not None:
+            continue
+        fresh, left = fresh + len(part.frames), left - len(part.frames)
+        rate = fresh / (time.monotonic() - begun)
+        print(
+            f"{world}: {totals[0].frames}/{count} frames, {len(rows)} rows, {rate:.2f} frames/s, "
+            f"{left / rate / 60:.0f} min left",
+            file=sys.stderr,
+            flush=True,
+        )
+    return totals, fresh
 
 
-def _prepare(detector: str) -> None:
-    """One thread a process: there are as many processes as cores."""
-    import torch
-
-    torch.set_num_threads(1)
-    share_maps(detector)
+def _key(part: Part, rows: Sequence[Case]) -> str:
+    return f"detector {part} {list(rows)}"
 
 
 def _fusion(algorithm: str, corrected: bool, detector: str) -> Fusion | str:

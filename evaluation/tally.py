@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,28 @@ class Tally:
             mine, theirs = (_of_class(boxes, label) for boxes in (found, truth))
             for iou in IOUS:
                 self._matches.setdefault((label, iou), []).append(match(mine, theirs, iou))
+
+    def packed(self) -> dict[str, Any]:
+        """What `unpacked` restores, as plain values."""
+        return {
+            "frames": self.frames,
+            "sizes": self.sizes,
+            "matches": [
+                [label, iou, [[m.scores.tobytes(), m.hits.tobytes(), m.truths] for m in matches]]
+                for (label, iou), matches in self._matches.items()
+            ],
+        }
+
+    @classmethod
+    def unpacked(cls, values: dict[str, Any]) -> Tally:
+        """The tally whose `packed` gave these values."""
+        tally = cls(values["frames"], values["sizes"])
+        for label, iou, matches in values["matches"]:
+            tally._matches[label, iou] = [
+                Match(np.frombuffer(scores), np.frombuffer(hits, np.bool_), truths)
+                for scores, hits, truths in matches
+            ]
+        return tally
 
     def take_up(self, other: Tally) -> None:
         """Appends the frames of another tally."""

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import select
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from coadapt.main import main
 from evaluation.detector import Case, algorithms_of, cases, measure
+from evaluation.kept import Kept
 from evaluation.splits import FIRST_FRAME, Part, nearest_first, simulated
+from evaluation.tally import Tally
 from training.plans import TEST_SEEDS
 from worlds.factory import FactoryWorld
 
@@ -79,6 +86,44 @@ def test_the_command_writes_rows(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert (row["bytes_per_robot_frame"] > 0) == (row["robots"] == 6)
     assert written["machine"]["cores"]
     assert "factory: 5/5 frames" in capsys.readouterr().err
+
+
+def test_a_killed_run_leaves_no_worker_and_goes_on_where_it_was(tmp_path: Path) -> None:
+    report = tmp_path / "detector.json"
+    options = ["--worlds", "factory", "--algorithms", "single", "--workers", "1"]
+    options += ["--output", str(report)]
+    command = [sys.executable, "-m", "coadapt.main", "eval-detector", *options]
+    with subprocess.Popen([*command, "--frames", "500"], stderr=subprocess.PIPE, text=True) as run:
+        assert run.stderr is not None
+        assert "factory: 5/500 frames" in run.stderr.readline()
+        tasks = Path(f"/proc/{run.pid}/task").glob("*/children")
+        workers = [int(pid) for task in tasks for pid in task.read_text().split()]
+        assert workers
+        run.kill()
+    for pid in workers:
+        with suppress(ProcessLookupError):
+            ended = os.pidfd_open(pid)
+            assert select.select([ended], [], [], 60)[0], f"worker {pid} still runs"
+            os.close(ended)
+    assert not report.exists()
+    assert main(["eval-detector", *options, "--frames", "5"]) == 0
+    written = json.loads(report.read_text())
+    assert [row["frames"] for row in written["rows"]] == [5]
+    assert written["frames_per_s"] == {}, "its first floor was measured again"
+
+
+def test_what_was_kept_gives_the_same_precision(tmp_path: Path) -> None:
+    part = Part("factory", TEST_SEEDS.start, None, 0, (FIRST_FRAME,))
+    (tally,) = measure(part, [Case("late", 3)])
+    kept = Kept(tmp_path)
+    assert kept.get("late") is None
+    kept.put("late", tally.packed())
+    again = Tally.unpacked(kept.get("late"))
+    for label in ("", *tally.labels()):
+        assert again.precision(label) == tally.precision(label)
+    (path,) = tmp_path.rglob("*.bin")
+    path.write_bytes(path.read_bytes()[:-5])
+    assert kept.get("late") is None, "half a file is none"
 
 
 def test_a_missing_sample_is_said_and_skipped(

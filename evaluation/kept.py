@@ -1,0 +1,57 @@
+"""Results of finished pieces of work, a file each, so that an interrupted run goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import zlib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+MADE_FROM = ("evaluation", "perception", "swarm", "training", "worlds")
+"""Packages whose code and weights decide what comes out."""
+SOURCES = (".py", ".safetensors", ".toml")
+
+
+class Kept:
+    """A folder of results; those of other code or weights are not found.
+
+    Results are what MessagePack can hold. A file that cannot be read counts as not there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / code_digest()
+
+    def get(self, key: str) -> Any | None:
+        """The result kept under the key; None where there is none."""
+        try:
+            return msgspec.msgpack.decode(zlib.decompress(self._path(key).read_bytes()))
+        except (OSError, zlib.error, msgspec.DecodeError):
+            return None
+
+    def put(self, key: str, result: Any) -> None:
+        """Keeps a result. It is there whole or not at all, however the process ends."""
+        path = self._path(key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(f".{os.getpid()}")
+        part.write_bytes(zlib.compress(msgspec.msgpack.encode(result), 1))
+        part.replace(path)
+
+    def _path(self, key: str) -> Path:
+        return self._folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.bin"
+
+
+@cache
+def code_digest() -> str:
+    """A digest of the code and the weights that results come from."""
+    root = Path(__file__).parent.parent
+    digest = hashlib.sha256()
+    for package in MADE_FROM:
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in SOURCES:
+                digest.update(str(path.relative_to(root)).encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

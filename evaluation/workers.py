@@ -1,0 +1,44 @@
+"""Spreads pieces of work over processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.connection import wait
+from typing import TypeVar
+
+P = TypeVar("P")
+R = TypeVar("R")
+
+
+def each(work: Callable[[P], R], pieces: Sequence[P], workers: int, detector: str) -> Iterator[R]:
+    """The result of every piece, in order, as they are ready.
+
+    `work` must be importable. All algorithms of a process share the maps of the named detector.
+    """
+    # Forking a process in which PyTorch has run is not safe.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, _prepare, (detector,)) as pool:
+        yield from pool.map(work, pieces)
+
+
+def _prepare(detector: str) -> None:
+    """One thread a process: there are as many processes as cores."""
+    import torch
+
+    from evaluation.sharing import share_maps
+
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    torch.set_num_threads(1)
+    share_maps(detector)
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would otherwise finish all that is queued."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
