@@ -11,6 +11,7 @@
     │   ├── ScanError         the points are not a usable cloud
     │   └── PayloadError      an encoded payload is corrupt, truncated or of another version
     ├── DecisionError         a policy or a decision cannot be used
+    ├── EvaluationError       an experiment's input or setting cannot be used
     ├── JournalError          a journal cannot be opened, read or written
     ├── NetworkError          a link cannot be shaped or read
     │   └── LinkGoneError     the link is not there (any more)
@@ -72,6 +73,10 @@ class PayloadError(PerceptionError):
 
 class DecisionError(CoAdaptError):
     """A policy or a decision cannot be used."""
+
+
+class EvaluationError(CoAdaptError):
+    """An experiment's input or setting cannot be used."""
 
 
 class JournalError(CoAdaptError):
