@@ -34,9 +34,25 @@ def test_a_picture_shows_points_and_boxes_and_repeats(tmp_path: Path) -> None:
     assert "2 robots, 50 x 50 m" in "".join(root.itertext())
 
 
+def test_a_picture_of_what_was_found_shows_nothing_of_the_recording(tmp_path: Path) -> None:
+    file = tmp_path / "found.svg"
+    options = ["--robots", "3", "--algorithm", "late", "--only-found", "--output", str(file)]
+    assert main(["picture", "factory", *options]) == 0
+    root = ElementTree.parse(file).getroot()
+    text = "".join(root.itertext())
+    words = re.search(r"3 robots, 50 x 50 m; (\d+) boxes found alone, (\d+) together", text)
+    assert words is not None
+    assert 0 < int(words[1]) < int(words[2])
+    paths = [node.get("d", "") for node in root if node.tag.endswith("path")]
+    # The senders, boxes found alone, boxes found together, the ego.
+    assert len(paths) == 4
+    assert paths[0].count("z") == 2
+    assert "true boxes" not in text
+
+
 def test_pictures_of_the_documentation_are_small_enough_to_keep() -> None:
     pictures = list((DOCS / "pictures").glob("*.svg"))
-    assert {picture.name for picture in pictures} >= {"factory.svg", "road.svg"}
+    assert {picture.name for picture in pictures} >= {"factory.svg", "road.svg", "opv2v.svg"}
     for picture in pictures:
         ElementTree.parse(picture)
         assert picture.stat().st_size < 200_000

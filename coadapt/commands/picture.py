@@ -40,6 +40,11 @@ def register(commands: Any) -> None:
     )
     parser.add_argument("--pose-noise", type=at_least_zero, default=0.0, metavar="M")
     parser.add_argument("--delay", type=at_least_zero, default=0.0, metavar="S")
+    parser.add_argument(
+        "--only-found",
+        action="store_true",
+        help="show boxes found alone and together, and nothing of the recording itself",
+    )
     parser.add_argument("--output", type=Path, required=True, metavar="FILE", help="an SVG file")
     parser.set_defaults(run=run)
 
@@ -60,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
         args.participants or world.robots,
         args.algorithm,
         Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
+        only_found=args.only_found,
     )
     args.output.parent.mkdir(parents=True, exist_ok=True)
     args.output.write_text(picture)
