@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge import Knowledge
-from ego_agent.model import Candidate, UnifiedScene
+from ego_agent.model import UnifiedScene
 from swarm.messages import Algorithm
 
 
@@ -47,7 +47,7 @@ class Scorer:
         self.budget_bytes = budget_bytes
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
-        self.bits = _pack(robots)
+        self.bits = pack_areas(np.stack([c.area for c in robots]))
         self.evidence = np.stack([c.evidence for c in robots]).astype(np.float64)
         area = int(np.bitwise_count(np.bitwise_or.reduce(self.bits, axis=0)).sum())
         objects = float(self.evidence.max(axis=0).sum())
@@ -134,8 +134,8 @@ class Scorer:
         return score.quality >= self.objective.q_min
 
 
-def _pack(robots: tuple[Candidate, ...]) -> NDArray[np.uint64]:
-    """Area masks as rows of 64-bit words."""
-    packed = np.packbits(np.stack([c.area.ravel() for c in robots]), axis=1)
+def pack_areas(areas: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Area masks, bool (n, G, G), as rows of 64-bit words."""
+    packed = np.packbits(areas.reshape(len(areas), -1), axis=1)
     padding = -packed.shape[1] % 8
     return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view(np.uint64)

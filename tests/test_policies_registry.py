@@ -30,7 +30,7 @@ def test_the_policies_of_the_product_are_there() -> None:
 
 def test_an_unknown_policy_is_refused_with_the_names_that_are_allowed() -> None:
     with pytest.raises(
-        DecisionError, match=r"'clever' is unknown; allowed: coverage, llm, rules, "
+        DecisionError, match=r"'clever' is unknown; allowed: coverage, llm, random, rules, "
     ):
         make_policy("clever", ["early"])
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ego_agent.greedy import grow
+from ego_agent.hysteresis import best_option, settle, still_possible
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.scoring import Score, Scorer
@@ -37,10 +38,10 @@ class Coverage:
     def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
         """The same as a score, and its reason."""
         options = list(_options(scorer))
-        best = _best(scorer, options)
-        held = _still_possible(scorer, previous)
+        best = best_option(scorer, options)
+        held = still_possible(scorer, previous)
         if held is not None:
-            best = _settle(scorer, options, best, held)
+            best = settle(scorer, options, best, held)
         return best, _reason(scorer, best, kept=best is held)
 
 
@@ -51,46 +52,6 @@ def _options(scorer: Scorer) -> Iterator[Score]:
     for algorithm in knowledge.algorithms:
         for by_byte in (True, False):
             yield from grow(scorer, scorer.scene.candidates, algorithm, by_byte=by_byte)
-
-
-def _best(scorer: Scorer, options: list[Score]) -> Score:
-    """The best value among the options that reach Q_min; the best quality where none does."""
-    good = [option for option in options if scorer.good_enough(option)]
-    if good:
-        return min(good, key=lambda o: (-o.value, o.cost_bytes, o.participants))
-    return min(options, key=lambda o: (-o.quality, o.cost_bytes, o.participants))
-
-
-def _still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
-    """The decision in force, scored in the new scene; None where it cannot be carried on."""
-    if previous is None or previous.algorithm not in scorer.knowledge.algorithms:
-        return None
-    others = [robot for robot in previous.participants if robot != scorer.scene.ego.robot]
-    if not all(scorer.can(robot, previous.algorithm) for robot in others):
-        return None
-    score = scorer.score(others, previous.algorithm)
-    return score if scorer.fits(score) else None
-
-
-def _settle(scorer: Scorer, options: list[Score], best: Score, held: Score) -> Score:
-    """Keeps the decision in force unless a change pays, so that decisions do not flap.
-
-    A change must gain `switch_gain`; one that costs more must also leave `upgrade_reserve` of the
-    budget free, so that a small drop of C(t) does not undo it at once. Reaching Q_min goes before
-    both.
-    """
-    objective = scorer.objective
-    if scorer.good_enough(best) and not scorer.good_enough(held):
-        return best
-    roomy = scorer.budget_bytes * (1.0 - objective.upgrade_reserve)
-    best = _best(scorer, [o for o in options if o.cost_bytes <= max(held.cost_bytes, roomy)])
-    if not scorer.good_enough(held):
-        gain = best.quality - held.quality
-    elif scorer.good_enough(best):
-        gain = best.value - held.value
-    else:
-        return held
-    return best if gain > objective.switch_gain else held
 
 
 def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
