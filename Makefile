@@ -24,7 +24,8 @@ PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline
 
 .DEFAULT_GOAL := help
-.PHONY: help setup up down status logs metrics shape congest net test check lint types bench train eval-detector lock clean
+.PHONY: help setup up down status logs metrics shape congest net test check lint types bench train eval-detector eval \
+	lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -90,6 +91,9 @@ train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes
 
 eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
 	@$(COADAPT) eval-detector $(ARGS)
+
+eval: setup ## Compare all policies (DATA=dir: on a recorded world): build/eval/
+	@$(COADAPT) eval policies $(if $(DATA),--data $(DATA)) $(ARGS)
 
 lock: setup ## Pin the newest versions that pyproject.toml allows
 	@sh deploy/lock.sh

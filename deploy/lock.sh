@@ -1,5 +1,5 @@
 #!/bin/sh
-# Writes requirements.lock (what runs) and requirements-dev.lock (what checks it) with the newest
+# Writes requirements.lock (what runs) and requirements-dev.lock (what checks and draws) with the newest
 # versions that pyproject.toml allows, resolved in a fresh environment.
 set -eu
 cd "$(dirname "$0")/.."
@@ -22,7 +22,7 @@ pip install --no-deps --no-index --requirement requirements-torch.lock 2>/dev/nu
     || pip install --no-deps --requirement requirements-torch.lock
 pip install .
 freeze >"$work/run"
-pip install '.[dev,llm-server]'
+pip install '.[dev,figures,llm-server]'
 freeze >"$work/all"
 cp "$work/run" requirements.lock
 LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock

@@ -114,7 +114,7 @@ def _gathered(
     sizes, rejected = {}, {}
     for robot in senders:
         scan = world.scan(robot, captured)
-        pose = _disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
+        pose = disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
         options = EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
         payload = fusion.encode(scan.points, options)
         sizes[robot] = len(payload) + ask.size()
@@ -185,10 +185,12 @@ def _in_range(boxes: Boxes, own_from_world: Matrix, reach_m: tuple[float, float]
     return boxes.take(inside)
 
 
-def _disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Pose:
+def disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Pose:
+    """Where a robot believes that its sensor is: off by `sigma` metres and degrees (standard
+    deviation), drawn from (robot, frame) alone."""
     if sigma == 0.0:
         return pose
-    x, y, turn = np.random.default_rng([frame, *robot.encode()]).normal(0.0, sigma, 3)
+    x, y, turn = np.random.default_rng([frame, *robot.encode()]).normal(0.0, sigma, 3).tolist()
     return Pose(
         pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + math.radians(turn)
     )

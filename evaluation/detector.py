@@ -33,6 +33,11 @@ UNCORRECTED_M = (0.0, 0.4)
 """What the correction costs and saves is shown at these."""
 DELAYS_S = (0.1, 0.3, 0.5)
 CLEAN = Disturbance()
+MADE_FROM = (
+    "evaluation/cooperative.py", "evaluation/detector.py", "evaluation/splits.py",
+    "evaluation/tally.py", "evaluation/uncoded.py", "perception", "swarm/geometry.py", "worlds",
+)  # fmt: skip
+"""What decides the tally of a part."""
 AP_KEYS = ("ap_30", "ap_50", "ap_70")
 TYPICAL = ("early", "late", "intermediate")
 """Algorithms that are also measured with every number of robots, and without correction."""
@@ -136,7 +141,7 @@ def run(
                 continue
             begun = time.monotonic()
             tallies, fresh = _over_parts(
-                world, parts, wanted, workers, Kept(report.parent / "kept")
+                world, parts, wanted, workers, Kept(report.parent / "kept", MADE_FROM)
             )
             if fresh:
                 speed[world] = round(fresh / (time.monotonic() - begun), 3)

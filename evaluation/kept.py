@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import zlib
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-MADE_FROM = ("evaluation", "perception", "swarm", "training", "worlds")
-"""Packages whose code and weights decide what comes out."""
 SOURCES = (".py", ".safetensors", ".toml")
 
 
@@ -22,8 +21,10 @@ class Kept:
     Results are what MessagePack can hold. A file that cannot be read counts as not there.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder / code_digest()
+    def __init__(self, folder: Path, made_from: Sequence[str]) -> None:
+        """`made_from`: the packages and files, relative to the project's root, whose code and
+        weights decide what comes out."""
+        self._folder = folder / code_digest(tuple(made_from))
 
     def get(self, key: str) -> Any | None:
         """The result kept under the key; None where there is none."""
@@ -45,12 +46,13 @@ class Kept:
 
 
 @cache
-def code_digest() -> str:
+def code_digest(made_from: tuple[str, ...]) -> str:
     """A digest of the code and the weights that results come from."""
     root = Path(__file__).parent.parent
     digest = hashlib.sha256()
-    for package in MADE_FROM:
-        for path in sorted((root / package).rglob("*")):
+    for name in made_from:
+        start = root / name
+        for path in [start] if start.is_file() else sorted(start.rglob("*")):
             if path.suffix in SOURCES:
                 digest.update(str(path.relative_to(root)).encode())
                 digest.update(path.read_bytes())

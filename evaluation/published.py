@@ -14,11 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation.bootstrap import Interval, bootstrap_mean
+from evaluation.sample import data_folder
 from swarm.errors import EvaluationError
 
 RATE_HZ = 10.0
 """Frames a second of OPV2V: every frame is fused."""
 RULES = "rulebased"
+FOLDER = Path("paper-results")
 SELECTION_COLUMNS = (
     "scenario", "frame_idx", "frame_name", "ego_cav", "com_range_m", "bandwidth_mbps", "all_cavs",
     "in_range_cavs", "selected_cavs", "n_selected", "fusion_method", "reason",
@@ -110,6 +112,12 @@ def read_published(folder: Path) -> dict[str, list[Cycle]]:
             f"{folder} holds no published results: no */*/selection.csv beside an eval.csv"
         )
     return found
+
+
+def found_published() -> dict[str, list[Cycle]]:
+    """The published results in the data folder (evaluation.sample); none where there are none."""
+    folder = data_folder(FOLDER)
+    return {} if folder is None else read_published(folder)
 
 
 def summary(name: str, cycles: Sequence[Cycle]) -> Summary:

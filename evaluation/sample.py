@@ -1,4 +1,4 @@
-"""Where benchmarks and experiments find the OPV2V sample."""
+"""Where benchmarks and experiments find real data: the OPV2V sample, recorded links, results."""
 
 from __future__ import annotations
 
@@ -14,15 +14,24 @@ from swarm.errors import WorldError
 ARCHIVE = Path("opv2v-sample") / "opv2v-sample.tar.xz"
 
 
+def data_roots() -> list[Path]:
+    """Where real data may lie: $COADAPT_DATA, then ../shared/data beside the repository."""
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    return [Path(root) for root in (os.environ.get("COADAPT_DATA"), beside) if root]
+
+
+def data_folder(name: Path) -> Path | None:
+    """The first folder of that name in one of them; None where there is none."""
+    return next((root / name for root in data_roots() if (root / name).is_dir()), None)
+
+
 @contextmanager
 def opv2v_sample() -> Iterator[Path]:
     """The unpacked sample scenario, for as long as the context is open.
 
-    Looks for the archive in $COADAPT_DATA, then in ../shared/data beside the repository. Raises
-    WorldError when neither has it.
+    Raises WorldError when none of `data_roots` has it.
     """
-    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    roots = [Path(root) for root in (os.environ.get("COADAPT_DATA"), beside) if root]
+    roots = data_roots()
     archive = next((root / ARCHIVE for root in roots if (root / ARCHIVE).is_file()), None)
     if archive is None:
         raise WorldError(

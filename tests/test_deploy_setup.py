@@ -39,7 +39,7 @@ def test_the_locks_pin_versions_that_the_project_allows() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     assert unmet(project["dependencies"], pins(*RUN)) == []
-    checks = extras["dev"] + extras["llm-server"]
+    checks = extras["dev"] + extras["figures"] + extras["llm-server"]
     assert unmet(checks, pins(*RUN, "requirements-dev.lock")) == []
     assert not pins(*RUN).keys() & pins("requirements-dev.lock").keys()
 

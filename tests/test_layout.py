@@ -62,7 +62,10 @@ def test_processes_never_import_each_other(process: str) -> None:
         ("llm_gateway", {"swarm"}),
         ("deploy", {"swarm", "worlds"}),
         ("training", {"swarm", "perception", "worlds"}),
-        ("evaluation", {"swarm", "perception", "worlds", "training"}),
+        (
+            "evaluation",
+            {"swarm", "perception", "worlds", "training", "ego_agent", "network_controller"},
+        ),
         ("robot_agent", {"swarm", "perception", "worlds"}),
         ("ego_agent", {"swarm", "perception", "worlds"}),
     ],

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+from coadapt.arguments import at_least_one, comma_separated
+
+FOLDER = Path("build/eval")
+POLICIES = (
+    "static-early", "static-intermediate", "static-late", "random", "rules", "coverage",
+    "surrogate",
+)  # fmt: skip
 
 
 def register(commands: Any) -> None:
     """Adds `eval` to the subparsers of `coadapt`."""
     parser = commands.add_parser("eval", help="the experiments: policies side by side")
     experiments = parser.add_subparsers(metavar="EXPERIMENT", required=True)
+    _add_policies(experiments)
+    _add_surrogate(experiments)
     published = experiments.add_parser(
         "published",
         help="what CoAdapt's published result files say",
@@ -23,6 +34,80 @@ def register(commands: Any) -> None:
     published.add_argument("folder", type=Path, metavar="DIR")
     published.add_argument("--json", action="store_true", help="one object on standard output")
     published.set_defaults(run=run_published)
+
+
+def _add_policies(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "policies",
+        help="every policy side by side on the same control windows",
+        description="Lets every policy decide in the same control windows of factory floors that "
+        "nothing was trained on, or of a recorded world, measures what each choice brings, and "
+        "compares with the best choice. Writes selection.csv, eval.csv, headline.json, report.md "
+        "and figures.",
+    )
+    parser.add_argument(
+        "--policies", type=comma_separated, default=list(POLICIES), metavar="NAMES",
+        help=f"comma-separated (default: {','.join(POLICIES)})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scenarios", type=comma_separated, default=[], metavar="NAMES",
+        help="comma-separated (default: all)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--data", type=Path, metavar="DIR", help="a recorded world in OPV2V's layout instead"
+    )
+    _add_workers(parser)
+    parser.add_argument(
+        "--output", type=Path, default=FOLDER, metavar="DIR", help=f"default: {FOLDER}"
+    )
+    parser.set_defaults(run=run_policies)
+
+
+def _add_surrogate(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "train-surrogate",
+        help="train the surrogate policy",
+        description="Measures random choices on factory floors of its own and trains the network "
+        "that predicts what a choice brings.",
+    )
+    parser.add_argument(
+        "--windows", type=at_least_one, default=300, metavar="N",
+        help="control windows to measure (default: 300)",
+    )  # fmt: skip
+    _add_workers(parser)
+    parser.add_argument(
+        "--output", type=Path, metavar="FILE", help="default: the one that the ego uses"
+    )
+    parser.set_defaults(run=run_surrogate)
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--workers", type=at_least_one, default=os.cpu_count() or 1, metavar="N",
+        help="processes (default: one a core)",
+    )  # fmt: skip
+
+
+def run_policies(args: argparse.Namespace) -> int:
+    """Compares and writes. Raises CoAdaptError for unknown names or data that cannot be read."""
+    from evaluation.policies.run import compare
+    from evaluation.published import found_published, summary
+    from evaluation.windows.scenarios import chosen, factory_suite, recorded_suite
+
+    suite = recorded_suite(args.data) if args.data else factory_suite()
+    published = [summary(name, cycles) for name, cycles in found_published().items()]
+    scenarios = chosen(suite, args.scenarios)
+    compare(scenarios, args.policies, args.workers, args.output, published)
+    return 0
+
+
+def run_surrogate(args: argparse.Namespace) -> int:
+    """Measures, trains and writes."""
+    from ego_agent.surrogate.model import WEIGHTS
+    from evaluation.surrogate.train import train
+
+    train(args.windows, args.workers, FOLDER, args.output or WEIGHTS)
+    return 0
 
 
 def run_published(args: argparse.Namespace) -> int:

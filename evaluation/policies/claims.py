@@ -1,0 +1,63 @@
+"""What the comparison must show, and whether it does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from evaluation.policies.results import Means
+
+MAX_LOST_AP = 0.005
+MIN_SAVED = 0.80
+MAX_REGRET = 0.02
+MAX_DECISION_MS = 200.0
+ADAPTIVE = ("coverage", "surrogate")
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A figure beside its target."""
+
+    what: str
+    value: float
+    target: str
+    met: bool
+
+
+def claims_of(means: Sequence[Means]) -> list[dict[str, Any]]:
+    """The claims that can be judged with these policies, as plain values."""
+    known = {one.policy: one for one in means}
+    return [asdict(claim) for claim in _claims(known)]
+
+
+def _claims(known: dict[str, Means]) -> Iterator[Claim]:
+    for name in ADAPTIVE:
+        if name not in known:
+            continue
+        one = known[name]
+        lost = -one.lost_ap_70.mean
+        if lost == lost:
+            yield Claim(
+                f"{name}: AP@0.7 below the best static full participation",
+                round(lost, 4), f"<= {MAX_LOST_AP}", lost <= MAX_LOST_AP,
+            )  # fmt: skip
+            yield Claim(
+                f"{name}: share of its bytes saved",
+                round(one.saved, 4), f">= {MIN_SAVED}", one.saved >= MIN_SAVED,
+            )  # fmt: skip
+        yield Claim(
+            f"{name}: infeasible windows", one.infeasible_ratio, "0", one.infeasible_ratio == 0
+        )
+    if "surrogate" in known:
+        regret = known["surrogate"].regret_mean
+        yield Claim(
+            "surrogate: mean regret", round(regret, 4), f"<= {MAX_REGRET}", regret <= MAX_REGRET
+        )
+    for name, one in known.items():
+        if name.startswith("llm") and one.lost_to_coverage.mean == one.lost_to_coverage.mean:
+            lost = -one.lost_to_coverage.mean
+            yield Claim(
+                f"{name}: AP@0.7 below coverage",
+                round(lost, 4), f"<= {MAX_LOST_AP}", lost <= MAX_LOST_AP,
+            )  # fmt: skip

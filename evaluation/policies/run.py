@@ -1,0 +1,102 @@
+"""The comparison: every policy on the same control windows, measured, and written to files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from evaluation.kept import Kept
+from evaluation.policies.claims import claims_of
+from evaluation.policies.decide import Decided, decisions, policy_of
+from evaluation.policies.figures import Places, draw_figures
+from evaluation.policies.files import write_eval, write_headline, write_selection
+from evaluation.policies.pieces import MADE_FROM, Piece, knowledge_of, listen, measure
+from evaluation.policies.report import report
+from evaluation.policies.results import means_of, rows_of
+from evaluation.published import Summary
+from evaluation.windows.choice import Choice
+from evaluation.windows.scenarios import Scenario
+from swarm.errors import EvaluationError
+
+
+def compare(
+    suite: Sequence[Scenario],
+    policies: Sequence[str],
+    workers: int,
+    folder: Path,
+    published: Sequence[Summary] = (),
+) -> None:
+    """Compares the policies on the scenarios and writes selection.csv, eval.csv, headline.json,
+    report.md and the figures into the folder; progress goes to standard error.
+
+    `published` results are drawn beside ours.
+
+    What is finished is kept in the folder, for a run that goes on after this one was ended. Raises
+    WorldError for a world that cannot be read, DecisionError for an unknown policy, EvaluationError
+    when there is nothing to compare.
+    """
+    if not suite or not policies:
+        raise EvaluationError("there is nothing to compare: no scenario, or no policy")
+    knowledge = knowledge_of(suite[0].open().detector)
+    for name in policies:
+        policy_of(name, suite[0], knowledge)
+    kept = Kept(folder / "kept", MADE_FROM)
+    scenarios = {scenario.name: scenario for scenario in suite}
+    pieces = listen(
+        [Piece(scenario, window) for scenario in suite for window in range(scenario.windows)],
+        workers,
+        kept,
+    )
+    decided = _decide(scenarios, pieces, policies)
+    choices: dict[tuple[str, int], set[Choice]] = {}
+    for one in decided:
+        choices.setdefault((one.scenario, one.window), set()).add(one.choice)
+    wanted = [
+        replace(piece, wanted=tuple(sorted(choices[piece.scenario.name, piece.window])))
+        for piece in pieces
+    ]
+    measured = measure(wanted, workers, kept)
+    outcomes = {
+        (piece.scenario.name, piece.window): known
+        for piece, known in zip(wanted, measured, strict=True)
+    }
+    rows = rows_of(scenarios, decided, outcomes, knowledge)
+    if not rows:
+        raise EvaluationError("no control window of these scenarios holds a true box")
+    means = means_of(rows)
+    claims = claims_of(means)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_selection(folder / "selection.csv", rows, knowledge.objective)
+    write_eval(folder / "eval.csv", rows)
+    write_headline(folder / "headline.json", means, {"claims": claims})
+    (folder / "report.md").write_text(report(means, claims, rows))
+    figures = draw_figures(folder, rows, means, _places(pieces), published)
+    names = ["selection.csv", "eval.csv", "headline.json", "report.md", *figures]
+    print(f"wrote {', '.join(names)} to {folder}", file=sys.stderr)
+
+
+def _places(pieces: Sequence[Piece]) -> Places:
+    """Where robots said that they were, from where the ego was."""
+    found = {}
+    for piece in pieces:
+        poses = {robot: beacon.pose for robot, (beacon, _) in (piece.heard or {}).items()}
+        x, y = list(poses.values())[piece.scenario.ego][:2]
+        found[piece.scenario.name, piece.window] = {
+            robot: (pose[0] - x, pose[1] - y) for robot, pose in poses.items()
+        }
+    return found
+
+
+def _decide(
+    scenarios: dict[str, Scenario], pieces: Sequence[Piece], policies: Sequence[str]
+) -> list[Decided]:
+    """Every policy's decisions in every scenario."""
+    found: list[Decided] = []
+    for name, scenario in scenarios.items():
+        heard = [p.heard for p in pieces if p.scenario.name == name and p.heard is not None]
+        knowledge = knowledge_of(scenario.open().detector)
+        for policy in policies:
+            found += decisions(scenario, heard, knowledge, policy_of(policy, scenario, knowledge))
+    return found

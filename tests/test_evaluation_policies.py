@@ -1,0 +1,188 @@
+"""`coadapt eval policies`: the same windows for all, its files, and how it is interrupted."""
+
+from __future__ import annotations
+
+import csv
+import json
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from coadapt.main import main
+from ego_agent.objective import Objective
+from evaluation.bootstrap import bootstrap_mean
+from evaluation.policies.claims import claims_of
+from evaluation.policies.decide import Decided, decisions, policy_of
+from evaluation.policies.pieces import Outcomes, knowledge_of
+from evaluation.policies.results import ORACLE, means_of, rows_of
+from evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
+from evaluation.windows import knowing, links
+from evaluation.windows.choice import ALONE, Choice, Outcome
+from evaluation.windows.measure import Window
+from evaluation.windows.scenarios import Expectation, Scenario, factory_suite
+from training.plans import TEST_SEEDS
+
+SCENARIO = Scenario("small", 4, links.shift(), TEST_SEEDS.start + 555_556, windows=2)
+KNOWLEDGE = knowledge_of("factory")
+
+
+def outcome(ap_70: float, size: float, truths: int = 20) -> Outcome:
+    return Outcome(ap_70, ap_70, ap_70, size, 4, truths, (ap_70, ap_70))
+
+
+def decided(policy: str, choice: Choice, window: int = 0) -> Decided:
+    return Decided(
+        "small", window, ("R1", "R2", "R3", "R4"), "R1", ("R2", "R3", "R4"), policy, choice,
+        round(1e3), "because", "policy", 0.002,
+    )  # fmt: skip
+
+
+def test_a_blind_policy_is_measured_as_it_is_and_others_as_an_ego_would_have_them() -> None:
+    window = Window(SCENARIO, 0)
+    fusions = {name: window.fusion(name) for name in KNOWLEDGE.algorithms}
+    messages = knowing.heard(window.world, 0, window.ego, dict(fusions))
+    narrow = replace(SCENARIO, link=links.Link("thin", links.Fixed(2_000_000)))
+    found = {
+        name: decisions(narrow, [messages], KNOWLEDGE, policy_of(name, narrow, KNOWLEDGE))[0]
+        for name in ("static-intermediate", "coverage", "random")
+    }
+    assert found["static-intermediate"].choice == Choice(("R2", "R3", "R4"), "intermediate")
+    assert found["static-intermediate"].predicted_bytes > 25_000
+    assert 0 < found["coverage"].predicted_bytes <= Objective().budget_bytes(2e6)
+    assert found["coverage"].in_range == ("R2", "R3", "R4") or set(found["coverage"].in_range) == {
+        "R2",
+        "R3",
+        "R4",
+    }
+    again = decisions(narrow, [messages], KNOWLEDGE, policy_of("random", narrow, KNOWLEDGE))[0]
+    assert again.choice == found["random"].choice
+
+
+def test_regret_savings_and_infeasible_windows() -> None:
+    everyone, two, alone = (
+        Choice(("R2", "R3", "R4"), "early"), Choice(("R2",), "early"), Choice((), ALONE),
+    )  # fmt: skip
+    known: Outcomes = {
+        everyone: outcome(0.9, 12_000), two: outcome(0.89, 4_000), alone: outcome(0.4, 0),
+    }  # fmt: skip
+    thin = {**known, everyone: outcome(0.9, 1_000_000)}
+    empty = {choice: replace(one, ground_truth=0) for choice, one in known.items()}
+    choices = [("static-early", everyone), ("coverage", two)]
+    all_decided = [decided(name, choice, w) for w in (0, 1, 2) for name, choice in choices]
+    rows = rows_of(
+        {"small": replace(SCENARIO, windows=3)},
+        all_decided,
+        {("small", 0): known, ("small", 1): thin, ("small", 2): empty},
+        KNOWLEDGE,
+    )
+    means = {one.policy: one for one in means_of(rows)}
+    assert set(means) == {"static-early", "coverage", ORACLE}
+    assert {one.windows for one in means.values()} == {2}, "a window without true boxes is none"
+    assert means[ORACLE].regret_mean == 0
+    assert means["coverage"].regret_mean == pytest.approx(((0.888 - 0.886) + 0) / 2)
+    assert means["coverage"].infeasible_ratio == 0
+    assert means["static-early"].infeasible_ratio == 0.5
+    assert means["coverage"].saved == pytest.approx(1 - 4_000 / 506_000)
+    assert means["coverage"].lost_ap_70.mean == pytest.approx(-0.01)
+    assert means["coverage"].participants_mean == 2
+    claims = {claim["what"]: claim for claim in claims_of(list(means.values()))}
+    below = claims["coverage: AP@0.7 below the best static full participation"]
+    assert not below["met"]
+    assert below["value"] == pytest.approx(0.01)
+    assert claims["coverage: share of its bytes saved"]["met"]
+
+
+def test_the_interval_holds_the_mean_and_narrows_with_more_values() -> None:
+    few, many = bootstrap_mean([0.0, 1.0] * 5), bootstrap_mean([0.0, 1.0] * 500)
+    assert few.low < few.mean == many.mean == 0.5 < few.high
+    assert many.high - many.low < few.high - few.low
+    assert bootstrap_mean([]).mean != bootstrap_mean([]).mean, "there is no mean of nothing"
+
+
+@pytest.mark.parametrize(
+    ("participants", "feasible", "met"),
+    [
+        (("R2", "R3"), True, True),
+        (("R2", "R3"), False, False),
+        (("R3",), True, False),
+        (("R2", "R3", "R4"), True, False),
+    ],
+)
+def test_expectations(participants: tuple[str, ...], feasible: bool, met: bool) -> None:
+    wanted = Expectation("", wanted=frozenset({"R2"}), redundant=frozenset({"R3", "R4"}))
+    assert wanted.met(participants, feasible) is met
+    assert not Expectation("", somebody=True).met((), True)
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_command_writes_all_files_and_repeats_itself(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = next(scenario.name for scenario in factory_suite() if scenario.robots == 3)
+    options = ["eval", "policies", "--scenarios", name, "--workers", "2"]
+    options += ["--policies", "static-late,random,coverage", "--output", str(tmp_path)]
+    assert main(options) == 0
+    assert "measured: 3/3 windows" in capsys.readouterr().err
+    figures = ("participants", "positions", "strategy", "bytes-precision", "by-strategy", "regret")
+    repeated = ("eval.csv", *(f"{figure}.svg" for figure in figures))
+    first = {name: (tmp_path / name).read_text() for name in repeated}
+    for figure in figures:
+        assert len(list(ElementTree.parse(tmp_path / f"{figure}.svg").iter())) > 50
+    assert "static-late" in (tmp_path / "report.md").read_text()
+    selection, results = read(tmp_path / "selection.csv"), read(tmp_path / "eval.csv")
+    assert tuple(selection[0])[: len(SELECTION_COLUMNS)] == SELECTION_COLUMNS
+    assert tuple(results[0])[: len(EVAL_COLUMNS)] == EVAL_COLUMNS
+    assert len(selection) == len(results) == 3 * 4
+    for row in selection:
+        assert row["ego_cav"] in row["selected_cavs"].split("|")
+        assert set(row["selected_cavs"].split("|")) <= set(row["in_range_cavs"].split("|"))
+        assert row["n_selected"] == str(len(row["selected_cavs"].split("|")))
+    headline = json.loads((tmp_path / "headline.json").read_text())
+    rows: dict[str, dict[str, Any]] = {row["policy"]: row for row in headline["rows"]}
+    assert set(rows) == {"static-late", "random", "coverage", "oracle"}
+    assert rows["oracle"]["regret_mean"] == 0
+    assert rows["coverage"]["infeasible_ratio"] == 0
+    assert all(row["regret_mean"] >= 0 for row in rows.values() if not row["infeasible_ratio"])
+
+    assert main(options) == 0
+    assert "measured:" not in capsys.readouterr().err, "what was measured was measured again"
+    for name, text in first.items():
+        assert (tmp_path / name).read_text() == text, name
+    again = json.loads((tmp_path / "headline.json").read_text())
+    for row in again["rows"]:
+        before = rows[row["policy"]]
+        assert {k: v for k, v in row.items() if "_ms_" not in k} == {
+            k: v for k, v in before.items() if "_ms_" not in k
+        }
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--policies", "wish"], "policy 'wish' is unknown; allowed: coverage"),
+        (["--scenarios", "moon"], "scenario 'moon' is not known; allowed: redundant-cluster"),
+        (["--data", "nowhere"], "data directory nowhere is not a readable directory"),
+    ],
+)
+def test_what_cannot_be_compared_is_named(
+    options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["eval", "policies", *options, "--output", str(tmp_path)]) == 1
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "headline.json").exists()
+
+
+def test_a_recorded_world_is_compared_likewise(opv2v_dir: Path, tmp_path: Path) -> None:
+    name = "2021_09_03_09_32_17-302"
+    options = ["--data", str(opv2v_dir), "--scenarios", name, "--policies", "static-late,coverage"]
+    assert main(["eval", "policies", *options, "--output", str(tmp_path)]) == 0
+    rows = json.loads((tmp_path / "headline.json").read_text())["rows"]
+    oracle = next(row for row in rows if row["policy"] == "oracle")
+    assert all(row["ap_70"] - row["bytes_per_frame"] / 1e6 <= oracle["ap_70"] for row in rows)
