@@ -18,6 +18,7 @@ from ego_agent.model import UnifiedScene
 from ego_agent.prompting import make_prompt
 from ego_agent.prompting.table import MAX_LISTED
 from ego_agent.scoring import Scorer
+from perception.fusion.registry import all_fusions
 from swarm.errors import DecisionError
 from swarm.messages import DecideRequest, Decision, decode, encode
 
@@ -106,6 +107,14 @@ def test_the_objective_and_the_algorithms_stand_in_the_constant_part() -> None:
     assert "0.2 points" in system.content
     for name in ALL:
         assert f"{name}: " in system.content
+
+
+def test_every_way_to_fuse_there_is_and_any_other_can_be_asked_about() -> None:
+    names = (*all_fusions(), "telepathy")
+    known = knowledge(names)
+    system, _ = make_prompt(floor(6, known), known, None, None).messages
+    assert "intermediate-sparse: feature maps, sparse, F 0.97." in system.content
+    assert "telepathy: a form of its own, F 0.97." in system.content
 
 
 def test_a_change_of_bandwidth_changes_the_last_line_only() -> None:

@@ -25,11 +25,8 @@ from swarm.messages import Algorithm, ChatMessage, Decision
 
 VERSION = "v1"
 """Of the templates."""
-_WORDS: dict[Algorithm, str] = {
-    "early": "raw points",
-    "intermediate": "feature maps",
-    "late": "boxes of objects",
-}
+_WORDS = {"early": "raw points", "intermediate": "feature maps", "late": "boxes of objects"}
+"""By the first part of an algorithm's name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +94,9 @@ def _system(scorer: Scorer) -> str:
 
 
 def _algorithm(knowledge: Knowledge, name: Algorithm) -> str:
-    return f"{name}: {_WORDS[name]}, F {knowledge.factors[name]:.2f}."
+    paradigm, _, kind = name.partition("-")
+    words = [_WORDS.get(paradigm, "a form of its own"), *([kind] if kind else [])]
+    return f"{name}: {', '.join(words)}, F {knowledge.factors[name]:.2f}."
 
 
 def _cost(scorer: Scorer, name: Algorithm) -> str:
