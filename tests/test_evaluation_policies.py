@@ -23,10 +23,11 @@ from evaluation.windows import knowing, links
 from evaluation.windows.choice import ALONE, Choice, Outcome
 from evaluation.windows.measure import Window
 from evaluation.windows.scenarios import Expectation, Scenario, factory_suite
+from perception.fusion.registry import fusion_names
 from training.plans import TEST_SEEDS
 
 SCENARIO = Scenario("small", 4, links.shift(), TEST_SEEDS.start + 555_556, windows=2)
-KNOWLEDGE = knowledge_of("factory")
+KNOWLEDGE = knowledge_of(fusion_names("factory"))
 
 
 def outcome(ap_70: float, size: float, truths: int = 20) -> Outcome:

@@ -24,6 +24,7 @@ from evaluation.windows.scenarios import (
     recorded_suite,
 )
 from evaluation.windows.search import best, every_choice, explore, held_out_regret
+from perception.fusion.registry import fusion_names
 from swarm.errors import CoAdaptError, EvaluationError
 from training.plans import TEST_SEEDS
 
@@ -139,7 +140,9 @@ def test_what_an_ego_knows_is_what_robots_would_send() -> None:
     assert beacon.pose == scene.pose
     assert beacon.sizes["late"] > 0
     assert messages[window.ego][0].pose[0] == pytest.approx(window.world.pose("R1", 40).x)
-    unified = analyze(knowing.snapshot(window.ego, messages, 5e6), knowledge_of("factory"))
+    unified = analyze(
+        knowing.snapshot(window.ego, messages, 5e6), knowledge_of(fusion_names("factory"))
+    )
     assert set(candidates_of(unified)) == {"R2", "R3"}
     far = knowing.heard(window.world, 40, window.ego, dict(fusions), reach_m=0.1)
     assert not far["R2"][0].sizes

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from coadapt.arguments import at_least_one, comma_separated
+from swarm.messages import ALGORITHMS
 
 FOLDER = Path("build/eval")
 POLICIES = (
@@ -48,6 +49,15 @@ def _add_policies(experiments: Any) -> None:
     parser.add_argument(
         "--policies", type=comma_separated, default=list(POLICIES), metavar="NAMES",
         help=f"comma-separated (default: {','.join(POLICIES)})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--algorithms", type=comma_separated, default=list(ALGORITHMS), metavar="NAMES",
+        help=f"those that policies choose from (default: {','.join(ALGORITHMS)}, as an ego does)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--models", type=comma_separated, default=[], metavar="NAMES",
+        help="language models to ask, comma-separated: smollm2-135m, a GGUF file, or NAME@URL of "
+        "an OpenAI-compatible server (default: none)",
     )  # fmt: skip
     parser.add_argument(
         "--scenarios", type=comma_separated, default=[], metavar="NAMES",
@@ -97,7 +107,15 @@ def run_policies(args: argparse.Namespace) -> int:
     suite = recorded_suite(args.data) if args.data else factory_suite()
     published = [summary(name, cycles) for name, cycles in found_published().items()]
     scenarios = chosen(suite, args.scenarios)
-    compare(scenarios, args.policies, args.workers, args.output, published)
+    compare(
+        scenarios,
+        args.policies,
+        args.workers,
+        args.output,
+        algorithms=args.algorithms,
+        models=args.models,
+        published=published,
+    )
     return 0
 
 

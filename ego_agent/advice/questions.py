@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import dataclass
+from typing import Protocol
 
 from ego_agent.advice.outcomes import Outcome, trouble
 from ego_agent.prompting import LlmPrompt
@@ -36,6 +37,27 @@ class Heard:
     trouble: Outcome = "no_gateway"
     """Without an answer: why there is none."""
     why: str = "the gateway went away"
+
+
+class Asking(Protocol):
+    """Where advice is asked for: at most one question at a time, and nobody waits."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether a question waits for its answer, or an answer to be taken."""
+        ...
+
+    def alive(self) -> bool:
+        """Whether there is anybody to ask."""
+        ...
+
+    def ask(self, prompt: LlmPrompt) -> Question:
+        """Sends a question; only while none is pending."""
+        ...
+
+    def take(self) -> Heard | None:
+        """What came of the pending question, once; None while nothing has."""
+        ...
 
 
 class Questions:

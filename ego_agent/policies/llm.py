@@ -11,7 +11,7 @@ import time
 
 from ego_agent.advice.judge import Verdict, judge
 from ego_agent.advice.outcomes import plain
-from ego_agent.advice.questions import Heard, Question, Questions
+from ego_agent.advice.questions import Asking, Heard, Question, Questions
 from ego_agent.advice.standing import Advice, Cycle, answer_report
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
@@ -33,9 +33,10 @@ class Llm:
 
     name = "llm"
 
-    def __init__(self) -> None:
+    def __init__(self, questions: Asking | None = None) -> None:
+        """`questions`: whom to ask until `connect` says otherwise."""
         self._settings = EgoSettings()
-        self._questions: Questions | None = None
+        self._questions = questions
         self._coverage = Coverage()
         self._shadow: Decision | None = None
         """What `coverage` would have in force by now, had it decided all along."""
@@ -77,7 +78,7 @@ class Llm:
             self._ask(cycle, questions, previous)
         return self._proposal(cycle)
 
-    def _begin(self, scorer: Scorer, questions: Questions | None) -> Cycle:
+    def _begin(self, scorer: Scorer, questions: Asking | None) -> Cycle:
         """The fallback is what `coverage` would decide, had it decided so far: advice that it would
         not have chosen must not become what it holds on to."""
         score, reason = self._coverage.choose(scorer, self._shadow)
@@ -111,7 +112,7 @@ class Llm:
             or cycle.now_s - last.asked_s >= self._settings.llm_period_s
         )
 
-    def _ask(self, cycle: Cycle, questions: Questions, previous: Decision | None) -> None:
+    def _ask(self, cycle: Cycle, questions: Asking, previous: Decision | None) -> None:
         scorer = cycle.scorer
         results = scorer.knowledge.results()
         prompt = make_prompt(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from ego_agent.analyze import analyze
 from ego_agent.knowledge import Knowledge
@@ -24,6 +25,16 @@ BLIND = ("random", "rules", "static-")
 the paper know no validation. All others are validated, as an ego would."""
 
 
+@runtime_checkable
+class Waiting(Protocol):
+    """A policy that knows how long it has waited for others, also where answers were kept."""
+
+    @property
+    def waited_s(self) -> float:
+        """So far."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Decided:
     """One policy's decision for one window."""
@@ -41,7 +52,7 @@ class Decided:
     reason: str
     source: str
     decision_s: float
-    """From the snapshot to the decision."""
+    """From the snapshot to the decision; of a language model, until its answer."""
     repairs: tuple[str, ...] = ()
 
 
@@ -61,7 +72,7 @@ def decisions(
     previous: Decision | None = None
     found = []
     for window, messages in enumerate(heard):
-        begun = time.perf_counter()
+        begun, waited_s = time.perf_counter(), _waited_s(policy)
         seen = snapshot(ego, messages, scenario.capacity_bps(window))
         scene = analyze(seen, knowledge)
         if blind:
@@ -69,6 +80,8 @@ def decisions(
         else:
             decision = plan(seen, scene, policy, knowledge, previous, window, EPOCH_NS)
         took_s = time.perf_counter() - begun
+        if isinstance(policy, Waiting):
+            took_s = policy.waited_s - waited_s
         previous = decision
         found.append(
             Decided(
@@ -95,6 +108,10 @@ def policy_of(name: str, scenario: Scenario, knowledge: Knowledge) -> Policy:
     if name == "random":
         return Chance(seed=scenario.seed)
     return make_policy(name, knowledge.algorithms)
+
+
+def _waited_s(policy: Policy) -> float:
+    return policy.waited_s if isinstance(policy, Waiting) else 0.0
 
 
 def _as_proposed(policy: Policy, scene: UnifiedScene, knowledge: Knowledge) -> Decision:

@@ -18,6 +18,7 @@ from evaluation.machine import machine_facts
 from evaluation.policies.results import Means, Row
 from evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
 
+LLM = "llm-"
 OWN_SELECTION = (
     "policy", "window", "source", "predicted_bytes", "decision_ms", "link", "pose_noise_m",
     "repairs",
@@ -103,7 +104,7 @@ def _common(row: Row) -> dict[str, Any]:
 
 def _answer_s(row: Row) -> float:
     """What the published column means: 0 where no language model was asked."""
-    return row.decided.decision_s if row.decided.source == "llm" else 0.0
+    return row.decided.decision_s if row.decided.policy.startswith(LLM) else 0.0
 
 
 def _write(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:

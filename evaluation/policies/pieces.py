@@ -18,7 +18,6 @@ from evaluation.windows.measure import Window, packed, unpacked
 from evaluation.windows.scenarios import Scenario
 from evaluation.windows.search import explore
 from evaluation.workers import each
-from perception.fusion.registry import fusion_names
 
 MADE_FROM = (
     "ego_agent/analyze.py", "ego_agent/greedy.py", "ego_agent/grid.py", "ego_agent/merge.py",
@@ -37,6 +36,7 @@ class Piece:
 
     scenario: Scenario
     window: int
+    algorithms: tuple[str, ...]
     heard: Heard | None = None
     wanted: tuple[Choice, ...] = ()
     known: tuple[tuple[Choice, Outcome], ...] = ()
@@ -44,7 +44,7 @@ class Piece:
     @property
     def key(self) -> str:
         """By which results are kept."""
-        return f"{self.scenario} window {self.window}"
+        return f"{self.scenario} window {self.window} {self.algorithms}"
 
 
 def listen(pieces: Sequence[Piece], workers: int, kept: Kept) -> list[Piece]:
@@ -78,14 +78,14 @@ def measure(pieces: Sequence[Piece], workers: int, kept: Kept) -> list[Outcomes]
     return [fresh.get(piece.key, outcomes) for piece, outcomes in zip(pieces, known, strict=True)]
 
 
-def knowledge_of(detector: str) -> Knowledge:
-    """What an ego knows beforehand: the objective, and every algorithm there is."""
-    return Knowledge(algorithms=fusion_names(detector))
+def knowledge_of(algorithms: Sequence[str]) -> Knowledge:
+    """What an ego knows beforehand: the objective, and the algorithms that it decides among."""
+    return Knowledge(algorithms=algorithms)
 
 
 def _listen(piece: Piece) -> bytes:
     window = Window(piece.scenario, piece.window)
-    knowledge = knowledge_of(window.world.detector)
+    knowledge = knowledge_of(piece.algorithms)
     fusions = {name: window.fusion(name) for name in knowledge.algorithms}
     messages = knowing.heard(
         window.world,
@@ -100,7 +100,7 @@ def _listen(piece: Piece) -> bytes:
 
 def _measure(piece: Piece) -> list[object]:
     window = Window(piece.scenario, piece.window, dict(piece.known))
-    knowledge = knowledge_of(window.world.detector)
+    knowledge = knowledge_of(piece.algorithms)
     assert piece.heard is not None
     capacity_bps = piece.scenario.capacity_bps(piece.window)
     scene = analyze(knowing.snapshot(window.ego, piece.heard, capacity_bps), knowledge)

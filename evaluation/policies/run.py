@@ -7,7 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ego_agent.knowledge import Knowledge
+from ego_agent.policies.base import Policy
 from evaluation.kept import Kept
+from evaluation.policies import advice
+from evaluation.policies.advice import AdvisedAtOnce, Model
 from evaluation.policies.claims import claims_of
 from evaluation.policies.decide import Decided, decisions, policy_of
 from evaluation.policies.figures import Places, draw_figures
@@ -18,7 +22,9 @@ from evaluation.policies.results import means_of, rows_of
 from evaluation.published import Summary
 from evaluation.windows.choice import Choice
 from evaluation.windows.scenarios import Scenario
+from perception.fusion.registry import fusion_names
 from swarm.errors import EvaluationError
+from swarm.messages import ALGORITHMS
 
 
 def compare(
@@ -26,12 +32,17 @@ def compare(
     policies: Sequence[str],
     workers: int,
     folder: Path,
+    *,
+    algorithms: Sequence[str] = ALGORITHMS,
+    models: Sequence[str] = (),
     published: Sequence[Summary] = (),
 ) -> None:
     """Compares the policies on the scenarios and writes selection.csv, eval.csv, headline.json,
     report.md and the figures into the folder; progress goes to standard error.
 
-    `published` results are drawn beside ours.
+    `algorithms`: those that policies decide among, by default the three paradigms as in an ego.
+    `models`: language models to ask for advice (evaluation.policies.advice). `published` results
+    are drawn beside ours.
 
     What is finished is kept in the folder, for a run that goes on after this one was ended. Raises
     WorldError for a world that cannot be read, DecisionError for an unknown policy, EvaluationError
@@ -39,17 +50,28 @@ def compare(
     """
     if not suite or not policies:
         raise EvaluationError("there is nothing to compare: no scenario, or no policy")
-    knowledge = knowledge_of(suite[0].open().detector)
+    available = fusion_names(suite[0].open().detector)
+    for name in algorithms:
+        if name not in available:
+            raise EvaluationError(
+                f"algorithm {name!r} is not available; allowed: {', '.join(available)}"
+            )
+    knowledge = knowledge_of(algorithms)
     for name in policies:
         policy_of(name, suite[0], knowledge)
     kept = Kept(folder / "kept", MADE_FROM)
+    advisers = [Model(spec, Kept(folder / "kept", advice.MADE_FROM)) for spec in models]
     scenarios = {scenario.name: scenario for scenario in suite}
     pieces = listen(
-        [Piece(scenario, window) for scenario in suite for window in range(scenario.windows)],
+        [
+            Piece(scenario, window, knowledge.algorithms)
+            for scenario in suite
+            for window in range(scenario.windows)
+        ],
         workers,
         kept,
     )
-    decided = _decide(scenarios, pieces, policies)
+    decided = _decide(scenarios, pieces, policies, advisers, knowledge)
     choices: dict[tuple[str, int], set[Choice]] = {}
     for one in decided:
         choices.setdefault((one.scenario, one.window), set()).add(one.choice)
@@ -90,13 +112,24 @@ def _places(pieces: Sequence[Piece]) -> Places:
 
 
 def _decide(
-    scenarios: dict[str, Scenario], pieces: Sequence[Piece], policies: Sequence[str]
+    scenarios: dict[str, Scenario],
+    pieces: Sequence[Piece],
+    policies: Sequence[str],
+    advisers: Sequence[Model],
+    knowledge: Knowledge,
 ) -> list[Decided]:
     """Every policy's decisions in every scenario."""
     found: list[Decided] = []
-    for name, scenario in scenarios.items():
-        heard = [p.heard for p in pieces if p.scenario.name == name and p.heard is not None]
-        knowledge = knowledge_of(scenario.open().detector)
-        for policy in policies:
-            found += decisions(scenario, heard, knowledge, policy_of(policy, scenario, knowledge))
+    try:
+        for number, (name, scenario) in enumerate(scenarios.items(), 1):
+            heard = [p.heard for p in pieces if p.scenario.name == name and p.heard is not None]
+            everyone: list[Policy] = [policy_of(one, scenario, knowledge) for one in policies]
+            everyone += [AdvisedAtOnce(model) for model in advisers]
+            for policy in everyone:
+                found += decisions(scenario, heard, knowledge, policy)
+            if advisers:
+                print(f"advised: {number}/{len(scenarios)} scenarios", file=sys.stderr, flush=True)
+    finally:
+        for model in advisers:
+            model.close()
     return found

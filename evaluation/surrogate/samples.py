@@ -22,10 +22,15 @@ from evaluation.windows.links import shift
 from evaluation.windows.measure import Window, candidates_of, packed, unpacked
 from evaluation.windows.scenarios import NOISE_M, SURROGATE_SEEDS, Scenario
 from perception.fusion.registry import fusion_names
+from swarm.messages import ALGORITHMS
 from worlds.factory.scenarios import SCENARIOS
 
-CHOICES = 30
-"""Measured in each window."""
+CHOICES = 24
+"""Measured in each window..."""
+FRAMES = 4
+"""...on so many frames: many different windows teach more than much of one."""
+PARADIGM_SHARE = 2 / 3
+"""Of the random choices use one of the three paradigms that an ego decides among by default."""
 ROBOTS = (3, 4, 5, 6, 6, 7, 8, 9, 10, 12, 16, 24)
 """In turn; the largest are few, since a window of many robots takes long."""
 
@@ -53,6 +58,7 @@ def training_windows(count: int) -> list[Scenario]:
             pose_noise_m=NOISE_M if index % 2 else 0.0,
             first_frame=index * 397 % 5900,
             windows=1,
+            sampled=FRAMES,
         )
         for index, seed in enumerate(islice(SURROGATE_SEEDS, count))
     ]
@@ -118,6 +124,7 @@ def _choices(candidates: Sequence[str], algorithms: Sequence[str], seed: int) ->
     while len(found) < min(CHOICES, possible):
         size = min(len(candidates), int(rng.geometric(0.35)))
         members = rng.choice(len(candidates), size, replace=False)
-        algorithm = algorithms[int(rng.integers(len(algorithms)))]
+        names = ALGORITHMS if rng.random() < PARADIGM_SHARE else algorithms
+        algorithm = names[int(rng.integers(len(names)))]
         found.add(Choice(tuple(sorted(candidates[i] for i in members)), algorithm))
     yield from sorted(found - {Choice((), ALONE)})

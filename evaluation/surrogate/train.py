@@ -14,9 +14,10 @@ from torch import Tensor, nn
 from ego_agent.surrogate.features import NAMES
 from ego_agent.surrogate.model import Surrogate, write_surrogate
 from evaluation.kept import Kept
-from evaluation.policies.pieces import MADE_FROM, knowledge_of
+from evaluation.policies.pieces import MADE_FROM
 from evaluation.surrogate.samples import Samples, measure, samples, training_windows
 from evaluation.workers import each
+from perception.fusion.registry import fusion_names
 from swarm.errors import EvaluationError
 
 HIDDEN = (48, 24)
@@ -39,7 +40,7 @@ def train(windows: int, workers: int, folder: Path, output: Path) -> dict[str, f
     Returns the errors on the held-out windows: `mae`, of AP@0.7, and `mae_within`, of its
     differences from the mean of the window.
     """
-    algorithms = knowledge_of("factory").algorithms
+    algorithms = fusion_names("factory")
     measured = _measured(windows, workers, Kept(folder / "kept", MADE_FROM), algorithms)
     test = measured[::HELD_OUT]
     learning = [one for at, one in enumerate(measured) if at % HELD_OUT]

@@ -24,7 +24,7 @@ SUITE_SEEDS = range(TEST_SEEDS.start + 500_000, TEST_SEEDS.start + 600_000)
 SURROGATE_SEEDS = range(TEST_SEEDS.start + 600_000, TEST_SEEDS.start + 700_000)
 """Floors that the surrogate is trained on."""
 WINDOWS = 3
-SAMPLED = 4
+SAMPLED = 6
 """Frames of a control window on which precision is measured."""
 NOISE_M = 0.2
 SIZES = (3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
@@ -74,6 +74,8 @@ class Scenario:
     first_frame: int = 0
     windows: int = WINDOWS
     window_frames: int = 50
+    sampled: int = SAMPLED
+    """Frames of a window on which precision is measured."""
     folder: Path | None = None
     """Of a recorded world, in place of the factory."""
     expectation: Expectation | None = None
@@ -90,9 +92,10 @@ class Scenario:
         return self.first_frame + window * self.window_frames
 
     def sampled_frames(self, window: int) -> list[int]:
-        """The frames of a window on which precision is measured: the middles of SAMPLED parts."""
+        """The frames of a window on which precision is measured: the middles of
+        `sampled` equal parts."""
         first = self.decision_frame(window)
-        count = min(SAMPLED, self.window_frames)
+        count = min(self.sampled, self.window_frames)
         return [first + int(self.window_frames * (i + 0.5) / count) for i in range(count)]
 
     def capacity_bps(self, window: int) -> float:

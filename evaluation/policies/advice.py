@@ -1,0 +1,163 @@
+"""A language model's advice in an experiment: the ego's own policy, waiting for answers."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from dataclasses import dataclass
+
+import msgspec
+
+from ego_agent.advice.questions import Heard, Question
+from ego_agent.knowledge import Knowledge
+from ego_agent.model import Proposal, UnifiedScene
+from ego_agent.policies.llm import Llm
+from ego_agent.prompting import LlmPrompt
+from evaluation.kept import Kept
+from llm_gateway.answers import AnswerError, extract
+from llm_gateway.backends.base import Backend
+from llm_gateway.backends.registry import make_backend
+from llm_gateway.model import Prompt
+from llm_gateway.schemas import Schemas
+from llm_gateway.settings import load_settings
+from swarm.errors import EvaluationError, GatewayError
+from swarm.log import make_logger
+from swarm.messages import DecideAnswer, Decision
+
+TIMEOUT_S = 120.0
+MADE_FROM = ("llm_gateway", "ego_agent/prompting")
+"""What decides an answer, beside the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A model's words, or why there are none, and how long that took."""
+
+    text: str
+    trouble: str
+    took_s: float
+
+
+class Model:
+    """A language model behind a back end of the gateway; equal prompts are asked once, ever."""
+
+    def __init__(self, spec: str, kept: Kept) -> None:
+        """`spec`: a model that a package carries, a path of a GGUF file, or NAME@URL of an
+        OpenAI-compatible server (key: COADAPT_LLM_API_KEY). Raises SettingError for what cannot
+        work, EvaluationError for a specification without a name."""
+        name, at, url = spec.partition("@")
+        if not name:
+            raise EvaluationError(f"model {spec!r} has no name; allowed: NAME, FILE or NAME@URL")
+        settings = msgspec.structs.replace(
+            load_settings(os.environ),
+            llm_backend="openai" if at else "llamacpp",
+            llm_url=url,
+            llm_model=name,
+            llm_parallel=1,
+        )
+        self._backend: Backend = make_backend(settings, make_logger("eval", level="warning"))
+        self.name = self._backend.model or name
+        self._kept = kept
+        self._runner: asyncio.Runner | None = None
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """The model's answer. Starts it with the first prompt that it has not answered before."""
+        key = prompt.key(self.name)
+        values = self._kept.get(key)
+        if values is None:
+            answer = self._ask(prompt)
+            values = [answer.text, answer.trouble, answer.took_s]
+            self._kept.put(key, values)
+        return Answer(*values)
+
+    def close(self) -> None:
+        """Ends the model."""
+        if self._runner is not None:
+            self._runner.run(self._backend.close())
+            self._runner.close()
+            self._runner = None
+
+    def _ask(self, prompt: Prompt) -> Answer:
+        if self._runner is None:
+            self._runner = asyncio.Runner()
+            self._runner.run(self._backend.start())
+        begun = time.monotonic()
+        try:
+            text = self._runner.run(self._backend.complete(prompt, TIMEOUT_S)).text
+            return Answer(text, "", time.monotonic() - begun)
+        except GatewayError as error:
+            return Answer("", str(error), time.monotonic() - begun)
+
+
+class AtOnce:
+    """Questions that are answered before `ask` returns. Implements `Asking`."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._schemas = Schemas()
+        self._number = 0
+        self._heard: Heard | None = None
+        self.waited_s = 0.0
+        """For all answers so far, as long as they took when they were made."""
+
+    @property
+    def pending(self) -> bool:
+        """See `Asking`."""
+        return self._heard is not None
+
+    def alive(self) -> bool:
+        """See `Asking`."""
+        return True
+
+    def ask(self, prompt: LlmPrompt) -> Question:
+        """See `Asking`."""
+        self._number += 1
+        question = Question(self._number, prompt, time.monotonic(), 0)
+        answer = self._model.ask(Prompt(prompt.messages, prompt.schema))
+        self.waited_s += answer.took_s
+        self._heard = self._hear(question, answer)
+        return question
+
+    def take(self) -> Heard | None:
+        """See `Asking`."""
+        heard, self._heard = self._heard, None
+        return heard
+
+    def _hear(self, question: Question, answer: Answer) -> Heard:
+        if answer.trouble:
+            return Heard(question, answer.took_s, None, "failed", answer.trouble)
+        try:
+            decision = extract(answer.text, question.prompt.schema, self._schemas)
+        except AnswerError as error:
+            return Heard(question, answer.took_s, None, "invalid", str(error))
+        return Heard(
+            question,
+            answer.took_s,
+            DecideAnswer(
+                request=question.number, decision=decision, source="llm", model=self._model.name
+            ),
+        )
+
+
+class AdvisedAtOnce:
+    """The ego's `llm` policy, which in each window hears what it has asked for."""
+
+    def __init__(self, model: Model) -> None:
+        self.name = f"llm-{model.name}"
+        self._questions = AtOnce(model)
+        self._policy = Llm(self._questions)
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        """What the ego would propose as soon as the answer is there."""
+        proposal = self._policy.propose(scene, knowledge, previous)
+        if self._questions.pending:
+            proposal = self._policy.propose(scene, knowledge, previous)
+        return proposal
+
+    @property
+    def waited_s(self) -> float:
+        """For the model's answers so far."""
+        return self._questions.waited_s
