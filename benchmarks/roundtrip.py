@@ -31,7 +31,7 @@ import numpy as np
 
 from benchmarks.report import write_report
 from ego_agent.ask import Asker
-from ego_agent.execute import FrameResult, FusionLoop
+from ego_agent.execute import FrameResult, FusionLoop, live_motion
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
@@ -39,7 +39,6 @@ from ego_agent.sense import OwnSensor
 from ego_agent.tally import TallyKeeper
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
-from perception.fusion.compensation import MotionCompensation
 from perception.fusion.registry import make_fusion
 from swarm.log import make_logger
 from swarm.messages import Decision
@@ -106,7 +105,7 @@ def loops(session: Session, world: World, sensor: OwnSensor, monitor: Monitor) -
             keep_ground=False,
         )
         fusions = {"early": make_fusion("early", world.detector)}
-        motion = MotionCompensation(world.detector)
+        motion = live_motion(world.detector, world.rate_hz)
         loop = FusionLoop(
             monitor.ego,
             sensor,

@@ -11,7 +11,7 @@ from prometheus_client import CollectorRegistry
 
 from ego_agent.agent import EgoAgent
 from ego_agent.ask import Asker
-from ego_agent.execute import FusionLoop
+from ego_agent.execute import FusionLoop, live_motion
 from ego_agent.journal import Journal
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
@@ -23,7 +23,6 @@ from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.tally import TallyKeeper
-from perception.fusion.compensation import MotionCompensation
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
@@ -34,10 +33,6 @@ from swarm.session import Session
 from swarm.settings import PREFIX
 from worlds.base import World
 from worlds.registry import open_world
-
-TIMELY_SCANS = 1.1
-"""Lag that a frame tolerates. Robots that share processors with the ego fall one scan behind when
-these are busy, and another pass through the detector would make them busier."""
 
 
 def main() -> int:
@@ -134,7 +129,7 @@ def _agent(
         sensor,
         asker,
         {name: make_fusion(name, world.detector) for name in knowledge.algorithms},
-        MotionCompensation(world.detector, timely_s=TIMELY_SCANS / world.rate_hz),
+        live_motion(world.detector, world.rate_hz),
         tally,
         log,
         rate_hz=settings.fusion_rate_hz,

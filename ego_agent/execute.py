@@ -30,6 +30,15 @@ from swarm.session import Session
 MAX_WAIT_S = 0.5
 """The loop looks at least this often whether it should stop, also when the clock was put back."""
 
+TIMELY_SCANS = 1.1
+"""Lag that a frame tolerates. Robots that share processors with the ego fall one scan behind when
+these are busy, and another pass through the detector would make them busier."""
+
+
+def live_motion(detector: str, scan_rate_hz: float) -> MotionCompensation:
+    """What an ego with sensors of that rate remembers of motion."""
+    return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz)
+
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
