@@ -2,6 +2,7 @@
 ROBOTS ?= 6
 WORLD ?= factory
 DATA ?=
+LIVE ?=
 RUNTIME ?= auto
 POLICY ?=
 LLM ?=
@@ -92,8 +93,8 @@ train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes
 eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
 	@$(COADAPT) eval-detector $(ARGS)
 
-eval: setup ## Compare all policies (DATA=dir: on a recorded world): build/eval/
-	@$(COADAPT) eval policies $(if $(DATA),--data $(DATA)) $(ARGS)
+eval: setup ## Compare all policies (DATA=dir: on a recorded world; LIVE=1: in a swarm): build/eval/
+	@$(COADAPT) eval $(if $(LIVE),live,policies $(if $(DATA),--data $(DATA))) $(ARGS)
 
 lock: setup ## Pin the newest versions that pyproject.toml allows
 	@sh deploy/lock.sh

@@ -9,10 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from coadapt.arguments import at_least_one, comma_separated
+from coadapt.arguments import at_least_one, comma_separated, positive_seconds
 from swarm.messages import ALGORITHMS
 
 FOLDER = Path("build/eval")
+LIVE_POLICIES = ("static-early", "static-intermediate", "static-late", "coverage", "surrogate")
 POLICIES = (
     "static-early", "static-intermediate", "static-late", "random", "rules", "coverage",
     "surrogate",
@@ -24,6 +25,7 @@ def register(commands: Any) -> None:
     parser = commands.add_parser("eval", help="the experiments: policies side by side")
     experiments = parser.add_subparsers(metavar="EXPERIMENT", required=True)
     _add_policies(experiments)
+    _add_live(experiments)
     _add_surrogate(experiments)
     published = experiments.add_parser(
         "published",
@@ -73,6 +75,31 @@ def _add_policies(experiments: Any) -> None:
     parser.set_defaults(run=run_policies)
 
 
+def _add_live(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "live",
+        help="a few scenarios through a real swarm",
+        description="Runs a swarm for each policy on two floors and two links, and compares what "
+        "it delivers with the same choices without a network. Writes live.json and live.md.",
+    )
+    parser.add_argument(
+        "--policies", type=comma_separated, default=list(LIVE_POLICIES), metavar="NAMES",
+        help=f"comma-separated (default: {','.join(LIVE_POLICIES)})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seconds", type=positive_seconds, default=20.0, metavar="S",
+        help="that each swarm is listened to (default: 20)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--runtime", choices=("auto", "docker", "netns"), default="auto",
+        help="what swarms run in (default: auto)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--output", type=Path, default=FOLDER, metavar="DIR", help=f"default: {FOLDER}"
+    )
+    parser.set_defaults(run=run_live)
+
+
 def _add_surrogate(experiments: Any) -> None:
     parser = experiments.add_parser(
         "train-surrogate",
@@ -116,6 +143,15 @@ def run_policies(args: argparse.Namespace) -> int:
         models=args.models,
         published=published,
     )
+    return 0
+
+
+def run_live(args: argparse.Namespace) -> int:
+    """Runs swarms and compares. Raises DeployError where none can run."""
+    from evaluation.live.run import live_suite
+    from evaluation.live.run import run_live as run_all
+
+    run_all(live_suite(), args.policies, args.seconds, args.runtime, args.output)
     return 0
 
 
