@@ -30,17 +30,9 @@ def at_least_one(text: str) -> int:
     return int(text)
 
 
-def positive_seconds(text: str) -> float:
-    """A finite number above 0, for argparse."""
-    value = at_least_zero(text)
-    if value == 0:
-        raise argparse.ArgumentTypeError(f"{text!r} must be above 0")
-    return value
-
-
 def comma_separated(text: str) -> list[str]:
-    """The names between the commas."""
-    return [name for name in text.split(",") if name]
+    """The names between the commas, each once."""
+    return list(dict.fromkeys(name for name in text.split(",") if name))
 
 
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:

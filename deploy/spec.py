@@ -125,6 +125,14 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
         return not self.differences(other)
 
 
+def comm_range_m(world: str) -> float | None:
+    """How far from the ego a robot may take part in a world; None leaves it to the ego's settings.
+
+    Of recordings it is what they were evaluated with.
+    """
+    return _COMM_RANGE_M.get(world)
+
+
 def factory_robots(count: int) -> tuple[str, ...]:
     """The robot ids of a simulated factory: R1 to Rn."""
     return tuple(f"R{number}" for number in range(1, count + 1))
@@ -157,7 +165,7 @@ def make_spec(**values: Any) -> SwarmSpec:
     swarm = values.get("swarm", "local")
     values.setdefault("ego", robots[0])
     if values.get("comm_range_m") is None:
-        values["comm_range_m"] = _COMM_RANGE_M.get(values.get("world", "factory"))
+        values["comm_range_m"] = comm_range_m(values.get("world", "factory"))
     values.setdefault("epoch_ns", time.time_ns())
     values.setdefault("run_dir", str(run_dir_of(swarm)))
     values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))

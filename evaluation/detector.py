@@ -34,7 +34,8 @@ UNCORRECTED_M = (0.0, 0.4)
 DELAYS_S = (0.1, 0.3, 0.5)
 CLEAN = Disturbance()
 MADE_FROM = (
-    "evaluation/cooperative.py", "evaluation/detector.py", "evaluation/splits.py",
+    "evaluation/cooperative.py", "evaluation/detector.py", "evaluation/sharing.py",
+    "evaluation/splits.py",
     "evaluation/tally.py", "evaluation/uncoded.py", "perception", "swarm/geometry.py", "worlds",
 )  # fmt: skip
 """What decides the tally of a part."""
@@ -157,29 +158,33 @@ def _over_parts(
 ) -> tuple[list[Tally], int]:
     """The tally of each row over all parts, and the number of frames that were not kept from a run
     before. Finished parts of simulated worlds are kept; a recorded one is quickly measured."""
-    totals = [Tally() for _ in rows]
-    known = [None if part.folder else kept.get(_key(part, rows)) for part in parts]
-    missing = [part for part, found in zip(parts, known, strict=True) if found is None]
+    found = [None if part.folder else kept.get(_key(part, rows)) for part in parts]
+    measured = [
+        None if one is None else [Tally.unpacked(values) for values in one] for one in found
+    ]
+    missing = [at for at, one in enumerate(measured) if one is None]
     count, fresh = sum(len(part.frames) for part in parts), 0
-    left = sum(len(part.frames) for part in missing)
+    left = sum(len(parts[at].frames) for at in missing)
     begun = time.monotonic()
-    measured = each(partial(measure, rows=rows), missing, workers, DETECTORS[world])
-    for part, found in zip(parts, known, strict=True):
-        tallies = next(measured) if found is None else [Tally.unpacked(one) for one in found]
-        if found is None and part.folder is None:
+    work = partial(measure, rows=rows)
+    for place, tallies in each(work, [parts[at] for at in missing], workers, DETECTORS[world]):
+        part = parts[missing[place]]
+        measured[missing[place]] = tallies
+        if part.folder is None:
             kept.put(_key(part, rows), [tally.packed() for tally in tallies])
-        for total, tally in zip(totals, tallies, strict=True):
-            total.take_up(tally)
-        if found is not None:
-            continue
         fresh, left = fresh + len(part.frames), left - len(part.frames)
         rate = fresh / (time.monotonic() - begun)
         print(
-            f"{world}: {totals[0].frames}/{count} frames, {len(rows)} rows, {rate:.2f} frames/s, "
+            f"{world}: {count - left}/{count} frames, {len(rows)} rows, {rate:.2f} frames/s, "
             f"{left / rate / 60:.0f} min left",
             file=sys.stderr,
             flush=True,
         )
+    # In the order of the parts: AP as OpenCOOD counts it depends on it.
+    totals = [Tally() for _ in rows]
+    for one in measured:
+        for total, tally in zip(totals, one or (), strict=True):
+            total.take_up(tally)
     return totals, fresh
 
 

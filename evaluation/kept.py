@@ -37,12 +37,17 @@ class Kept:
         """Keeps a result. It is there whole or not at all, however the process ends."""
         path = self._path(key)
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f".{os.getpid()}")
-        part.write_bytes(zlib.compress(msgspec.msgpack.encode(result), 1))
-        part.replace(path)
+        write_whole(path, zlib.compress(msgspec.msgpack.encode(result), 1))
 
     def _path(self, key: str) -> Path:
         return self._folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.bin"
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Writes a file that is there whole or not at all."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    part.write_bytes(content.encode() if isinstance(content, str) else content)
+    part.replace(path)
 
 
 @cache
@@ -52,6 +57,8 @@ def code_digest(made_from: tuple[str, ...]) -> str:
     digest = hashlib.sha256()
     for name in made_from:
         start = root / name
+        if not start.exists():
+            raise FileNotFoundError(f"{start}: results are said to be made from it")
         for path in [start] if start.is_file() else sorted(start.rglob("*")):
             if path.suffix in SOURCES:
                 digest.update(str(path.relative_to(root)).encode())

@@ -8,6 +8,7 @@ range, same cycles, same algorithm).
 from __future__ import annotations
 
 import csv
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -140,7 +141,9 @@ def summary(name: str, cycles: Sequence[Cycle]) -> Summary:
         everyone_bytes_per_frame=everyone / count,
         saved=1 - used / everyone if everyone else 0.0,
         paired_saved=mean(_saved(cycle) for cycle in cycles),
-        lost_ap_70=bootstrap_mean([c.chosen.ap_70 - c.everyone.ap_70 for c in cycles]),
+        lost_ap_70=bootstrap_mean(
+            [c.chosen.ap_70 - c.everyone.ap_70 for c in cycles], [c.scenario for c in cycles]
+        ),
         fewer=sum(cycle.chosen.robots < cycle.everyone.robots for cycle in cycles),
         algorithms=dict(Counter(cycle.chosen.algorithm for cycle in cycles)),
         infeasible=sum(cycle.infeasible for cycle in cycles),
@@ -211,8 +214,11 @@ def _outcome(path: Path, row: dict[str, str]) -> Outcome:
 
 def _number(path: Path, row: dict[str, str], column: str) -> float:
     try:
-        return float(row[column])
+        value = float(row[column])
     except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
         raise EvaluationError(
             f"{path}: {column} of scenario {row['scenario']} is {row[column]!r}, not a number"
-        ) from None
+        )
+    return value

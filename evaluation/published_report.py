@@ -53,7 +53,12 @@ def _verdict(one: Summary) -> str:
     if one.name == RULES and not one.fewer:
         return f"\n{one.name}: always everyone in range; it chooses the algorithm only."
     reached = "reaches" if one.saved >= HEADLINE_SAVED else "does not reach"
-    same = "at the same precision" if one.lost_ap_70.low > -SAME_AP else "not for nothing"
+    if one.lost_ap_70.low > -SAME_AP:
+        same = "at the same precision"
+    elif one.lost_ap_70.high < 0:
+        same = "at a loss of precision"
+    else:
+        same = "and its cycles are too few to tell whether precision is lost"
     return (
         f"\n{one.name}: left somebody out in {one.fewer} of {one.cycles} cycles. That saved "
         f"{one.saved:.0%} of the bytes of all vehicles in range with the same algorithm "

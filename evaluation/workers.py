@@ -6,23 +6,39 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
 from typing import TypeVar
+
+from swarm.errors import EvaluationError
 
 P = TypeVar("P")
 R = TypeVar("R")
 
 
-def each(work: Callable[[P], R], pieces: Sequence[P], workers: int, detector: str) -> Iterator[R]:
-    """The result of every piece, in order, as they are ready.
+def each(
+    work: Callable[[P], R], pieces: Sequence[P], workers: int, detector: str
+) -> Iterator[tuple[int, R]]:
+    """The place of every piece and its result, as they are ready.
 
     `work` must be importable. All algorithms of a process share the maps of the named detector.
+    Raises EvaluationError when a process ends before its work is done.
     """
     # Forking a process in which PyTorch has run is not safe.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, _prepare, (detector,)) as pool:
-        yield from pool.map(work, pieces)
+        places = {pool.submit(work, piece): at for at, piece in enumerate(pieces)}
+        try:
+            for done in as_completed(places):
+                yield places[done], done.result()
+        except BrokenProcessPool as error:
+            raise EvaluationError(
+                "a process ended before its work was done (out of memory?); what is finished is "
+                "kept: run it again, with fewer --workers"
+            ) from error
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _prepare(detector: str) -> None:

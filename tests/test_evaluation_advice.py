@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from asyncio import StreamReader, StreamWriter
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from model_server import ModelServer, says, serving_model
+from model_server import ModelServer, Request, says, serving_model, status
 
 from coadapt.main import main
 from ego_agent.policies.coverage import Coverage
+from ego_agent.settings import EgoSettings
 from evaluation.kept import Kept
 from evaluation.policies.advice import AdvisedAtOnce, Model
 from evaluation.policies.decide import Decided, decisions
@@ -24,8 +27,8 @@ from perception.fusion.registry import fusion_names
 from swarm.errors import CoAdaptError
 from training.plans import TEST_SEEDS
 
-KNOWLEDGE = knowledge_of(fusion_names("factory"))
 SCENARIO = Scenario("advised", 4, links.shift(), TEST_SEEDS.start + 555_557, windows=2)
+KNOWLEDGE = knowledge_of(fusion_names("factory"), SCENARIO)
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +101,42 @@ def test_a_server_that_is_not_there_leaves_what_coverage_decides(
         pass
     found = decide(gone, Kept(tmp_path, ["swarm"]), messages)
     assert {one.source for one in found} == {"fallback"}
+    assert {one.answered for one in found} == {False}
+
+
+def test_an_answer_that_did_not_come_is_asked_for_again(
+    server: ModelServer, messages: list[Heard], tmp_path: Path
+) -> None:
+    server.otherwise = status(500, "out of order")
+    assert {one.answered for one in decide(server, Kept(tmp_path, ["swarm"]), messages)} == {False}
+    server.otherwise = says(advice("R2", algorithm="late"))
+    assert {one.answered for one in decide(server, Kept(tmp_path, ["swarm"]), messages)} == {True}
+
+
+def test_models_of_one_name_on_two_servers_are_two(
+    server: ModelServer, messages: list[Heard], tmp_path: Path
+) -> None:
+    kept = Kept(tmp_path, ["swarm"])
+    decide(server, kept, messages)
+    with serving_model() as other:
+        decide(other, kept, messages)
+        assert other.asked.qsize() == server.asked.qsize() > 0
+
+
+def test_a_slow_answer_is_asked_for_once_and_counts_once(
+    server: ModelServer, messages: list[Heard], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ego_agent.policies.llm.EgoSettings", lambda: EgoSettings(llm_period_s=0.1))
+
+    async def slowly(reader: StreamReader, writer: StreamWriter, request: Request) -> None:
+        await asyncio.sleep(0.3)
+        await says(advice("R2", algorithm="late"))(reader, writer, request)
+
+    server.otherwise = slowly
+    first = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    assert server.asked.qsize() == len(messages)
+    again = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    assert again == first
 
 
 @pytest.mark.parametrize("spec", ["@http://127.0.0.1:1/v1", "no-such-model", "x@gopher://y"])
@@ -106,7 +145,7 @@ def test_a_model_that_cannot_work_is_named(spec: str, tmp_path: Path) -> None:
         Model(spec, Kept(tmp_path, ["swarm"]))
 
 
-def test_a_real_model_is_never_worse_by_what_the_ego_predicts(tmp_path: Path) -> None:
+def test_a_real_model_is_a_row_of_its_own(tmp_path: Path) -> None:
     if not runtime_installed() or "smollm2-135m" not in installed_models():
         pytest.skip(f"the embedded model is not installed: {INSTALL}")
     name = next(scenario.name for scenario in factory_suite() if scenario.robots == 3)
@@ -117,4 +156,5 @@ def test_a_real_model_is_never_worse_by_what_the_ego_predicts(tmp_path: Path) ->
     (advised,) = (row for policy, row in rows.items() if policy.startswith("llm-"))
     assert advised["infeasible_ratio"] == 0
     assert advised["decision_ms_p50"] > rows["coverage"]["decision_ms_p50"]
+    assert advised["answered_ratio"] == 1
     assert any(claim["what"].startswith("llm-") for claim in headline["claims"])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 import pytest
 
 from coadapt.main import main
+from ego_agent.model import Proposal
 from ego_agent.objective import Objective
 from evaluation.bootstrap import bootstrap_mean
 from evaluation.policies.claims import claims_of
@@ -24,10 +27,12 @@ from evaluation.windows.choice import ALONE, Choice, Outcome
 from evaluation.windows.measure import Window
 from evaluation.windows.scenarios import Expectation, Scenario, factory_suite
 from perception.fusion.registry import fusion_names
+from swarm.errors import EvaluationError
 from training.plans import TEST_SEEDS
 
 SCENARIO = Scenario("small", 4, links.shift(), TEST_SEEDS.start + 555_556, windows=2)
-KNOWLEDGE = knowledge_of(fusion_names("factory"))
+ALGORITHMS = fusion_names("factory")
+KNOWLEDGE = knowledge_of(ALGORITHMS, SCENARIO)
 
 
 def outcome(ap_70: float, size: float, truths: int = 20) -> Outcome:
@@ -77,7 +82,7 @@ def test_regret_savings_and_infeasible_windows() -> None:
         {"small": replace(SCENARIO, windows=3)},
         all_decided,
         {("small", 0): known, ("small", 1): thin, ("small", 2): empty},
-        KNOWLEDGE,
+        ALGORITHMS,
     )
     means = {one.policy: one for one in means_of(rows)}
     assert set(means) == {"static-early", "coverage", ORACLE}
@@ -86,14 +91,17 @@ def test_regret_savings_and_infeasible_windows() -> None:
     assert means["coverage"].regret_mean == pytest.approx(((0.888 - 0.886) + 0) / 2)
     assert means["coverage"].infeasible_ratio == 0
     assert means["static-early"].infeasible_ratio == 0.5
+    # What the link does not carry leaves the ego alone.
+    assert means["static-early"].regret_mean == pytest.approx((0 + 0.886 - 0.4) / 2)
     assert means["coverage"].saved == pytest.approx(1 - 4_000 / 506_000)
     assert means["coverage"].lost_ap_70.mean == pytest.approx(-0.01)
     assert means["coverage"].participants_mean == 2
-    claims = {claim["what"]: claim for claim in claims_of(list(means.values()))}
+    claims = {claim["what"]: claim for claim in claims_of(list(means.values()), rows)}
     below = claims["coverage: AP@0.7 below the best static full participation"]
     assert not below["met"]
     assert below["value"] == pytest.approx(0.01)
     assert claims["coverage: share of its bytes saved"]["met"]
+    assert claims["coverage: decision p99 up to 6 robots, ms"]["value"] == 2.0
 
 
 def test_the_interval_holds_the_mean_and_narrows_with_more_values() -> None:
@@ -101,6 +109,10 @@ def test_the_interval_holds_the_mean_and_narrows_with_more_values() -> None:
     assert few.low < few.mean == many.mean == 0.5 < few.high
     assert many.high - many.low < few.high - few.low
     assert bootstrap_mean([]).mean != bootstrap_mean([]).mean, "there is no mean of nothing"
+    values = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0] * 5
+    apart = bootstrap_mean(values)
+    together = bootstrap_mean(values, [i // 3 for i in range(30)])
+    assert together.high - together.low > 1.3 * (apart.high - apart.low)
 
 
 @pytest.mark.parametrize(
@@ -168,6 +180,12 @@ def test_the_command_writes_all_files_and_repeats_itself(
     ("options", "words"),
     [
         (["--policies", "wish"], "policy 'wish' is unknown; allowed: coverage"),
+        (
+            ["--policies", "coverage,llm"],
+            "policy 'llm' needs a language model: name it with --models",
+        ),
+        (["--algorithms", "magic"], "algorithm 'magic' is not available; allowed: early"),
+        (["--policies", ","], "there is nothing to compare"),
         (["--scenarios", "moon"], "scenario 'moon' is not known; allowed: redundant-cluster"),
         (["--data", "nowhere"], "data directory nowhere is not a readable directory"),
     ],
@@ -185,5 +203,52 @@ def test_a_recorded_world_is_compared_likewise(opv2v_dir: Path, tmp_path: Path) 
     options = ["--data", str(opv2v_dir), "--scenarios", name, "--policies", "static-late,coverage"]
     assert main(["eval", "policies", *options, "--output", str(tmp_path)]) == 0
     rows = json.loads((tmp_path / "headline.json").read_text())["rows"]
-    oracle = next(row for row in rows if row["policy"] == "oracle")
-    assert all(row["ap_70"] - row["bytes_per_frame"] / 1e6 <= oracle["ap_70"] for row in rows)
+    assert {row["policy"] for row in rows} == {"static-late", "coverage", "oracle"}
+    assert all(row["regret_mean"] >= -1e-6 for row in rows)
+    with (tmp_path / "selection.csv").open(newline="") as file:
+        assert {row["com_range_m"] for row in csv.DictReader(file)} == {"70.0"}
+
+
+def test_a_policy_that_fails_is_no_coverage() -> None:
+    window = Window(SCENARIO, 0)
+    messages = knowing.heard(window.world, 0, window.ego, {"late": window.fusion("late")})
+
+    class Broken:
+        name = "broken"
+
+        def propose(self, *_: object) -> Proposal:
+            raise RuntimeError("no idea")
+
+    with pytest.raises(EvaluationError, match=r"in small: .*broken failed with RuntimeError"):
+        decisions(SCENARIO, [messages], KNOWLEDGE, Broken())
+
+
+def test_a_killed_comparison_goes_on_where_it_was(tmp_path: Path) -> None:
+    name = next(scenario.name for scenario in factory_suite() if scenario.robots == 3)
+    options = ["--scenarios", name, "--policies", "static-late", "--algorithms", "late"]
+    command = [sys.executable, "-m", "coadapt.main", "eval", "policies", *options]
+    command += ["--workers", "1", "--output", str(tmp_path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stderr is not None
+        assert any("measured: 1/3 windows" in line for line in run.stderr)
+        run.kill()
+    assert not (tmp_path / "headline.json").exists()
+    again = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=True)
+    assert "messages:" not in again.stderr
+    assert "measured: 2/2 windows" in again.stderr
+    assert json.loads((tmp_path / "headline.json").read_text())["rows"][0]["windows"] == 3
+
+
+def test_windows_without_a_true_box_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluation.cooperative.MIN_VISIBLE_POINTS", 1 << 30)
+    window = Window(replace(SCENARIO, robots=3), 0)
+    nothing = window.outcome(Choice((), ALONE))
+    assert nothing.ground_truth == 0
+    assert nothing.halves is None
+    rows = rows_of(
+        {"small": SCENARIO},
+        [decided("coverage", Choice((), ALONE))],
+        {("small", 0): {Choice((), ALONE): nothing}},
+        ALGORITHMS,
+    )
+    assert not rows

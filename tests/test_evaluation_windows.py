@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +15,11 @@ from conftest import data_root
 from ego_agent.analyze import analyze
 from ego_agent.knowledge import Knowledge
 from ego_agent.objective import Objective
-from evaluation.cooperative import evaluate
+from evaluation.cooperative import evaluate, fuse_frame
 from evaluation.policies.pieces import knowledge_of
 from evaluation.windows import knowing, links
 from evaluation.windows.choice import ALONE, Choice, Outcome
-from evaluation.windows.measure import Window, candidates_of, packed, unpacked
+from evaluation.windows.measure import NotMeasuredError, Window, candidates_of, packed, unpacked
 from evaluation.windows.scenarios import (
     SURROGATE_SEEDS,
     Scenario,
@@ -32,7 +36,7 @@ KNOWLEDGE = Knowledge(Objective(lambda_cost=1.0))
 SMALL = Scenario("small", 3, links.shift(), TEST_SEEDS.start + 555_555, first_frame=40)
 
 
-def outcome(ap_70: float, size: float, halves: tuple[float, float] = (0.0, 0.0)) -> Outcome:
+def outcome(ap_70: float, size: float, halves: tuple[float, float] | None = None) -> Outcome:
     return Outcome(ap_70, ap_70, ap_70, size, 4, 20, halves)
 
 
@@ -67,11 +71,21 @@ def test_recorded_links_are_scenarios_where_there_are_any(
 ) -> None:
     folder = tmp_path / "traces"
     folder.mkdir()
-    (folder / "train.down").write_text("".join(f"{ms}\n" for ms in range(0, 15_000, 10)))
+    # 1.2 Mbit/s for two windows, then 0.6.
+    times = [*range(10, 10_001, 10), *range(10_020, 15_001, 20)]
+    (folder / "train.down").write_text("".join(f"{ms}\n" for ms in times))
     monkeypatch.setenv("COADAPT_DATA", str(tmp_path))
     (link,) = links.recorded()
+    (folder / "README").write_text("no recording")
+    assert len(links.recorded()) == 1
     assert link.rate_bps(7.0) == pytest.approx(1.2e6, rel=0.01)
-    assert factory_suite()[-1].link.name == "train.down"
+    scenario = factory_suite()[-1]
+    assert scenario.link.name == "train.down"
+    assert scenario.capacity_bps(2) == pytest.approx(0.6e6, rel=0.01)
+    assert scenario.known_bps(2) == pytest.approx(1.2e6, rel=0.01), (
+        "the window to come is not known"
+    )
+    assert scenario.known_bps(0) == pytest.approx(0.6e6, rel=0.01)
 
 
 def test_all_recorded_links_can_be_read() -> None:
@@ -101,6 +115,41 @@ def test_a_world_with_one_robot_or_none_is_refused(opv2v_dir: Path, tmp_path: Pa
         recorded_suite(alone)
     with pytest.raises(CoAdaptError):
         recorded_suite(tmp_path / "nothing")
+    half = tmp_path / "half"
+    (half / "monday").mkdir(parents=True)
+    (half / "tuesday").symlink_to(opv2v_dir)
+    with pytest.raises(EvaluationError, match="monday is no whole recording: it has no data_prot"):
+        recorded_suite(half)
+
+
+def test_a_recording_that_has_changed_is_another(opv2v_dir: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(opv2v_dir, copy)
+    before = recorded_suite(copy)[0].setting()
+    assert recorded_suite(copy)[0].setting() == before
+    scan = next(copy.rglob("*.pcd"))
+    scan.write_bytes(scan.read_bytes() + b"\n")
+    assert recorded_suite(copy)[0].setting() != before
+
+
+def test_keys_are_the_same_in_every_process() -> None:
+    code = (
+        "from evaluation.policies.pieces import Piece\n"
+        "from evaluation.windows.scenarios import factory_suite\n"
+        "pieces = [Piece(s, 1, ('early', 'late')) for s in factory_suite()]\n"
+        "print([(p.heard_key(), p.outcomes_key()) for p in pieces])"
+    )
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2", "3")
+    }
+    assert len(said) == 1
 
 
 def test_a_folder_of_recordings_is_compared_as_one(opv2v_dir: Path, tmp_path: Path) -> None:
@@ -137,16 +186,27 @@ def test_what_an_ego_knows_is_what_robots_would_send() -> None:
     beacon, scene = messages["R2"]
     true = window.world.pose("R2", 40)
     assert 0 < abs(beacon.pose[0] - true.x) < 1.0
-    assert beacon.pose == scene.pose
+    assert scene.frame == 38, "descriptions come less often than beacons"
     assert beacon.sizes["late"] > 0
+    assert not messages[window.ego][0].sizes
     assert messages[window.ego][0].pose[0] == pytest.approx(window.world.pose("R1", 40).x)
     unified = analyze(
-        knowing.snapshot(window.ego, messages, 5e6), knowledge_of(fusion_names("factory"))
+        knowing.snapshot(window.ego, messages, 5e6), knowledge_of(fusion_names("factory"), SMALL)
     )
     assert set(candidates_of(unified)) == {"R2", "R3"}
     far = knowing.heard(window.world, 40, window.ego, dict(fusions), reach_m=0.1)
     assert not far["R2"][0].sizes
-    assert far["R1"][0].sizes
+
+
+def test_announced_sizes_are_of_what_the_ego_asks_for() -> None:
+    window = Window(SMALL, 0)
+    fusions = {name: window.fusion(name) for name in ("intermediate", "intermediate-sparse")}
+    messages = knowing.heard(window.world, 25, window.ego, dict(fusions))
+    for name, fusion in fusions.items():
+        fused = fuse_frame(window.world, 0, window.ego, ["R2"], fusion)
+        own = window.world.scan(window.ego, 0)
+        ask = fusion.begin(own.points, own.pose.matrix()).ask()
+        assert messages["R2"][0].sizes[name] == fused.bytes["R2"] - ask.size()
 
 
 def test_every_set_with_every_algorithm_once() -> None:
@@ -159,18 +219,21 @@ def test_every_set_with_every_algorithm_once() -> None:
 def test_the_oracle_takes_the_best_that_the_link_carries() -> None:
     a, b, alone = Choice(("R2",), "early"), Choice(("R2",), "late"), Choice((), ALONE)
     known = {a: outcome(0.89, 20_000), b: outcome(0.88, 400), alone: outcome(0.5, 0)}
-    assert best(known, KNOWLEDGE, 55e6) == b, "20 kB must bring 0.02"
-    assert best({**known, a: outcome(0.95, 20_000)}, KNOWLEDGE, 55e6) == a
-    assert best({**known, a: outcome(0.95, 20_000)}, KNOWLEDGE, 1e6) == b
-    assert best(known, KNOWLEDGE, 1e3) == alone
+    assert best(known, 55e6, KNOWLEDGE) == b, "20 kB must bring 0.02"
+    assert best({**known, a: outcome(0.95, 20_000)}, 55e6, KNOWLEDGE) == a
+    assert best({**known, a: outcome(0.95, 20_000)}, 1e6, KNOWLEDGE) == b
+    assert best(known, 1e3, KNOWLEDGE) == alone
+    only_late = Knowledge(Objective(lambda_cost=1.0), ["late"])
+    assert best({**known, a: outcome(0.95, 20_000)}, 55e6, only_late) == b
 
 
 def test_luck_is_no_merit_of_the_oracle() -> None:
     lucky, steady = Choice(("R2",), "early"), Choice(("R3",), "early")
     known = {lucky: outcome(0.75, 0, (1.0, 0.5)), steady: outcome(0.7, 0, (0.7, 0.7))}
     # One half of the frames finds the lucky one best, and is judged by the other.
-    regret = held_out_regret(known, steady, KNOWLEDGE, 55e6)
+    regret = held_out_regret(known, known[steady], 55e6, KNOWLEDGE)
     assert regret == pytest.approx(((0.5 - 0.7) + (0.7 - 0.7)) / 2)
+    assert held_out_regret(known, outcome(0.7, 0), 55e6, KNOWLEDGE) is None
 
 
 def test_the_search_beyond_exhaustion_measures_growing_sets_and_neighbours() -> None:
@@ -186,7 +249,14 @@ def test_the_search_beyond_exhaustion_measures_growing_sets_and_neighbours() -> 
     messages = knowing.heard(window.world, 40, window.ego, {"late": window.fusion("late")})
     scene = analyze(knowing.snapshot(window.ego, messages, 55e6), knowledge)
     assert len(candidates_of(scene)) > 5
-    explore(window, scene, knowledge, [Choice(("R3", "R5", "R6"), "late")])
-    assert best(window.outcomes, knowledge, 55e6).participants == ("R3", "R5")
-    assert {choice.algorithm for choice in window.outcomes} >= set(knowledge.algorithms)
-    assert len(window.outcomes) < 2 ** len(candidates_of(scene))
+    wanted = [Choice(("R3", "R5", "R6"), "late")]
+    considered = explore(window, scene, knowledge, wanted)
+    assert best(considered, 55e6, knowledge).participants == ("R3", "R5")
+    assert {choice.algorithm for choice in considered} >= set(knowledge.algorithms)
+    assert len(considered) < 2 ** len(candidates_of(scene))
+    # What was measured for others plays no part.
+    window.outcome(Choice(("R2", "R3", "R5", "R7"), "early"))
+    assert explore(window, scene, knowledge, wanted) == considered
+    blank = Counted(scenario, 0, measures=False)
+    with pytest.raises(NotMeasuredError):
+        explore(blank, scene, knowledge, wanted)

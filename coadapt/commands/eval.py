@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from coadapt.arguments import at_least_one, comma_separated, positive_seconds
+from coadapt.arguments import at_least_one, comma_separated
 from swarm.messages import ALGORITHMS
 
 FOLDER = Path("build/eval")
@@ -87,7 +87,7 @@ def _add_live(experiments: Any) -> None:
         help=f"comma-separated (default: {','.join(LIVE_POLICIES)})",
     )  # fmt: skip
     parser.add_argument(
-        "--seconds", type=positive_seconds, default=20.0, metavar="S",
+        "--seconds", type=at_least_one, default=20, metavar="S",
         help="that each swarm is listened to (default: 20)",
     )  # fmt: skip
     parser.add_argument(

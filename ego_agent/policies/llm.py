@@ -8,6 +8,7 @@ advice (source `llm` or `cache`), advice that still holds (`hold`), or what `cov
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from ego_agent.advice.judge import Verdict, judge
 from ego_agent.advice.outcomes import plain
@@ -33,8 +34,12 @@ class Llm:
 
     name = "llm"
 
-    def __init__(self, questions: Asking | None = None) -> None:
-        """`questions`: whom to ask until `connect` says otherwise."""
+    def __init__(
+        self, questions: Asking | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """`questions`: whom to ask until `connect` says otherwise. `clock`: seconds; questions must
+        be stamped with the same one."""
+        self._clock = clock
         self._settings = EgoSettings()
         self._questions = questions
         self._coverage = Coverage()
@@ -93,7 +98,7 @@ class Llm:
             now_ns=0,
         )
         alive = questions is not None and questions.alive()
-        return Cycle(scorer, score, reason, time.monotonic(), alive)
+        return Cycle(scorer, score, reason, self._clock(), alive)
 
     def _lose(self, cycle: Cycle, heard: Heard | None) -> None:
         """There is no gateway: nothing is held, and it is asked at once when it is back."""

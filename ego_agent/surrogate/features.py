@@ -43,7 +43,6 @@ class SceneFeatures:
         around = slice(max(0, middle - reach), middle + reach)
         self._bits = pack_areas(areas)
         self._near_bits = pack_areas(areas[:, around, around])
-        self._cells = areas.shape[1] ** 2
         self._near_cells = areas[0, around, around].size
         evidence = np.stack([robot.evidence for robot in robots]).astype(np.float64)
         close = (np.abs(scene.objects[:, :2] - places[0]) <= NEAR_M).all(axis=1)

@@ -9,11 +9,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from evaluation.kept import write_whole
 from evaluation.live.compare import LiveRow, compare_live
 from evaluation.live.swarm import record
 from evaluation.machine import machine_facts
+from evaluation.policies.decide import policy_of
+from evaluation.policies.pieces import knowledge_of
 from evaluation.tables import markdown
 from evaluation.windows.scenarios import Scenario, factory_suite
+from perception.fusion.registry import fusion_names
 from swarm.errors import EvaluationError
 
 ROBOTS = (3, 4)
@@ -39,19 +43,22 @@ def run_live(
 ) -> list[LiveRow]:
     """Runs every policy in every scenario on every link and writes live.json and live.md.
 
-    Raises DeployError where no swarm can run, EvaluationError where there is nothing to run.
+    Raises DecisionError for an unknown policy, DeployError where no swarm can run, EvaluationError
+    where there is nothing to run.
     """
     cases = [(s, link, p) for s in scenarios for link in LINKS_BPS for p in policies]
     if not cases:
         raise EvaluationError("there is nothing to run: no scenario, or no policy")
+    for policy in policies:
+        policy_of(policy, scenarios[0], knowledge_of(fusion_names("factory"), scenarios[0]))
     folder.mkdir(parents=True, exist_ok=True)
-    rows = []
+    rows: list[LiveRow] = []
     for number, (scenario, link_bps, policy) in enumerate(cases, 1):
         recorded = record(scenario, policy, link_bps, seconds, runtime, folder)
         rows.append(compare_live(scenario, policy, link_bps, recorded))
         print(f"live: {number}/{len(cases)}: {_words(rows[-1])}", file=sys.stderr, flush=True)
         _write(folder / "live.json", rows)
-    (folder / "live.md").write_text(table(rows) + "\n")
+    write_whole(folder / "live.md", table(rows) + "\n")
     print(f"wrote live.json and live.md to {folder}", file=sys.stderr)
     return rows
 
@@ -114,4 +121,4 @@ def _write(path: Path, rows: Sequence[LiveRow]) -> None:
         **agreement(rows),
         "machine": machine_facts(),
     }
-    path.write_text(json.dumps(report, indent=1) + "\n")
+    write_whole(path, json.dumps(report, indent=1) + "\n")

@@ -6,6 +6,7 @@ import asyncio
 import os
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
@@ -15,8 +16,10 @@ from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.policies.llm import Llm
 from ego_agent.prompting import LlmPrompt
 from evaluation.kept import Kept
+from evaluation.windows.links import WINDOW_S
 from llm_gateway.answers import AnswerError, extract
 from llm_gateway.backends.base import Backend
+from llm_gateway.backends.llamacpp.models import find_model
 from llm_gateway.backends.registry import make_backend
 from llm_gateway.model import Prompt
 from llm_gateway.schemas import Schemas
@@ -26,8 +29,8 @@ from swarm.log import make_logger
 from swarm.messages import DecideAnswer, Decision
 
 TIMEOUT_S = 120.0
-MADE_FROM = ("llm_gateway", "ego_agent/prompting")
-"""What decides an answer, beside the model."""
+MADE_FROM = ("llm_gateway/backends",)
+"""What decides an answer, apart from the model and the prompt, which are its key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,7 @@ class Answer:
 
 
 class Model:
-    """A language model behind a back end of the gateway; equal prompts are asked once, ever."""
+    """A language model behind a back end of the gateway; what it has answered is asked no more."""
 
     def __init__(self, spec: str, kept: Kept) -> None:
         """`spec`: a model that a package carries, a path of a GGUF file, or NAME@URL of an
@@ -58,18 +61,31 @@ class Model:
         )
         self._backend: Backend = make_backend(settings, make_logger("eval", level="warning"))
         self.name = self._backend.model or name
+        self._identity = spec if at else _identity(find_model(name))
         self._kept = kept
         self._runner: asyncio.Runner | None = None
 
+    def start(self) -> None:
+        """Loads the model. Raises SettingError where that is not possible."""
+        if self._runner is None:
+            runner = asyncio.Runner()
+            try:
+                runner.run(self._backend.start())
+            except BaseException:
+                runner.close()
+                raise
+            self._runner = runner
+
     def ask(self, prompt: Prompt) -> Answer:
-        """The model's answer. Starts it with the first prompt that it has not answered before."""
-        key = prompt.key(self.name)
+        """The model's answer. One that did not come is asked for again the next time."""
+        key = prompt.key(self._identity)
         values = self._kept.get(key)
-        if values is None:
-            answer = self._ask(prompt)
-            values = [answer.text, answer.trouble, answer.took_s]
-            self._kept.put(key, values)
-        return Answer(*values)
+        if values is not None:
+            return Answer(*values)
+        answer = self._ask(prompt)
+        if not answer.trouble:
+            self._kept.put(key, [answer.text, answer.trouble, answer.took_s])
+        return answer
 
     def close(self) -> None:
         """Ends the model."""
@@ -79,15 +95,19 @@ class Model:
             self._runner = None
 
     def _ask(self, prompt: Prompt) -> Answer:
-        if self._runner is None:
-            self._runner = asyncio.Runner()
-            self._runner.run(self._backend.start())
+        self.start()
+        assert self._runner is not None
         begun = time.monotonic()
         try:
             text = self._runner.run(self._backend.complete(prompt, TIMEOUT_S)).text
             return Answer(text, "", time.monotonic() - begun)
         except GatewayError as error:
             return Answer("", str(error), time.monotonic() - begun)
+
+
+def _identity(path: Path) -> str:
+    about = path.stat()
+    return f"{path} {about.st_size} {about.st_mtime_ns}"
 
 
 class AtOnce:
@@ -98,8 +118,12 @@ class AtOnce:
         self._schemas = Schemas()
         self._number = 0
         self._heard: Heard | None = None
+        self.now_s = 0.0
+        """The experiment's clock."""
         self.waited_s = 0.0
         """For all answers so far, as long as they took when they were made."""
+        self.answered = True
+        """Whether the newest question had an answer."""
 
     @property
     def pending(self) -> bool:
@@ -113,9 +137,10 @@ class AtOnce:
     def ask(self, prompt: LlmPrompt) -> Question:
         """See `Asking`."""
         self._number += 1
-        question = Question(self._number, prompt, time.monotonic(), 0)
+        question = Question(self._number, prompt, self.now_s, 0)
         answer = self._model.ask(Prompt(prompt.messages, prompt.schema))
         self.waited_s += answer.took_s
+        self.answered = not answer.trouble
         self._heard = self._hear(question, answer)
         return question
 
@@ -141,17 +166,22 @@ class AtOnce:
 
 
 class AdvisedAtOnce:
-    """The ego's `llm` policy, which in each window hears what it has asked for."""
+    """The ego's `llm` policy, which in each window hears what it has asked for.
+
+    Each proposal is for the next control window: the policy's clock knows no other time, so that
+    slow and kept answers lead to the same decisions.
+    """
 
     def __init__(self, model: Model) -> None:
         self.name = f"llm-{model.name}"
         self._questions = AtOnce(model)
-        self._policy = Llm(self._questions)
+        self._policy = Llm(self._questions, lambda: self._questions.now_s)
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
     ) -> Proposal:
         """What the ego would propose as soon as the answer is there."""
+        self._questions.now_s += WINDOW_S
         proposal = self._policy.propose(scene, knowledge, previous)
         if self._questions.pending:
             proposal = self._policy.propose(scene, knowledge, previous)
@@ -161,3 +191,8 @@ class AdvisedAtOnce:
     def waited_s(self) -> float:
         """For the model's answers so far."""
         return self._questions.waited_s
+
+    @property
+    def answered(self) -> bool:
+        """Whether the newest question had an answer, of whatever use; true before any."""
+        return self._questions.answered

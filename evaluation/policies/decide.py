@@ -18,6 +18,7 @@ from evaluation.windows.choice import Choice
 from evaluation.windows.knowing import EPOCH_NS, Heard, snapshot
 from evaluation.windows.measure import candidates_of
 from evaluation.windows.scenarios import Scenario
+from swarm.errors import EvaluationError
 from swarm.messages import Decision
 
 BLIND = ("random", "rules", "static-")
@@ -32,6 +33,11 @@ class Waiting(Protocol):
     @property
     def waited_s(self) -> float:
         """So far."""
+        ...
+
+    @property
+    def answered(self) -> bool:
+        """Whether the newest question had an answer, of whatever use; true before any."""
         ...
 
 
@@ -54,6 +60,8 @@ class Decided:
     decision_s: float
     """From the snapshot to the decision; of a language model, until its answer."""
     repairs: tuple[str, ...] = ()
+    answered: bool | None = None
+    """Whether the language model that was asked, if one was, has answered."""
 
 
 def decisions(
@@ -64,7 +72,8 @@ def decisions(
 ) -> list[Decided]:
     """The decisions of one policy in all windows, one after the other: it knows the one before.
 
-    `heard`: what the ego had heard at the beginning of each window.
+    `heard`: what the ego had heard at the beginning of each window. Raises EvaluationError for a
+    policy that fails: an ego would go on with `coverage`, whose results are not the policy's.
     """
     robots = tuple(heard[0])
     ego = robots[scenario.ego]
@@ -73,7 +82,7 @@ def decisions(
     found = []
     for window, messages in enumerate(heard):
         begun, waited_s = time.perf_counter(), _waited_s(policy)
-        seen = snapshot(ego, messages, scenario.capacity_bps(window))
+        seen = snapshot(ego, messages, scenario.known_bps(window))
         scene = analyze(seen, knowledge)
         if blind:
             decision = _as_proposed(policy, scene, knowledge)
@@ -82,6 +91,10 @@ def decisions(
         took_s = time.perf_counter() - begun
         if isinstance(policy, Waiting):
             took_s = policy.waited_s - waited_s
+        answered = policy.answered if isinstance(policy, Waiting) else None
+        failed = [text for text in decision.repairs if f"{policy.name} failed with" in text]
+        if failed:
+            raise EvaluationError(f"in {scenario.name}: {failed[0]}")
         previous = decision
         found.append(
             Decided(
@@ -97,6 +110,7 @@ def decisions(
                 source=decision.source,
                 decision_s=took_s,
                 repairs=decision.repairs,
+                answered=answered,
             )
         )
     return found
@@ -104,7 +118,9 @@ def decisions(
 
 def policy_of(name: str, scenario: Scenario, knowledge: Knowledge) -> Policy:
     """A new policy of that name; chance draws by the scenario's seed. Raises DecisionError for an
-    unknown one."""
+    unknown one, and EvaluationError for one that needs a gateway."""
+    if name == "llm":
+        raise EvaluationError("policy 'llm' needs a language model: name it with --models")
     if name == "random":
         return Chance(seed=scenario.seed)
     return make_policy(name, knowledge.algorithms)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +26,14 @@ BAND_NAMES = ("below 2", "2 to 12.5", "12.5 to 37.5", "37.5 and more")
 MARKERS = "osD^vP*Xp<>hd8"
 
 
+def need_drawing() -> None:
+    """Raises EvaluationError where the drawing library is not installed."""
+    if importlib.util.find_spec("matplotlib") is None:
+        raise EvaluationError(
+            "figures need matplotlib: pip install 'coadapt-edge[figures]', or make setup"
+        )
+
+
 def draw_figures(
     folder: Path,
     rows: Sequence[Row],
@@ -36,13 +45,10 @@ def draw_figures(
 
     Raises EvaluationError where the drawing library is not installed.
     """
-    try:
-        import matplotlib
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise EvaluationError(
-            f"figures need matplotlib ({error}): pip install 'coadapt-edge[figures]', or make setup"
-        ) from error
+    need_drawing()
+    import matplotlib
+    from matplotlib.figure import Figure
+
     adaptive = [one.policy for one in means if not one.policy.startswith((STATIC, "random"))]
     drawings: dict[str, tuple[tuple[float, float], Callable[[Figure], None]]] = {
         "participants": ((7, 4), lambda figure: _participants(figure, rows, adaptive)),
@@ -206,7 +212,8 @@ def _regret(figure: Figure, rows: Sequence[Row], means: Sequence[Means]) -> None
     axes: Axes = figure.subplots()
     names = [one.policy for one in means if one.policy != ORACLE]
     for place, name in enumerate(reversed(names)):
-        mean = bootstrap_mean([row.regret for row in _of(rows, name)])
+        own = _of(rows, name)
+        mean = bootstrap_mean([row.regret for row in own], [row.scenario.group for row in own])
         spread = [[mean.mean - mean.low], [mean.high - mean.mean]]
         axes.errorbar(mean.mean, place, xerr=spread, fmt="o", color="C0", capsize=3)
     axes.set_yticks(range(len(names)), list(reversed(names)))

@@ -6,6 +6,7 @@ Columns that CoAdapt publishes come first, under its names; ours follow.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ego_agent.objective import Objective
+from evaluation.kept import write_whole
 from evaluation.machine import machine_facts
 from evaluation.policies.results import Means, Row
 from evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
@@ -26,7 +27,7 @@ OWN_SELECTION = (
 OWN_EVAL = ("policy", "window", "value", "regret", "held_out_regret", "infeasible", "ground_truth")
 
 
-def write_selection(path: Path, rows: Sequence[Row], objective: Objective) -> None:
+def write_selection(path: Path, rows: Sequence[Row]) -> None:
     """Who was selected, by whom and why."""
     _write(
         path,
@@ -37,7 +38,7 @@ def write_selection(path: Path, rows: Sequence[Row], objective: Objective) -> No
                 "frame_idx": row.scenario.decision_frame(row.decided.window),
                 "frame_name": f"{row.scenario.decision_frame(row.decided.window):06d}",
                 "ego_cav": row.decided.ego,
-                "com_range_m": objective.comm_range_m,
+                "com_range_m": row.scenario.comm_range_m,
                 "bandwidth_mbps": round(row.capacity_bps / 1e6, 4),
                 "reason": row.decided.reason,
                 "llm_response_time_s": round(_answer_s(row), 3),
@@ -74,7 +75,7 @@ def write_eval(path: Path, rows: Sequence[Row]) -> None:
                 "window": row.decided.window,
                 "value": round(row.value, 4),
                 "regret": round(row.regret, 4),
-                "held_out_regret": round(row.held_out_regret, 4),
+                "held_out_regret": _rounded(row.held_out_regret),
                 "infeasible": int(row.infeasible),
                 "ground_truth": row.outcome.ground_truth,
             }
@@ -86,7 +87,7 @@ def write_eval(path: Path, rows: Sequence[Row]) -> None:
 def write_headline(path: Path, means: Sequence[Means], more: Mapping[str, Any]) -> None:
     """The means as JSON, with the machine's facts and whatever else is given."""
     report = {"rows": [_plain(asdict(one)) for one in means], **more, "machine": machine_facts()}
-    path.write_text(json.dumps(report, indent=1) + "\n")
+    write_whole(path, json.dumps(report, indent=1) + "\n")
 
 
 def _common(row: Row) -> dict[str, Any]:
@@ -108,10 +109,15 @@ def _answer_s(row: Row) -> float:
 
 
 def _write(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(path, text.getvalue())
+
+
+def _rounded(value: float | None) -> float | str:
+    return "" if value is None else round(value, 4)
 
 
 def _plain(value: Any) -> Any:

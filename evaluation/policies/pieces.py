@@ -6,27 +6,32 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ego_agent.analyze import analyze
 from ego_agent.knowledge import Knowledge
+from ego_agent.objective import Objective
 from evaluation.kept import Kept
 from evaluation.windows import knowing
 from evaluation.windows.choice import Choice, Outcome
 from evaluation.windows.knowing import Heard
-from evaluation.windows.measure import Window, packed, unpacked
+from evaluation.windows.measure import NotMeasuredError, Window, packed, unpacked
 from evaluation.windows.scenarios import Scenario
 from evaluation.windows.search import explore
 from evaluation.workers import each
+from perception.fusion.base import Fusion
+from swarm.errors import EvaluationError
 
 MADE_FROM = (
-    "ego_agent/analyze.py", "ego_agent/greedy.py", "ego_agent/grid.py", "ego_agent/merge.py",
-    "ego_agent/scoring.py", "evaluation/cooperative.py", "evaluation/windows", "perception",
-    "swarm", "worlds",
+    "evaluation/cooperative.py", "evaluation/sharing.py", "evaluation/windows/frames.py",
+    "evaluation/windows/knowing.py", "evaluation/windows/measure.py", "perception",
+    "swarm/arrays.py", "swarm/geometry.py", "swarm/messages", "worlds",
 )  # fmt: skip
-"""What decides messages and outcomes."""
+"""What decides messages and outcomes, apart from what their keys name."""
 
 Outcomes = dict[Choice, Outcome]
+Place = tuple[str, int]
+"""A scenario's name and the number of a window."""
 R = TypeVar("R")
 
 
@@ -42,91 +47,127 @@ class Piece:
     known: tuple[tuple[Choice, Outcome], ...] = ()
 
     @property
-    def key(self) -> str:
-        """By which results are kept."""
-        return f"{self.scenario} window {self.window} {self.algorithms}"
+    def place(self) -> Place:
+        """Its scenario's name and its number."""
+        return self.scenario.name, self.window
+
+    def knowledge(self) -> Knowledge:
+        """What the ego knows beforehand."""
+        return knowledge_of(self.algorithms, self.scenario)
+
+    def heard_key(self) -> str:
+        """By which messages are kept."""
+        frame, reach_m = self.scenario.decision_frame(self.window), _reach_m(self.scenario)
+        return f"heard {self.scenario.setting()} {frame} {reach_m} {sorted(self.algorithms)}"
+
+    def outcomes_key(self) -> str:
+        """By which outcomes are kept."""
+        frames = self.scenario.sampled_frames(self.window)
+        return f"outcomes {self.scenario.setting()} {frames}"
+
+
+def knowledge_of(algorithms: Sequence[str], scenario: Scenario) -> Knowledge:
+    """What an ego knows beforehand: the objective, and the algorithms that it decides among."""
+    return Knowledge(Objective(comm_range_m=scenario.comm_range_m), algorithms)
 
 
 def listen(pieces: Sequence[Piece], workers: int, kept: Kept) -> list[Piece]:
     """The pieces with what the ego has heard at the beginning of each window."""
-    found: list[bytes | None] = [kept.get(f"heard {piece.key}") for piece in pieces]
-    missing = [piece for piece, raw in zip(pieces, found, strict=True) if raw is None]
-    fresh = _each(_listen, missing, workers, "messages")
-    complete = []
-    for piece, raw in zip(pieces, found, strict=True):
-        if raw is None:
-            raw = next(fresh)
-            kept.put(f"heard {piece.key}", raw)
-        complete.append(replace(piece, heard=knowing.unpacked(raw)))
-    return complete
+    found: list[bytes | None] = [kept.get(piece.heard_key()) for piece in pieces]
+    missing = [at for at, raw in enumerate(found) if raw is None]
+    for place, raw in _each(_listen, [pieces[at] for at in missing], workers, "messages"):
+        found[missing[place]] = raw
+        kept.put(pieces[missing[place]].heard_key(), raw)
+    return [
+        replace(piece, heard=knowing.unpacked(raw))
+        for piece, raw in zip(pieces, found, strict=True)
+        if raw is not None
+    ]
 
 
 def measure(pieces: Sequence[Piece], workers: int, kept: Kept) -> list[Outcomes]:
-    """The outcomes of the pieces' wanted choices and of the oracle's search, in order."""
-    known = [unpacked(kept.get(f"outcomes {piece.key}") or []) for piece in pieces]
-    missing = [
-        replace(piece, known=tuple(outcomes.items()))
-        for piece, outcomes in zip(pieces, known, strict=True)
-        if not outcomes or any(choice not in outcomes for choice in piece.wanted)
+    """The outcomes of the pieces' wanted choices and of the oracle's search, in order.
+
+    What was measured before is looked up; which of it counts does not depend on what there is.
+    """
+    pieces = [
+        replace(piece, known=tuple(unpacked(kept.get(piece.outcomes_key()) or []).items()))
+        for piece in pieces
     ]
+    found = [_looked_up(piece) for piece in pieces]
+    missing = [at for at, one in enumerate(found) if one is None]
     # Large swarms take longest: begun first, they do not keep one core busy at the end.
-    missing.sort(key=lambda piece: -piece.scenario.robots)
-    fresh = dict[str, Outcomes]()
-    for piece, values in zip(missing, _each(_measure, missing, workers, "measured"), strict=True):
-        kept.put(f"outcomes {piece.key}", values)
-        fresh[piece.key] = unpacked(values)
-    return [fresh.get(piece.key, outcomes) for piece, outcomes in zip(pieces, known, strict=True)]
+    missing.sort(key=lambda at: -pieces[at].scenario.robots)
+    for place, (every, considered) in _each(
+        _measure, [pieces[at] for at in missing], workers, "measured"
+    ):
+        piece = pieces[missing[place]]
+        kept.put(piece.outcomes_key(), every)
+        found[missing[place]] = unpacked(considered)
+    return [one for one in found if one is not None]
 
 
-def knowledge_of(algorithms: Sequence[str]) -> Knowledge:
-    """What an ego knows beforehand: the objective, and the algorithms that it decides among."""
-    return Knowledge(algorithms=algorithms)
+def _reach_m(scenario: Scenario) -> float:
+    """Robots farther away cannot be candidates, wherever noise puts them."""
+    return scenario.comm_range_m + 10 * scenario.pose_noise_m + 1.0
 
 
 def _listen(piece: Piece) -> bytes:
     window = Window(piece.scenario, piece.window)
-    knowledge = knowledge_of(piece.algorithms)
-    fusions = {name: window.fusion(name) for name in knowledge.algorithms}
+    fusions: dict[str, Fusion] = {name: window.fusion(name) for name in piece.algorithms}
     messages = knowing.heard(
         window.world,
         piece.scenario.decision_frame(piece.window),
         window.ego,
-        dict(fusions),
+        fusions,
         piece.scenario.pose_noise_m,
-        knowledge.objective.comm_range_m + 1.0,
+        _reach_m(piece.scenario),
     )
     return knowing.packed(messages)
 
 
-def _measure(piece: Piece) -> list[object]:
+def _looked_up(piece: Piece) -> Outcomes | None:
+    """The outcomes that count, where all of them are known."""
+    try:
+        return _explored(
+            Window(piece.scenario, piece.window, dict(piece.known), measures=False), piece
+        )
+    except NotMeasuredError:
+        return None
+
+
+def _measure(piece: Piece) -> tuple[list[Any], list[Any]]:
+    """All outcomes that are known then, and those that count."""
     window = Window(piece.scenario, piece.window, dict(piece.known))
-    knowledge = knowledge_of(piece.algorithms)
-    assert piece.heard is not None
-    capacity_bps = piece.scenario.capacity_bps(piece.window)
-    scene = analyze(knowing.snapshot(window.ego, piece.heard, capacity_bps), knowledge)
-    explore(window, scene, knowledge, piece.wanted)
-    return packed(window.outcomes)
+    considered = _explored(window, piece)
+    return packed(window.outcomes), packed(considered)
+
+
+def _explored(window: Window, piece: Piece) -> Outcomes:
+    if piece.heard is None:
+        raise EvaluationError(f"nothing was heard in {piece.place}")
+    knowledge, known_bps = piece.knowledge(), piece.scenario.known_bps(piece.window)
+    seen = knowing.snapshot(window.ego, piece.heard, known_bps, window.world.rate_hz)
+    return explore(window, analyze(seen, knowledge), knowledge, piece.wanted)
 
 
 def _each(
     work: Callable[[Piece], R], pieces: Sequence[Piece], workers: int, what: str
-) -> Iterator[R]:
-    """Results in order, with a line of progress each."""
+) -> Iterator[tuple[int, R]]:
+    """Places and results as they are ready, with a line of progress each."""
     if not pieces:
         return
     begun = time.monotonic()
     detector = pieces[0].scenario.open().detector
     total = sum(piece.scenario.robots for piece in pieces)
     done = 0
-    for number, (piece, result) in enumerate(
-        zip(pieces, each(work, pieces, workers, detector), strict=True), 1
-    ):
-        done += piece.scenario.robots
+    for number, (place, result) in enumerate(each(work, pieces, workers, detector), 1):
+        done += pieces[place].scenario.robots
         left_s = (time.monotonic() - begun) * (total - done) / done
         print(
-            f"{what}: {number}/{len(pieces)} windows, {piece.scenario.name}, "
+            f"{what}: {number}/{len(pieces)} windows, {pieces[place].scenario.name}, "
             f"about {left_s / 60:.0f} min left",
             file=sys.stderr,
             flush=True,
         )
-        yield result
+        yield place, result

@@ -10,13 +10,14 @@ import numpy as np
 from ego_agent.knowledge import Knowledge
 from evaluation.bootstrap import Interval, bootstrap_mean
 from evaluation.policies.decide import Decided
-from evaluation.policies.pieces import Outcomes
-from evaluation.windows.choice import Choice, Outcome
+from evaluation.policies.pieces import Outcomes, Place, knowledge_of
+from evaluation.windows.choice import ALONE, Choice, Outcome
 from evaluation.windows.scenarios import Scenario
 from evaluation.windows.search import best, held_out_regret
 
 ORACLE = "oracle"
 STATIC = "static-"
+ALONE_CHOICE = Choice((), ALONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +28,15 @@ class Row:
     decided: Decided
     outcome: Outcome
     capacity_bps: float
-    value: float
-    """AP@0.7 - lambda C, with what was measured."""
-    regret: float
-    """What the oracle's value is above it; below 0 only where the link could not carry this."""
-    held_out_regret: float
-    """The same against an oracle that is judged by frames it has not seen."""
     infeasible: bool
     """It needs more than all of C(t)."""
+    value: float
+    """AP@0.7 - lambda C, with what was measured; that of the ego alone where it is infeasible, for
+    then nothing comes in time."""
+    regret: float
+    """What the oracle's value is above it."""
+    held_out_regret: float | None
+    """The same against an oracle that is judged by frames it has not seen (search.py)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,8 @@ class Means:
     held_out_regret_mean: float
     decision_ms_p50: float | None
     decision_ms_p99: float | None
+    answered_ratio: float | None
+    """Of a language model: windows in which its newest question had an answer."""
     lost_ap_70: Interval
     """AP@0.7 less that of the best static policy, a window."""
     lost_to_coverage: Interval
@@ -65,38 +69,47 @@ class Means:
 def rows_of(
     scenarios: Mapping[str, Scenario],
     decided: Sequence[Decided],
-    outcomes: Mapping[tuple[str, int], Outcomes],
-    knowledge: Knowledge,
+    considered: Mapping[Place, Outcomes],
+    algorithms: Sequence[str],
 ) -> list[Row]:
-    """A row for each decision, and the oracle's. Windows without a true box are left out."""
+    """A row for each decision, and the oracle's. Windows without a true box are left out.
+
+    considered: of each window, the outcomes among which the oracle finds its own, those of the
+        decisions among them.
+    """
+    here: dict[Place, list[Decided]] = {}
+    for one in decided:
+        here.setdefault((one.scenario, one.window), []).append(one)
     rows = []
-    for (name, window), known in outcomes.items():
-        scenario = scenarios[name]
-        capacity_bps = scenario.capacity_bps(window)
-        top = best(known, knowledge, capacity_bps)
-        if not known[top].ground_truth:
+    for place, known in considered.items():
+        if not known[ALONE_CHOICE].ground_truth or place not in here:
             continue
-        top_value = known[top].value(knowledge.objective)
-        here = [d for d in decided if (d.scenario, d.window) == (name, window)]
-        if here:
-            here.append(_oracle(here[0], top, known[top]))
-        for one in here:
-            outcome = known[one.choice]
-            value = outcome.value(knowledge.objective)
-            infeasible = outcome.overruns(knowledge.objective, capacity_bps)
-            rows.append(
-                Row(
-                    scenario=scenario,
-                    decided=one,
-                    outcome=outcome,
-                    capacity_bps=capacity_bps,
-                    value=value,
-                    regret=top_value - value,
-                    held_out_regret=held_out_regret(known, one.choice, knowledge, capacity_bps),
-                    infeasible=infeasible,
-                )
-            )
+        scenario = scenarios[place[0]]
+        knowledge = knowledge_of(algorithms, scenario)
+        top = best(known, scenario.capacity_bps(place[1]), knowledge)
+        for one in (*here[place], _oracle(here[place][0], top, known[top])):
+            rows.append(_row(scenario, one, known, known[top], knowledge))
     return rows
+
+
+def _row(
+    scenario: Scenario, one: Decided, known: Outcomes, top: Outcome, knowledge: Knowledge
+) -> Row:
+    objective, capacity_bps = knowledge.objective, scenario.capacity_bps(one.window)
+    outcome = known[one.choice]
+    infeasible = outcome.overruns(objective, capacity_bps)
+    arrived = known[ALONE_CHOICE] if infeasible else outcome
+    value = arrived.value(objective)
+    return Row(
+        scenario=scenario,
+        decided=one,
+        outcome=outcome,
+        capacity_bps=capacity_bps,
+        infeasible=infeasible,
+        value=value,
+        regret=top.value(objective) - value,
+        held_out_regret=held_out_regret(known, arrived, capacity_bps, knowledge),
+    )
 
 
 def _oracle(like: Decided, choice: Choice, outcome: Outcome) -> Decided:
@@ -135,6 +148,7 @@ def _means(
     outcomes = [row.outcome for row in rows]
     took_ms = [1e3 * row.decided.decision_s for row in rows]
     p50, p99 = np.percentile(took_ms, [50, 99]).tolist() if name != ORACLE else (None, None)
+    answers = [float(r.decided.answered) for r in rows if r.decided.answered is not None]
     used = float(np.mean([outcome.bytes_per_frame for outcome in outcomes]))
     everyone = _bytes(by_policy[static]) if static else float("nan")
     return Means(
@@ -147,13 +161,20 @@ def _means(
         infeasible_ratio=float(np.mean([row.infeasible for row in rows])),
         participants_mean=float(np.mean([1 + len(r.decided.choice.participants) for r in rows])),
         regret_mean=float(np.mean([row.regret for row in rows])),
-        held_out_regret_mean=float(np.mean([row.held_out_regret for row in rows])),
+        held_out_regret_mean=_mean(
+            [row.held_out_regret for row in rows if row.held_out_regret is not None]
+        ),
         decision_ms_p50=p50,
         decision_ms_p99=p99,
+        answered_ratio=_mean(answers) if answers else None,
         lost_ap_70=_paired(rows, by_policy.get(static or "", ())),
         lost_to_coverage=_paired(rows, by_policy.get("coverage", ())),
         saved=1 - used / everyone if everyone else 0.0,
     )
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else float("nan")
 
 
 def _bytes(rows: Sequence[Row]) -> float:
@@ -164,6 +185,8 @@ def _paired(rows: Sequence[Row], others: Sequence[Row]) -> Interval:
     """AP@0.7 less that of the others in the same windows."""
     theirs = {(r.decided.scenario, r.decided.window): r.outcome.ap_70 for r in others}
     keys = [(r.decided.scenario, r.decided.window) for r in rows]
+    pairs = [(row, theirs[key]) for row, key in zip(rows, keys, strict=True) if key in theirs]
     return bootstrap_mean(
-        [r.outcome.ap_70 - theirs[k] for r, k in zip(rows, keys, strict=True) if k in theirs]
+        [row.outcome.ap_70 - other for row, other in pairs],
+        [row.scenario.group for row, _ in pairs],
     )

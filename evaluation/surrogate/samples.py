@@ -55,7 +55,7 @@ def training_windows(count: int) -> list[Scenario]:
             seed,
             kind=SCENARIOS[index // 7 % len(SCENARIOS)],
             ego=index // 3 % ROBOTS[index % len(ROBOTS)],
-            pose_noise_m=NOISE_M if index % 2 else 0.0,
+            pose_noise_m=NOISE_M if index // len(ROBOTS) % 2 else 0.0,
             first_frame=index * 397 % 5900,
             windows=1,
             sampled=FRAMES,
@@ -79,7 +79,7 @@ def measure(scenario: Scenario) -> list[Any]:
         reach_m,
     )
     candidates = candidates_of(_scene(window.ego, messages))
-    for choice in _choices(candidates, fusion_names(window.world.detector), scenario.seed):
+    for choice in random_choices(candidates, fusion_names(window.world.detector), scenario.seed):
         window.outcome(choice)
     return [window.ego, knowing.packed(messages), packed(window.outcomes)]
 
@@ -111,7 +111,9 @@ def choice_features(
     return with_algorithm(sets, [choice.algorithm for choice in choices], algorithms)
 
 
-def _choices(candidates: Sequence[str], algorithms: Sequence[str], seed: int) -> Iterator[Choice]:
+def random_choices(
+    candidates: Sequence[str], algorithms: Sequence[str], seed: int
+) -> Iterator[Choice]:
     """The ego alone, everyone with every algorithm, and random sets, small ones more often."""
     rng = np.random.default_rng(seed)
     yield Choice((), ALONE)

@@ -16,6 +16,7 @@ from ego_agent.surrogate.model import Surrogate, write_surrogate
 from evaluation.kept import Kept
 from evaluation.policies.pieces import MADE_FROM
 from evaluation.surrogate.samples import Samples, measure, samples, training_windows
+from evaluation.windows.scenarios import Scenario
 from evaluation.workers import each
 from perception.fusion.registry import fusion_names
 from swarm.errors import EvaluationError
@@ -38,22 +39,24 @@ def train(windows: int, workers: int, folder: Path, output: Path) -> dict[str, f
     """Writes the surrogate to `output`; what was measured is kept in `folder`.
 
     Returns the errors on the held-out windows: `mae`, of AP@0.7, and `mae_within`, of its
-    differences from the mean of the window.
+    differences from the mean of the window. Raises EvaluationError for an output that cannot be
+    written, before anything is measured, and for too few windows.
     """
+    if output.is_dir() or not output.parent.is_dir():
+        raise EvaluationError(f"{output} cannot be written: name a file in a folder that exists")
     algorithms = fusion_names("factory")
-    measured = _measured(windows, workers, Kept(folder / "kept", MADE_FROM), algorithms)
+    measured = _measured(
+        windows,
+        workers,
+        Kept(folder / "kept", (*MADE_FROM, "evaluation/surrogate/samples.py")),
+        algorithms,
+    )
     test = measured[::HELD_OUT]
     learning = [one for at, one in enumerate(measured) if at % HELD_OUT]
     if not test or not learning:
         raise EvaluationError(f"{len(measured)} windows are too few to learn from")
-    network = _learn(learning)
-    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
-    model = Surrogate(
-        algorithms,
-        tuple(layer.weight.detach().numpy() for layer in layers),
-        tuple(layer.bias.detach().numpy() for layer in layers),
-        {"windows": str(len(learning)), "steps": str(STEPS), "seed": str(SEED)},
-    )
+    facts = {"windows": str(len(learning)), "steps": str(STEPS), "seed": str(SEED)}
+    model = as_surrogate(learn(learning, STEPS), algorithms, facts)
     write_surrogate(output, model)
     errors = _errors(model, test)
     print(
@@ -64,23 +67,40 @@ def train(windows: int, workers: int, folder: Path, output: Path) -> dict[str, f
     return errors
 
 
+def as_surrogate(
+    network: nn.Sequential, algorithms: Sequence[str], facts: dict[str, str]
+) -> Surrogate:
+    """A trained network in the form that an ego reads."""
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
+    return Surrogate(
+        tuple(algorithms),
+        tuple(layer.weight.detach().numpy() for layer in layers),
+        tuple(layer.bias.detach().numpy() for layer in layers),
+        facts,
+    )
+
+
+def key_of(scenario: Scenario) -> str:
+    """By which what was measured in a window is kept."""
+    return f"surrogate {scenario.setting()} {scenario.sampled_frames(0)}"
+
+
 def _measured(windows: int, workers: int, kept: Kept, algorithms: Sequence[str]) -> list[Samples]:
     scenarios = training_windows(windows)
-    known = [kept.get(f"surrogate {scenario}") for scenario in scenarios]
-    missing = [s for s, values in zip(scenarios, known, strict=True) if values is None]
-    fresh = each(measure, missing, workers, "factory")
-    done = 0
-    for at, scenario in enumerate(scenarios):
-        if known[at] is None:
-            known[at] = next(fresh)
-            kept.put(f"surrogate {scenario}", known[at])
-            done += 1
-            print(f"measured {done}/{len(missing)} windows", file=sys.stderr, flush=True)
+    keys = [key_of(scenario) for scenario in scenarios]
+    known = [kept.get(key) for key in keys]
+    missing = [at for at, values in enumerate(known) if values is None]
+    work = each(measure, [scenarios[at] for at in missing], workers, "factory")
+    for done, (place, values) in enumerate(work, 1):
+        known[missing[place]] = values
+        kept.put(keys[missing[place]], values)
+        print(f"measured {done}/{len(missing)} windows", file=sys.stderr, flush=True)
     found = [samples(values, algorithms) for values in known if values is not None]
     return [one for one in found if one is not None]
 
 
-def _learn(windows: Sequence[Samples]) -> nn.Sequential:
+def learn(windows: Sequence[Samples], steps: int) -> nn.Sequential:
+    """A network that has learnt from the windows; equal windows give equal networks."""
     torch.manual_seed(SEED)
     rng = np.random.default_rng(SEED)
     inputs = windows[0].features.shape[1]
@@ -92,8 +112,8 @@ def _learn(windows: Sequence[Samples]) -> nn.Sequential:
         nn.Linear(HIDDEN[1], 1),
     )
     optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, STEPS)
-    for _ in range(STEPS):
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, steps)
+    for _ in range(steps):
         picked = [windows[i] for i in rng.integers(0, len(windows), BATCH)]
         features, target, window = _batch(picked)
         noise = torch.from_numpy(rng.normal(0, SHAKEN, features.shape).astype(np.float32))

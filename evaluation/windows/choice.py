@@ -41,20 +41,19 @@ class Outcome:
     frames: int
     ground_truth: int
     """True boxes that count in all frames together."""
-    halves: tuple[float, float]
-    """AP@0.7 of every other frame from the first, and of the rest."""
+    halves: tuple[float, float] | None
+    """AP@0.7 of every other frame from the first, and of the rest; None unless both hold true
+    boxes."""
 
     def value(self, objective: Objective) -> float:
         """AP@0.7 - lambda C: the objective with measured precision as Q."""
         return objective.value(self.ap_70, round(self.bytes_per_frame))
 
     def half_value(self, objective: Objective, half: int) -> float:
-        """The same on one half of the frames."""
+        """The same on one half of the frames; 0 where there are no halves."""
+        if self.halves is None:
+            return 0.0
         return objective.value(self.halves[half], round(self.bytes_per_frame))
-
-    def fits(self, objective: Objective, capacity_bps: float) -> bool:
-        """Whether the link carries it at the fusion rate, with the headroom for all else."""
-        return self.bytes_per_frame <= objective.budget_bytes(capacity_bps)
 
     def overruns(self, objective: Objective, capacity_bps: float) -> bool:
         """Whether it needs more than all of the link."""

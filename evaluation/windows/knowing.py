@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 
@@ -16,8 +18,10 @@ from worlds.base import World
 
 SECTORS = 72
 EPOCH_NS = 1_700_000_000_000_000_000
-BEACON_AGE_S, SCENE_AGE_S = 0.05, 0.2
-"""Half the periods at which robots send them."""
+SCENE_AGE_FRAMES = 2
+"""A scene description comes every fifth frame; the newest is this old on average."""
+SIZES_AGE_FRAMES = 25
+"""Robots measure their payloads every five seconds."""
 
 Heard = dict[str, tuple[Beacon, SceneDescription]]
 
@@ -30,14 +34,33 @@ def heard(
     pose_noise_m: float = 0.0,
     reach_m: float = np.inf,
 ) -> Heard:
-    """The beacon and the description of every robot as of one frame; those farther from the ego
-    than `reach_m` only tell where they are. `fusions`: whose sizes beacons announce."""
+    """The newest beacon and description of every robot at the time of a frame.
+
+    Poses are those of the frame, descriptions and sizes are as old as in a swarm, or of the first
+    frame. Sizes are what a payload takes in the form that the ego asks for. Robots farther from the
+    ego than `reach_m` announce none. `fusions`: whose sizes beacons announce.
+    """
     here = world.pose(ego, frame)
+    sized = max(0, frame - SIZES_AGE_FRAMES)
+    own = world.scan(ego, sized)
+    asks = {
+        name: fusion.begin(own.points, own.pose.matrix()).ask() for name, fusion in fusions.items()
+    }
     found: Heard = {}
     for robot in world.robots:
-        near = robot == ego or world.pose(robot, frame).distance_to(here) <= reach_m
         noise = pose_noise_m if robot != ego else 0.0
-        found[robot] = _heard(world, frame, robot, fusions if near else {}, noise)
+        sizes = {}
+        if robot != ego and world.pose(robot, frame).distance_to(here) <= reach_m:
+            scan = world.scan(robot, sized)
+            pose = disturbed(scan.pose, robot, sized, noise)
+            for name, fusion in fusions.items():
+                form = EncodeOptions(pose=pose, reference=asks[name].reference)
+                form = replace(form, demand=asks[name].demand)
+                sizes[name] = len(fusion.encode(scan.points, form))
+        found[robot] = (
+            _beacon(world, frame, robot, sizes, noise),
+            _description(world, max(0, frame - SCENE_AGE_FRAMES), robot, noise),
+        )
     return found
 
 
@@ -51,8 +74,8 @@ def unpacked(raw: bytes) -> Heard:
     return msgspec.msgpack.decode(raw, type=Heard)
 
 
-def snapshot(ego: str, heard: Heard, capacity_bps: float) -> Snapshot:
-    """The snapshot of an ego that has just heard that."""
+def snapshot(ego: str, heard: Heard, capacity_bps: float, rate_hz: float = 10.0) -> Snapshot:
+    """The snapshot of an ego that has just heard that; `rate_hz`: of the world's frames."""
     return Snapshot(
         ego=ego,
         cycle=0,
@@ -62,9 +85,9 @@ def snapshot(ego: str, heard: Heard, capacity_bps: float) -> Snapshot:
                 robot=robot,
                 alive=True,
                 beacon=beacon,
-                beacon_age_s=BEACON_AGE_S,
+                beacon_age_s=0.0,
                 scene=scene,
-                scene_age_s=SCENE_AGE_S,
+                scene_age_s=SCENE_AGE_FRAMES / rate_hz,
                 round_trip_s=None,
                 clock_offset_s=0.0,
                 duplicate=False,
@@ -76,39 +99,40 @@ def snapshot(ego: str, heard: Heard, capacity_bps: float) -> Snapshot:
     )
 
 
-def _heard(
-    world: World, frame: int, robot: str, fusions: dict[str, Fusion], pose_noise_m: float
-) -> tuple[Beacon, SceneDescription]:
+def _beacon(
+    world: World, frame: int, robot: str, sizes: dict[str, int], pose_noise_m: float
+) -> Beacon:
+    believed = disturbed(world.pose(robot, frame), robot, frame, pose_noise_m)
+    return Beacon(
+        robot=robot,
+        instance=1,
+        seq=1,
+        sent_ns=EPOCH_NS,
+        capture_ns=EPOCH_NS,
+        frame=frame,
+        pose=believed.as_tuple(),
+        velocity=world.scan(robot, frame).velocity,
+        range_m=world.range_m,
+        sizes=sizes,
+    )
+
+
+def _description(world: World, frame: int, robot: str, pose_noise_m: float) -> SceneDescription:
     scan = world.scan(robot, frame)
     own_body_m = configuration(world.detector).own_body_m
     described = describe(scan.points, own_body_m=own_body_m)
     believed = disturbed(scan.pose, robot, frame, pose_noise_m)
     visible = visible_range(scan.points, SECTORS, believed.heading, own_body_m)
-    pose = believed.as_tuple()
-    options = EncodeOptions(pose=believed)
-    beacon = Beacon(
+    return SceneDescription(
         robot=robot,
         instance=1,
         seq=1,
         sent_ns=EPOCH_NS,
         capture_ns=EPOCH_NS,
         frame=frame,
-        pose=pose,
-        velocity=scan.velocity,
-        range_m=world.range_m,
-        sizes={name: len(fusion.encode(scan.points, options)) for name, fusion in fusions.items()},
-    )
-    scene = SceneDescription(
-        robot=robot,
-        instance=1,
-        seq=1,
-        sent_ns=EPOCH_NS,
-        capture_ns=EPOCH_NS,
-        frame=frame,
-        pose=pose,
+        pose=believed.as_tuple(),
         objects=pack(to_array(described, believed.matrix())),
         visible_m=pack(np.asarray(visible, dtype=np.float32).reshape(-1, 1)),
         ground_points=described.ground_points,
         elapsed_ms=0.0,
     )
-    return beacon, scene

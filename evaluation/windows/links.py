@@ -27,10 +27,16 @@ class Link:
     profile: Profile
     share: float = 1.0
     """What telemetry leaves."""
+    lag_s: float = 0.0
+    """How old what an ego knows of it is: a controller tells at once, what is measured is past."""
 
     def rate_bps(self, elapsed_s: float) -> float:
         """C(t) in bit/s; at least 1."""
         return max(1.0, self.share * self.profile.rate_bps(elapsed_s))
+
+    def known_bps(self, elapsed_s: float) -> float:
+        """What an ego takes C(t) to be, bit/s."""
+        return self.rate_bps(elapsed_s - self.lag_s)
 
 
 def shift(telemetry: bool = False) -> Link:
@@ -48,12 +54,13 @@ def low_tier_with_telemetry() -> Link:
 
 def recorded() -> list[Link]:
     """The recorded links in the data folder (evaluation.sample), by name; none where there are
-    none. A step lasts a control window."""
+    none. A step lasts a control window, and an ego knows the one before. Raises NetworkError for
+    a file (*.down, *.up) that is no recording."""
     folder = data_folder(TRACES)
     if folder is None:
         return []
     return [
-        Link(path.name, Series(read_trace(path, WINDOW_S), WINDOW_S))
+        Link(path.name, Series(read_trace(path, WINDOW_S), WINDOW_S), lag_s=WINDOW_S)
         for path in sorted(folder.iterdir())
-        if path.is_file()
+        if path.suffix in (".down", ".up")
     ]

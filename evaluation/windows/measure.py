@@ -18,12 +18,24 @@ from perception.metrics import Match, match, precision_of
 IOUS = (0.3, 0.5, 0.7)
 
 
+class NotMeasuredError(Exception):
+    """An outcome that is not known yet."""
+
+
 class Window:
     """One control window and the outcomes that are known of it."""
 
     def __init__(
-        self, scenario: Scenario, index: int, known: Mapping[Choice, Outcome] | None = None
+        self,
+        scenario: Scenario,
+        index: int,
+        known: Mapping[Choice, Outcome] | None = None,
+        *,
+        measures: bool = True,
     ) -> None:
+        """`measures`: whether outcomes that are not known are measured; else asking for one raises
+        NotMeasuredError."""
+        self._measures = measures
         self.scenario = scenario
         self.index = index
         self.world = OnceWorld(scenario.open())
@@ -37,6 +49,8 @@ class Window:
         Raises PerceptionError for an algorithm that the world's detector does not have, WorldError
         for an unknown robot.
         """
+        if choice not in self.outcomes and not self._measures:
+            raise NotMeasuredError
         if choice not in self.outcomes:
             self.outcomes[choice] = self._measure(choice)
         return self.outcomes[choice]
@@ -63,7 +77,10 @@ class Window:
             sent += sum(fused.bytes.values())
         ap_30, ap_50, ap_70 = map(precision_of, matches)
         truths = sum(one.truths for one in matches[0])
-        halves = (precision_of(matches[2][::2]), precision_of(matches[2][1::2]))
+        first, second = matches[2][::2], matches[2][1::2]
+        halves = None
+        if all(sum(one.truths for one in half) for half in (first, second)):
+            halves = (precision_of(first), precision_of(second))
         return Outcome(ap_30, ap_50, ap_70, sent / len(frames), len(frames), truths, halves)
 
 
@@ -79,7 +96,7 @@ def unpacked(values: list[Any]) -> dict[Choice, Outcome]:
     """The outcomes whose `packed` gave these values."""
     return {
         Choice(tuple(participants), algorithm): Outcome(
-            **{**outcome, "halves": tuple(outcome["halves"])}
+            **{**outcome, "halves": tuple(outcome["halves"]) if outcome["halves"] else None}
         )
         for participants, algorithm, outcome in values
     }

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from deploy.spec import comm_range_m
+from ego_agent.objective import Objective
 from evaluation.windows.links import (
     WINDOW_S,
     Link,
@@ -29,6 +32,7 @@ SAMPLED = 6
 NOISE_M = 0.2
 SIZES = (3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
 """Robots, in turn."""
+PROTOCOL = "data_protocol.yaml"
 LARGE = (20, 30, 40, 50)
 FACTORY_SCENARIOS = 24
 TRACE_ROBOTS = 6
@@ -82,9 +86,8 @@ class Scenario:
 
     def open(self) -> World:
         """The world; no scan is computed yet. Raises WorldError where it cannot be read."""
-        world = "factory" if self.folder is None else "opv2v"
         return open_world(
-            world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
+            self._world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
         )
 
     def decision_frame(self, window: int) -> int:
@@ -99,8 +102,31 @@ class Scenario:
         return [first + int(self.window_frames * (i + 0.5) / count) for i in range(count)]
 
     def capacity_bps(self, window: int) -> float:
-        """C(t) when the window's decision is made."""
+        """C(t) in a window."""
         return self.link.rate_bps(window * WINDOW_S)
+
+    def known_bps(self, window: int) -> float:
+        """What the ego takes C(t) to be when it decides for the window."""
+        return self.link.known_bps(window * WINDOW_S)
+
+    @property
+    def group(self) -> str:
+        """What scenarios share whose windows are not independent: the floor or the recording."""
+        return self.name if self.folder is None else str(self.folder)
+
+    @property
+    def comm_range_m(self) -> float:
+        """How far from the ego a robot may take part, as in a swarm in such a world."""
+        return comm_range_m(self._world) or Objective().comm_range_m
+
+    @property
+    def _world(self) -> str:
+        return "factory" if self.folder is None else "opv2v"
+
+    def setting(self) -> str:
+        """In words, all that decides what is said and measured in it, apart from the frames."""
+        about = f"{self._world} {self.kind} {self.seed} {self.robots} {self.ego}"
+        return f"{about} {self.pose_noise_m} {_fingerprint(self.folder)}"
 
 
 def factory_suite() -> list[Scenario]:
@@ -112,8 +138,9 @@ def factory_suite() -> list[Scenario]:
         Scenario(
             "redundant-cluster", 6, day, next(seeds), "redundant-cluster", first_frame=300,
             expectation=Expectation(
-                "R2, R3 and R4 drive close behind the ego: not all of them are needed",
+                "R2, R3 and R4 drive close behind the ego: somebody helps, but not all of them",
                 redundant=frozenset({"R2", "R3", "R4"}),
+                somebody=True,
             ),
         ),
         Scenario(
@@ -134,7 +161,9 @@ def factory_suite() -> list[Scenario]:
     suite = list(named)
     for index in range(FACTORY_SCENARIOS - len(named)):
         robots = SIZES[index % len(SIZES)]
-        suite.append(_floor(index, robots, busy if index % 2 else day, next(seeds)))
+        # Every size meets both links.
+        link = busy if (index + index // len(SIZES)) % 2 else day
+        suite.append(_floor(index, robots, link, next(seeds)))
     for index, robots in enumerate(LARGE):
         suite.append(_floor(index, robots, busy if index % 2 else day, next(seeds)))
     for index, link in enumerate(recorded()):
@@ -143,7 +172,7 @@ def factory_suite() -> list[Scenario]:
 
 
 def _floor(index: int, robots: int, link: Link, seed: int) -> Scenario:
-    noise = NOISE_M if index // 2 % 2 else 0.0
+    noise = NOISE_M if index % 4 in (1, 2) else 0.0
     return Scenario(
         f"floor-{robots}-{link.name}-{seed - SUITE_SEEDS.start}",
         robots,
@@ -161,9 +190,12 @@ def recorded_suite(data: Path) -> list[Scenario]:
     `data`: a recorded scenario in OPV2V's layout, or a folder of such. Raises WorldError for one
     that cannot be read, EvaluationError for one that holds too little.
     """
-    folders = sorted(path.parent for path in data.glob("*/data_protocol.yaml"))
-    if (data / "data_protocol.yaml").exists() or not folders:
-        folders = [data]
+    folders = [data]
+    if not (data / PROTOCOL).exists() and any(data.glob(f"*/{PROTOCOL}")):
+        folders = sorted(path for path in data.iterdir() if path.is_dir())
+        for folder in folders:
+            if not (folder / PROTOCOL).exists():
+                raise EvaluationError(f"{folder} is no whole recording: it has no {PROTOCOL}")
     return [scenario for folder in folders for scenario in _recording(folder)]
 
 
@@ -186,6 +218,19 @@ def _recording(folder: Path) -> Iterator[Scenario]:
                 window_frames=frames,
                 folder=folder,
             )
+
+
+def _fingerprint(folder: Path | None) -> str:
+    """Of a recording's files: what was measured on others under its name does not count."""
+    if folder is None:
+        return ""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            about = path.stat()
+            known = (path.relative_to(folder), about.st_size, about.st_mtime_ns)
+            digest.update(repr(known).encode())
+    return digest.hexdigest()[:16]
 
 
 def chosen(suite: Sequence[Scenario], names: Sequence[str]) -> list[Scenario]:

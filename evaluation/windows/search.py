@@ -4,12 +4,12 @@ With EXHAUSTIVE candidates at most (six robots) every set of them with every alg
 2^N choices each. Beyond, the search measures, for every algorithm, sets that grow in the order of
 coverage gained (STEPS members), whatever policies chose, and from the best of them on its
 neighbours: with one robot more or less of the NEAREST, or with another algorithm, as long as that
-helps, MOVES times at most. What it finds is a lower bound of the best.
+helps, MOVES times at most. What it finds is a lower bound of the best. The oracle knows no Q_min.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 from ego_agent.greedy import grow
@@ -36,50 +36,76 @@ def every_choice(candidates: Sequence[str], algorithms: Sequence[str]) -> Iterat
 
 def explore(
     window: Window, scene: UnifiedScene, knowledge: Knowledge, wanted: Iterable[Choice]
-) -> None:
-    """Measures the wanted choices and those among which the oracle finds its own; all are in
-    `window.outcomes` then."""
-    for choice in wanted:
-        window.outcome(choice)
-    candidates = candidates_of(scene)
+) -> dict[Choice, Outcome]:
+    """The outcomes of the wanted choices, and of those among which the oracle finds its own.
+
+    What else is known of the window plays no part, so that equal calls have equal results.
+    """
+    candidates, algorithms = candidates_of(scene), knowledge.algorithms
+    considered = {choice: window.outcome(choice) for choice in sorted(set(wanted))}
     if len(candidates) <= EXHAUSTIVE:
-        for choice in every_choice(candidates, knowledge.algorithms):
-            window.outcome(choice)
-        return
+        for choice in every_choice(candidates, algorithms):
+            considered[choice] = window.outcome(choice)
+        return considered
     for choice in _growing(scene, knowledge):
-        window.outcome(choice)
-    _climb(window, candidates, knowledge)
+        considered[choice] = window.outcome(choice)
+    capacity_bps = window.scenario.capacity_bps(window.index)
+    top = best(considered, capacity_bps, knowledge)
+    for _ in range(MOVES):
+        for choice in _neighbours(top, candidates[:NEAREST], algorithms):
+            considered[choice] = window.outcome(choice)
+        better = best(considered, capacity_bps, knowledge)
+        if better == top:
+            break
+        top = better
+    return considered
 
 
-def best(outcomes: dict[Choice, Outcome], knowledge: Knowledge, capacity_bps: float) -> Choice:
-    """The choice of the greatest AP@0.7 - lambda C among those that the link carries; the fewer
-    bytes where several are equal."""
+def best(considered: Mapping[Choice, Outcome], capacity_bps: float, knowledge: Knowledge) -> Choice:
+    """The choice of the greatest AP@0.7 - lambda C among those that the link carries and whose
+    algorithms may be used; the fewer bytes where several are equal."""
     objective = knowledge.objective
-    feasible = [c for c, outcome in outcomes.items() if outcome.fits(objective, capacity_bps)]
     return min(
-        feasible,
-        key=lambda c: (-outcomes[c].value(objective), outcomes[c].bytes_per_frame, c),
+        _possible(considered, capacity_bps, knowledge),
+        key=lambda c: (-considered[c].value(objective), considered[c].bytes_per_frame, c),
     )
 
 
 def held_out_regret(
-    outcomes: dict[Choice, Outcome], choice: Choice, knowledge: Knowledge, capacity_bps: float
-) -> float:
-    """The regret against an oracle that looks at one half of the frames and is judged by the other,
-    the mean of both ways.
+    considered: Mapping[Choice, Outcome], value: Outcome, capacity_bps: float, knowledge: Knowledge
+) -> float | None:
+    """The regret of an outcome against an oracle that looks at one half of the frames and is judged
+    by the other, the mean of both ways; None where a half holds no true box.
 
     The best of many choices on few frames is partly luck; here luck does not count.
     """
+    if value.halves is None:
+        return None
     objective = knowledge.objective
-    feasible = [one for one in outcomes.values() if one.fits(objective, capacity_bps)]
+    possible = _possible(considered, capacity_bps, knowledge)
     regrets = []
     for half in (0, 1):
-        top = max(feasible, key=lambda one: one.half_value(objective, half))
+        top = min(
+            possible,
+            key=lambda c, half=half: (  # type: ignore[misc]
+                -considered[c].half_value(objective, half), considered[c].bytes_per_frame, c,
+            ),
+        )  # fmt: skip
         other = 1 - half
-        regrets.append(
-            top.half_value(objective, other) - outcomes[choice].half_value(objective, other)
-        )
+        top_value = considered[top].half_value(objective, other)
+        regrets.append(top_value - value.half_value(objective, other))
     return sum(regrets) / 2
+
+
+def _possible(
+    considered: Mapping[Choice, Outcome], capacity_bps: float, knowledge: Knowledge
+) -> list[Choice]:
+    allowed = (ALONE, *knowledge.algorithms)
+    return [
+        choice
+        for choice, outcome in considered.items()
+        if choice.algorithm in allowed and not outcome.overruns(knowledge.objective, capacity_bps)
+    ]
 
 
 def _growing(scene: UnifiedScene, knowledge: Knowledge) -> Iterator[Choice]:
@@ -97,26 +123,18 @@ def _growing(scene: UnifiedScene, knowledge: Knowledge) -> Iterator[Choice]:
             yield Choice(tuple(sorted(order[:size])), algorithm)
 
 
-def _climb(window: Window, candidates: Sequence[str], knowledge: Knowledge) -> None:
-    capacity_bps = window.scenario.capacity_bps(window.index)
-    top = best(window.outcomes, knowledge, capacity_bps)
-    for _ in range(MOVES):
-        for choice in _neighbours(top, candidates[:NEAREST], knowledge.algorithms):
-            window.outcome(choice)
-        better = best(window.outcomes, knowledge, capacity_bps)
-        if better == top:
-            return
-        top = better
-
-
 def _neighbours(
     choice: Choice, candidates: Sequence[str], algorithms: Sequence[str]
 ) -> Iterator[Choice]:
+    """One robot more or less, or another algorithm; from the ego alone, one robot with any."""
     members = set(choice.participants)
-    algorithm = choice.algorithm or algorithms[0]
     for robot in candidates:
-        changed = members ^ {robot}
-        yield Choice(tuple(sorted(changed)), algorithm if changed else ALONE)
+        changed = tuple(sorted(members ^ {robot}))
+        if not changed:
+            yield Choice((), ALONE)
+            continue
+        for algorithm in [choice.algorithm] if members else algorithms:
+            yield Choice(changed, algorithm)
     if members:
         for other in algorithms:
             yield Choice(choice.participants, other)

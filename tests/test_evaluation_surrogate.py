@@ -1,0 +1,97 @@
+"""Training of the surrogate: which windows, which choices, and that it learns."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coadapt.main import main
+from ego_agent.surrogate.features import NAMES
+from ego_agent.surrogate.model import read_surrogate
+from evaluation.kept import Kept
+from evaluation.policies.pieces import MADE_FROM
+from evaluation.surrogate import samples as sampling
+from evaluation.surrogate import train as training
+from evaluation.surrogate.samples import Samples, random_choices, training_windows
+from evaluation.windows.choice import ALONE, Choice, Outcome
+from evaluation.windows.measure import Window
+from evaluation.windows.scenarios import SUITE_SEEDS, SURROGATE_SEEDS
+from perception.fusion.registry import fusion_names
+from training.plans import TEST_SEEDS
+
+ALGORITHMS = fusion_names("factory")
+
+
+def test_windows_mix_sizes_kinds_and_noise_on_floors_of_their_own() -> None:
+    windows = training_windows(300)
+    assert len({window.seed for window in windows}) == 300
+    assert all(window.seed in SURROGATE_SEEDS for window in windows)
+    assert not any(window.seed in SUITE_SEEDS for window in windows)
+    assert all(window.seed in TEST_SEEDS for window in windows), "no detector has seen them"
+    seen = Counter((window.robots, window.pose_noise_m > 0) for window in windows)
+    assert min(seen.values()) >= 10, "every size with and without noise"
+    assert len({window.kind for window in windows}) == 4
+    assert all(window.ego < window.robots for window in windows)
+
+
+@pytest.mark.parametrize(
+    "candidates", [(), ("R2",), ("R2", "R3"), tuple(f"R{i}" for i in range(2, 40))]
+)
+def test_choices_are_different_and_the_same_each_time(candidates: tuple[str, ...]) -> None:
+    choices = list(random_choices(candidates, ALGORITHMS, 5))
+    assert choices == list(random_choices(candidates, ALGORITHMS, 5))
+    assert len(set(choices)) == len(choices) <= sampling.CHOICES
+    assert choices[0] == Choice((), ALONE)
+    if candidates:
+        assert {Choice(tuple(sorted(candidates)), name) for name in ALGORITHMS} <= set(choices)
+
+
+def test_it_learns_which_choice_of_a_window_is_better() -> None:
+    rng = np.random.default_rng(0)
+    windows = []
+    for _ in range(60):
+        features = rng.random((12, len(NAMES) + len(ALGORITHMS))).astype(np.float32)
+        level = rng.uniform(0.2, 0.5)
+        windows.append(Samples(features, (level + 0.4 * features[:, 3]).astype(np.float32)))
+    network = training.learn(windows[10:], steps=400)
+    model = training.as_surrogate(network, ALGORITHMS, {})
+    hits = [np.corrcoef(model.predict(one.features), one.ap_70)[0, 1] for one in windows[:10]]
+    assert min(hits) > 0.8
+    again = training.learn(windows[10:], steps=400)
+    same = training.as_surrogate(again, ALGORITHMS, {})
+    assert (same.predict(windows[0].features) == model.predict(windows[0].features)).all()
+
+
+def test_measured_windows_are_kept_and_trained_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(training, "STEPS", 20)
+    monkeypatch.setattr(sampling, "CHOICES", 8)
+    monkeypatch.setattr(Window, "_measure", _pretended)
+    made_from = (*MADE_FROM, "evaluation/surrogate/samples.py")
+    kept = Kept(tmp_path / "kept", made_from)
+    for scenario in training_windows(3):
+        kept.put(training.key_of(scenario), sampling.measure(scenario))
+    output = tmp_path / "model.safetensors"
+    errors = training.train(3, 1, tmp_path, output)
+    assert set(errors) == {"mae", "mae_within"}
+    assert read_surrogate(output).algorithms == ALGORITHMS
+    said = capsys.readouterr().err
+    assert "measured 1/" not in said, "what was kept was measured again"
+    assert "2 windows to learn from" in said
+
+
+def _pretended(window: Window, choice: Choice) -> Outcome:
+    share = len(choice.participants) / 10
+    return Outcome(share, share, share, 100.0, 4, 10, None)
+
+
+def test_an_output_that_cannot_be_written_is_said_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for output in (tmp_path, tmp_path / "missing" / "model.safetensors"):
+        assert main(["eval", "train-surrogate", "--output", str(output)]) == 1
+        assert f"{output} cannot be written" in capsys.readouterr().err
