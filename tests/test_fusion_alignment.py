@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from perception.fusion.aligner import Aligner
 from perception.fusion.alignment import Field, align
 from perception.fusion.maps import moved
-from perception.fusion.outline import SENT_POINTS, outline, thinned
+from perception.fusion.outline import SENT_POINTS, outline, standing, thinned
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, Pose, invert
 from worlds.factory import FactoryWorld
@@ -83,11 +83,25 @@ def test_what_the_ego_corrected_itself_stays_when_others_show_nothing_new() -> N
     near = corner(0.0)
     aligner = Aligner(upright(near))
     aligner.add(near[::4] - [15.0, 0.0], at(15.0, 0.0))
-    # Eight places are the ego's corner: enough for the ego's word, too few for that of others.
-    known = near[np.linspace(5, 195, 8).astype(int)] + np.array([0.4, 0.0])
+    # Twelve places are the ego's corner: enough to be moved, too few to be settled.
+    known = near[np.linspace(5, 195, 12).astype(int)] + np.array([0.4, 0.0])
     strange = np.random.default_rng(0).uniform(25.0, 40.0, (40, 2))
     aligner.add(np.concatenate([known, strange]) - [15.0, 0.0], at(15.0, 0.0))
     assert aligner.corrections()[1][:2, 3] == pytest.approx([-0.4, 0.0], abs=0.15)
+
+
+def test_little_agreement_takes_more_evidence() -> None:
+    near = corner(0.0)
+    aligner = Aligner(upright(near))
+    # As much evidence as moves a sender whose whole outline the ego sees.
+    known = near[np.linspace(5, 195, 7).astype(int)] + np.array([0.4, 0.0])
+    strange = np.random.default_rng(0).uniform(25.0, 40.0, (40, 2))
+    places = np.concatenate([known, strange]) - [15.0, 0.0]
+    field = Field.of(standing(upright(near)))
+    there = places + np.array([15.0, 0.0])
+    assert not np.array_equal(align(field, there, np.array([15.0, 0.0])), np.eye(4))
+    aligner.add(places, at(15.0, 0.0))
+    assert np.array_equal(aligner.corrections()[0], np.eye(4))
 
 
 def test_a_sender_that_is_refused_takes_no_place() -> None:

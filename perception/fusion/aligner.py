@@ -18,11 +18,8 @@ Floats = NDArray[np.float64]
 SETTLED_AGREEMENT = 0.25
 """A sender whose outline agrees this much with what the ego sees itself is in its place. The others
 see other parts of the floor, which those who are settled show, too."""
-
-TRUSTED_AGREEMENT = 0.15
-"""A correction after which it agrees less needs as much evidence as one that rests on others."""
-SECOND_HAND_GAIN = 4.0
-"""What others show is weaker evidence: see `align`."""
+SECOND_HAND_GAIN = 3.0
+"""What others show, or little of what the ego sees, is weaker evidence: see `align`."""
 
 
 class Aligner:
@@ -55,7 +52,6 @@ class Aligner:
         agreement = float(self._field.at(here).mean()) if len(here) else 0.0
         if agreement < SETTLED_AGREEMENT:
             self._unsettled.append(len(self._senders))
-        if agreement < TRUSTED_AGREEMENT:
             correction = align(self._field, there, sender, SECOND_HAND_GAIN)
         self._senders.append((there, sender))
         self._corrections.append(correction)

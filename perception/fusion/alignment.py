@@ -1,9 +1,9 @@
 """Correcting a sender's pose before fusing: what both see must lie in one place.
 
 Poses come from the robots' own localisation and err by decimetres. The sender's outline is laid
-over the ego's: of all small shifts and turns about the sender, the likeliest one, given how well
-the outlines agree (a likelihood field: Thrun, Burgard and Fox, "Probabilistic Robotics", 2005, 6.4)
-and how far poses usually err.
+over the ego's: of all small shifts and turns about the sender, the mean of those around the
+likeliest one, given how well the outlines agree (a likelihood field: Thrun, Burgard and Fox,
+"Probabilistic Robotics", 2005, 6.4) and how far poses usually err.
 """
 
 from __future__ import annotations
@@ -106,7 +106,9 @@ def align(field: Field, places: Floats, sender: Floats, min_gain: float = MIN_GA
     best = _coarse(field, around, sender)
     fine = best + _grid(FINE_SHIFTS_M, FINE_SHIFTS_M, FINE_TURNS_RAD)
     scores = _score(field, around, sender, fine)
-    x, y, turn = fine[int(scores.argmax())]
+    # The mean of what is likely errs less than the likeliest.
+    weights = np.exp(scores - scores.max())
+    x, y, turn = weights @ fine / weights.sum()
     moved = _moved(around, sender, np.array([[x, y, turn]]))[0]
     agreement = float(field.at(moved).mean())
     if np.hypot(*sender) < NEAR_M and agreement < MIN_AGREEMENT:
