@@ -143,7 +143,7 @@ def test_what_is_no_scene_is_refused(
     [
         (
             ["--policy", "guess"],
-            "policy 'guess' is unknown; allowed: coverage, llm, rules, static-",
+            "policy 'guess' is unknown; allowed: coverage, llm, random, rules, static-",
         ),
         (["--policy", "static-early"], "needs early fusion, which is not available"),
         (["nowhere.json"], "'nowhere.json' cannot be read: No such file"),
