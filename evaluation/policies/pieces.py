@@ -162,6 +162,8 @@ def _each(
     total = sum(piece.scenario.robots for piece in pieces)
     done = 0
     for number, (place, result) in enumerate(each(work, pieces, workers, detector), 1):
+        yield place, result
+        # Said when the caller has kept it.
         done += pieces[place].scenario.robots
         left_s = (time.monotonic() - begun) * (total - done) / done
         print(
@@ -170,4 +172,3 @@ def _each(
             file=sys.stderr,
             flush=True,
         )
-        yield place, result
