@@ -21,8 +21,9 @@ PRIOR_FACTORS: Mapping[Algorithm, float] = {"early": 1.0, "intermediate": 0.97, 
 
 Early is 1 by definition. AP@0.7 relative to early, with this project's detectors
 (docs/perception.md): late 0.92 in the factory and 0.81 on OPV2V's sample; intermediate 0.97 and
-1.00, its other forms 0.97 to 0.98 and 0.98 to 1.02. In the published results of CoAdapt, for equal scenario, frame and
-participants, late has 0.96 of early (5 pairs) and 0.82 of intermediate (48 pairs).
+1.00, its other forms 0.97 to 0.98 and 0.98 to 1.02. In the published results of CoAdapt, for equal
+scenario, frame and participants, late has 0.96 of early (5 pairs) and 0.82 of intermediate (48
+pairs).
 """
 
 OTHER_FACTOR = 0.97
