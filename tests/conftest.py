@@ -17,19 +17,16 @@ from zenoh_fixtures import (  # noqa: F401
     swarm_name,
 )
 
+from evaluation.sample import data_roots
+
 # A busy machine is no failure: no test judges a time.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-
 
 def data_root() -> Path | None:
     """Where real data lies: $COADAPT_DATA, else ../shared/data beside the repository."""
-    for candidate in (os.environ.get("COADAPT_DATA"), REPOSITORY.parent / "shared" / "data"):
-        if candidate and Path(candidate).is_dir():
-            return Path(candidate)
-    return None
+    return next((root for root in data_roots() if root.is_dir()), None)
 
 
 @pytest.hookimpl(wrapper=True)
