@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -48,10 +49,7 @@ def _add_policies(experiments: Any) -> None:
         "compares with the best choice. Writes selection.csv, eval.csv, headline.json, report.md "
         "and figures.",
     )
-    parser.add_argument(
-        "--policies", type=comma_separated, default=list(POLICIES), metavar="NAMES",
-        help=f"comma-separated (default: {','.join(POLICIES)})",
-    )  # fmt: skip
+    _add_policy_names(parser, POLICIES)
     parser.add_argument(
         "--algorithms", type=comma_separated, default=list(ALGORITHMS), metavar="NAMES",
         help=f"those that policies choose from (default: {','.join(ALGORITHMS)}, as an ego does)",
@@ -69,9 +67,7 @@ def _add_policies(experiments: Any) -> None:
         "--data", type=Path, metavar="DIR", help="a recorded world in OPV2V's layout instead"
     )
     _add_workers(parser)
-    parser.add_argument(
-        "--output", type=Path, default=FOLDER, metavar="DIR", help=f"default: {FOLDER}"
-    )
+    _add_folder(parser)
     parser.set_defaults(run=run_policies)
 
 
@@ -82,10 +78,7 @@ def _add_live(experiments: Any) -> None:
         description="Runs a swarm for each policy on two floors and two links, and compares what "
         "it delivers with the same choices without a network. Writes live.json and live.md.",
     )
-    parser.add_argument(
-        "--policies", type=comma_separated, default=list(LIVE_POLICIES), metavar="NAMES",
-        help=f"comma-separated (default: {','.join(LIVE_POLICIES)})",
-    )  # fmt: skip
+    _add_policy_names(parser, LIVE_POLICIES)
     parser.add_argument(
         "--seconds", type=at_least_one, default=20, metavar="S",
         help="that each swarm is listened to (default: 20)",
@@ -94,9 +87,7 @@ def _add_live(experiments: Any) -> None:
         "--runtime", choices=("auto", "docker", "netns"), default="auto",
         help="what swarms run in (default: auto)",
     )  # fmt: skip
-    parser.add_argument(
-        "--output", type=Path, default=FOLDER, metavar="DIR", help=f"default: {FOLDER}"
-    )
+    _add_folder(parser)
     parser.set_defaults(run=run_live)
 
 
@@ -116,6 +107,19 @@ def _add_surrogate(experiments: Any) -> None:
         "--output", type=Path, metavar="FILE", help="default: the one that the ego uses"
     )
     parser.set_defaults(run=run_surrogate)
+
+
+def _add_policy_names(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
+    parser.add_argument(
+        "--policies", type=comma_separated, default=list(default), metavar="NAMES",
+        help=f"comma-separated (default: {','.join(default)})",
+    )  # fmt: skip
+
+
+def _add_folder(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--output", type=Path, default=FOLDER, metavar="DIR", help=f"default: {FOLDER}"
+    )
 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
