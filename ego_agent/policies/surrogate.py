@@ -1,6 +1,6 @@
-"""The choice with the best predicted value, by a network that has learnt from the oracle.
+"""The choice with the best predicted value, by a network that has learnt from measured choices.
 
-docs/evaluation.md says how it was trained and how far it is from the oracle.
+docs/evaluation.md says how it was trained.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ def _explored(window: Window, piece: Piece) -> Outcomes:
     if piece.heard is None:
         raise EvaluationError(f"nothing was heard in {piece.place}")
     knowledge, known_bps = piece.knowledge(), piece.scenario.known_bps(piece.window)
-    seen = knowing.snapshot(window.ego, piece.heard, known_bps, window.world.rate_hz)
+    seen = knowing.snapshot(window.ego, piece.heard, known_bps)
     return explore(window, analyze(seen, knowledge), knowledge, piece.wanted)
 
 

@@ -37,7 +37,7 @@ def table(means: Sequence[Means]) -> str:
     return markdown(
         (
             "policy", "AP@0.3", "AP@0.5", "AP@0.7", "kB/frame", "robots", "infeasible", "regret",
-            "held out",            "decision ms p50", "p99",
+            "held out", "decision ms p50", "p99",
         ),
         [
             (

@@ -25,9 +25,6 @@ class Choice:
         others = tuple(sorted(set(participants) - {ego}))
         return cls(others, algorithm if others else ALONE)
 
-    def __str__(self) -> str:
-        return f"{self.algorithm}:{'+'.join(self.participants)}"
-
 
 @dataclass(frozen=True, slots=True)
 class Outcome:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import msgspec
 import numpy as np
 
@@ -19,7 +17,8 @@ from worlds.base import World
 SECTORS = 72
 EPOCH_NS = 1_700_000_000_000_000_000
 SCENE_AGE_FRAMES = 2
-"""A scene description comes every fifth frame; the newest is this old on average."""
+SCENE_AGE_S = 0.2
+"""A scene description comes every fifth frame; the newest is this old on average, at 10 Hz."""
 SIZES_AGE_FRAMES = 25
 """Robots measure their payloads every five seconds."""
 
@@ -54,8 +53,8 @@ def heard(
             scan = world.scan(robot, sized)
             pose = disturbed(scan.pose, robot, sized, noise)
             for name, fusion in fusions.items():
-                form = EncodeOptions(pose=pose, reference=asks[name].reference)
-                form = replace(form, demand=asks[name].demand)
+                ask = asks[name]
+                form = EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
                 sizes[name] = len(fusion.encode(scan.points, form))
         found[robot] = (
             _beacon(world, frame, robot, sizes, noise),
@@ -74,8 +73,8 @@ def unpacked(raw: bytes) -> Heard:
     return msgspec.msgpack.decode(raw, type=Heard)
 
 
-def snapshot(ego: str, heard: Heard, capacity_bps: float, rate_hz: float = 10.0) -> Snapshot:
-    """The snapshot of an ego that has just heard that; `rate_hz`: of the world's frames."""
+def snapshot(ego: str, heard: Heard, capacity_bps: float) -> Snapshot:
+    """The snapshot of an ego that has just heard that."""
     return Snapshot(
         ego=ego,
         cycle=0,
@@ -87,7 +86,7 @@ def snapshot(ego: str, heard: Heard, capacity_bps: float, rate_hz: float = 10.0)
                 beacon=beacon,
                 beacon_age_s=0.0,
                 scene=scene,
-                scene_age_s=SCENE_AGE_FRAMES / rate_hz,
+                scene_age_s=SCENE_AGE_S,
                 round_trip_s=None,
                 clock_offset_s=0.0,
                 duplicate=False,
