@@ -30,6 +30,7 @@ from perception.detector.weight_files import has_weights
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.detectors import shared_finder
 from perception.fusion.registry import fusion_names, make_fusion
+from swarm.memory import keep_freed_memory
 from training.plans import TEST_SEEDS
 from worlds.base import World
 
@@ -214,6 +215,7 @@ def _median(times: list[float]) -> float:
 
 
 if __name__ == "__main__":
+    keep_freed_memory()
     if sys.argv[1:2] == ["robot"]:
         print(robot_memory_mb(sys.argv[2]))
     else:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from coadapt import commands
 from swarm.errors import CoAdaptError
+from swarm.memory import keep_freed_memory
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -29,6 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Wrong usage exits with 2 (argparse).
     """
+    keep_freed_memory()
     args = build_parser().parse_args(argv)
     try:
         return int(args.run(args) or 0)

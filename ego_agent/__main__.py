@@ -27,6 +27,7 @@ from perception.fusion.registry import fusion_names, make_fusion
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import Logger, make_logger
+from swarm.memory import keep_freed_memory
 from swarm.metrics import MetricsServer
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
@@ -37,6 +38,7 @@ from worlds.registry import open_world
 
 def main() -> int:
     """Runs one ego until SIGTERM or SIGINT; wrong settings end it at once with 1."""
+    keep_freed_memory()
     stop = stop_on_signals()
     try:
         settings = load_settings()

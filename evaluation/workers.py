@@ -12,6 +12,7 @@ from multiprocessing.connection import wait
 from typing import TypeVar
 
 from swarm.errors import EvaluationError
+from swarm.memory import keep_freed_memory
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -47,6 +48,7 @@ def _prepare(detector: str) -> None:
 
     from evaluation.sharing import share_maps
 
+    keep_freed_memory()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(1)
     share_maps(detector)

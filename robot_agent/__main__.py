@@ -16,6 +16,7 @@ from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
+from swarm.memory import keep_freed_memory
 from swarm.metrics import MetricsServer
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
@@ -26,6 +27,7 @@ from worlds.registry import open_world
 
 def main() -> int:
     """Runs the robots of the settings until SIGTERM or SIGINT."""
+    keep_freed_memory()
     stop = stop_on_signals()
     try:
         settings = load_settings()
