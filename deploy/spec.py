@@ -13,10 +13,10 @@ import msgspec
 
 from swarm.errors import DeployError
 from swarm.keyspace import check_name
+from swarm.process import WorldName
 from swarm.settings import Name
 
 RuntimeName = Literal["docker", "netns"]
-WorldName = Literal["factory", "opv2v", "road"]
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
 _COMM_RANGE_M = {"opv2v": 70.0, "road": 70.0}

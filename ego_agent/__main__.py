@@ -18,7 +18,7 @@ from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
 from ego_agent.objective import Objective
-from ego_agent.policies.base import Connecting, Policy, Requiring
+from ego_agent.policies.base import Connecting, Policy, Preparing, Requiring
 from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
@@ -55,13 +55,15 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
     """Runs one ego in a world until `stop` is set.
 
     Raises SettingError for a metrics port that is taken, DecisionError for a policy that is
-    unknown or cannot be used, and JournalError for a journal that cannot be written.
+    unknown or cannot decide here, and JournalError for a journal that cannot be written.
     """
     log = make_logger("ego_agent", level=settings.log_level, swarm=settings.swarm, ego=settings.ego)
     registry = CollectorRegistry()
     metrics = EgoMetrics(registry)
     available = fusion_names(world.detector)
     policy = make_policy(settings.policy, available)
+    if isinstance(policy, Preparing):
+        policy.prepare(settings)
     knowledge = Knowledge(_objective(settings), _algorithms(settings, available, policy))
     journal = Journal(Path(settings.journal)) if settings.journal else None
     if journal is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -48,6 +48,9 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """Advice that the model itself trusts less is refused."""
     llm_value_margin: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.005
     """Advice may be predicted to be worse than the fallback by no more than this."""
+    llm_judge: Literal["auto", "coverage", "surrogate"] = "auto"
+    """Who predicts it: what `coverage` counts, or the surrogate; by default the surrogate in the
+    world that it has learnt in."""
     journal: str = ""
     """Path of the journal; empty keeps none."""
 

@@ -16,6 +16,7 @@ import msgspec
 from swarm.messages.base import Algorithm
 from swarm.settings import Name, Port
 
+WorldName = Literal["factory", "opv2v", "road"]
 _NS = 1_000_000_000
 
 
@@ -35,7 +36,7 @@ Algorithms = Annotated[tuple[Algorithm, ...], msgspec.Meta(min_length=1, max_len
 class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     """Settings of the processes that live in a world."""
 
-    world: Literal["factory", "opv2v", "road"] = "factory"
+    world: WorldName = "factory"
     world_data: str = ""
     """Directory of recorded data; needed by `opv2v`."""
     world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6

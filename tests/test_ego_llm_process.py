@@ -91,7 +91,13 @@ def test_advice_is_adopted_held_lost_with_its_gateway_and_adopted_again(
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("PERIOD_S", "0"), ("DEADLINE_S", "1000"), ("MIN_CONFIDENCE", "2"), ("VALUE_MARGIN", "-1")],
+    [
+        ("PERIOD_S", "0"),
+        ("DEADLINE_S", "1000"),
+        ("MIN_CONFIDENCE", "2"),
+        ("VALUE_MARGIN", "-1"),
+        ("JUDGE", "nobody"),
+    ],
 )
 def test_a_wrong_setting_ends_the_process_with_its_name(name: str, value: str) -> None:
     with pytest.raises(SettingError, match=f"COADAPT_LLM_{name} = '{value}'"):

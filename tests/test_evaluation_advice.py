@@ -58,7 +58,7 @@ def advice(*helpers: str, algorithm: str) -> str:
 def decide(server: ModelServer, kept: Kept, messages: list[Heard]) -> list[Decided]:
     model = Model(f"test-model@{server.url}/v1", kept)
     try:
-        return decisions(SCENARIO, messages, KNOWLEDGE, AdvisedAtOnce(model))
+        return decisions(SCENARIO, messages, KNOWLEDGE, AdvisedAtOnce(model, "factory"))
     finally:
         model.close()
 

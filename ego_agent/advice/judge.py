@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from ego_agent.advice.outcomes import Refused
 from ego_agent.model import Proposal
 from ego_agent.scoring import Score, Scorer
+from ego_agent.surrogate.estimate import Estimate
+from ego_agent.surrogate.model import Surrogate
 from ego_agent.validation import MAX_PARTICIPANTS, validate
 from swarm.messages import Decision
 
@@ -38,12 +40,15 @@ def judge(
     fallback: Score,
     *,
     margin: float,
+    surrogate: Surrogate | None = None,
 ) -> Verdict:
     """Whether to follow advice in the scorer's scene, where the fallback would choose `fallback`.
 
     What is unknown, cannot be fused or does not fit the link is repaired as in any proposal. What
     then remains must not be predicted to be worse than the fallback by more than `margin`: in value
     Q - lambda C where both reach Q_min, else in quality; never where only the fallback reaches it.
+    The surrogate predicts Q of both, where there is one that knows both algorithms; else the scorer
+    does.
     """
     scene = scorer.scene
     named = set(participants) - {scene.ego.robot}
@@ -58,8 +63,12 @@ def judge(
         else:
             kind = "infeasible" if known else "unknown_robot"
         return Verdict(kind, sentences[-1], notes=sentences)
-    ours = scorer.score(decision.participants, decision.algorithm)
-    if why := _worse(scorer, ours, fallback, margin):
+    ours, theirs = scorer.score(decision.participants, decision.algorithm), fallback
+    if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
+        estimate = Estimate(scorer, surrogate)
+        ours = estimate.score(ours.participants, ours.algorithm)
+        theirs = estimate.score(theirs.participants, theirs.algorithm)
+    if why := _worse(scorer, ours, theirs, margin):
         return Verdict("worse", why, notes=sentences)
     repaired: list[Refused] = ["unknown_robot"] if named - known else []
     repaired += _repaired(scorer, known, algorithm, decision)

@@ -41,6 +41,15 @@ class Requiring(Protocol):
 
 
 @runtime_checkable
+class Preparing(Protocol):
+    """A policy that needs more than its name to decide."""
+
+    def prepare(self, settings: EgoSettings) -> None:
+        """Called once, before the first cycle. Raises DecisionError where it could not decide."""
+        ...
+
+
+@runtime_checkable
 class Connecting(Protocol):
     """A policy that asks others in the swarm. Without a session it must decide all the same."""
 

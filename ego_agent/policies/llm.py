@@ -21,6 +21,7 @@ from ego_agent.prompting import make_prompt, read_answer
 from ego_agent.prompting.fingerprint import scene_fingerprint
 from ego_agent.scoring import Scorer
 from ego_agent.settings import EgoSettings
+from ego_agent.surrogate.model import LEARNT_IN, Surrogate, packaged_surrogate
 from ego_agent.validation import make_decision
 from swarm.errors import DecisionError
 from swarm.messages import AdviceReport, AdviceState, Decision
@@ -35,11 +36,16 @@ class Llm:
     name = "llm"
 
     def __init__(
-        self, questions: Asking | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        questions: Asking | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        surrogate: Surrogate | None = None,
     ) -> None:
         """`questions`: whom to ask until `connect` says otherwise. `clock`: seconds; questions must
-        be stamped with the same one."""
+        be stamped with the same one. `surrogate`: who predicts what advice would bring; where
+        None, what `coverage` predicts counts."""
         self._clock = clock
+        self._surrogate = surrogate
         self._settings = EgoSettings()
         self._questions = questions
         self._coverage = Coverage()
@@ -54,6 +60,13 @@ class Llm:
         """Why the last advice was refused or given up."""
         self._refused_for = ""
         """The fingerprint of the scene in which it was."""
+
+    def prepare(self, settings: EgoSettings) -> None:
+        """Takes up who predicts what advice would bring. Raises DecisionError when that is a
+        surrogate that cannot be read."""
+        learnt = settings.llm_judge == "auto" and settings.world == LEARNT_IN
+        if learnt or settings.llm_judge == "surrogate":
+            self._surrogate = packaged_surrogate()
 
     def connect(self, session: Session, settings: EgoSettings) -> None:
         """From now on asks the gateway of the session's swarm, whenever one is alive."""
@@ -185,7 +198,14 @@ class Llm:
 
     def _judge(self, cycle: Cycle, participants: tuple[str, ...], algorithm: str) -> Verdict:
         margin = self._settings.llm_value_margin
-        return judge(participants, algorithm, cycle.scorer, cycle.fallback, margin=margin)
+        return judge(
+            participants,
+            algorithm,
+            cycle.scorer,
+            cycle.fallback,
+            margin=margin,
+            surrogate=self._surrogate,
+        )
 
     def _refuse(self, cycle: Cycle, why: str) -> None:
         self._refusal, self._refused_for = why, cycle.fingerprint

@@ -12,6 +12,7 @@ from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.objective import BYTES_A_MEGABYTE
 from ego_agent.scoring import Score, Scorer
+from ego_agent.settings import EgoSettings
 from ego_agent.surrogate.estimate import Estimate
 from ego_agent.surrogate.model import Surrogate, packaged_surrogate
 from swarm.messages import Decision
@@ -24,6 +25,11 @@ class BySurrogate:
     name: str = "surrogate"
     model: Surrogate | None = field(default=None, repr=False)
     """The one that comes with the project where None."""
+
+    def prepare(self, settings: EgoSettings) -> None:
+        """Reads the surrogate. Raises DecisionError where that cannot be done."""
+        if self.model is None:
+            packaged_surrogate()
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None

@@ -16,6 +16,8 @@ from ego_agent.surrogate.features import NAMES
 from swarm.errors import DecisionError
 
 WEIGHTS = Path(__file__).parent / "surrogate.safetensors"
+LEARNT_IN = "factory"
+"""The world of all windows that it learns from."""
 LAYERS = 3
 _FACTS = "facts"
 _ALLOWED_BYTES = 1_000_000
@@ -32,6 +34,10 @@ class Surrogate:
     biases: tuple[NDArray[np.float32], ...]
     facts: dict[str, str]
     """What it was trained on."""
+
+    def knows(self, *algorithms: str) -> bool:
+        """Whether it has learnt from choices with all of these."""
+        return set(algorithms) <= set(self.algorithms)
 
     def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         """Predicted precision in (0, 1): float32 (n, inputs) to float64 (n,)."""

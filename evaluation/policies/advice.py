@@ -15,6 +15,7 @@ from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.policies.llm import Llm
 from ego_agent.prompting import LlmPrompt
+from ego_agent.settings import EgoSettings
 from evaluation.kept import Kept
 from evaluation.windows.links import WINDOW_S
 from llm_gateway.answers import AnswerError, extract
@@ -27,6 +28,7 @@ from llm_gateway.settings import load_settings
 from swarm.errors import EvaluationError, GatewayError
 from swarm.log import make_logger
 from swarm.messages import DecideAnswer, Decision
+from swarm.process import WorldName
 
 TIMEOUT_S = 120.0
 MADE_FROM = ("llm_gateway/backends",)
@@ -172,10 +174,11 @@ class AdvisedAtOnce:
     slow and kept answers lead to the same decisions.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, world: WorldName) -> None:
         self.name = f"llm-{model.name}"
         self._questions = AtOnce(model)
         self._policy = Llm(self._questions, lambda: self._questions.now_s)
+        self._policy.prepare(EgoSettings(world=world))
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None

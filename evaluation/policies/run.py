@@ -123,7 +123,7 @@ def _decide(
         heard = [piece.heard for piece in own if piece.heard is not None]
         knowledge = own[0].knowledge()
         everyone: list[Policy] = [policy_of(one, scenario, knowledge) for one in policies]
-        everyone += [AdvisedAtOnce(model) for model in advisers]
+        everyone += [AdvisedAtOnce(model, scenario.world) for model in advisers]
         for policy in everyone:
             found += decisions(scenario, heard, knowledge, policy)
         if advisers:

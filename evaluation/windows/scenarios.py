@@ -18,6 +18,7 @@ from evaluation.windows.links import (
     shift,
 )
 from swarm.errors import EvaluationError
+from swarm.process import WorldName
 from training.plans import TEST_SEEDS
 from worlds.base import World
 from worlds.registry import open_world
@@ -87,7 +88,7 @@ class Scenario:
     def open(self) -> World:
         """The world; no scan is computed yet. Raises WorldError where it cannot be read."""
         return open_world(
-            self._world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
+            self.world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
         )
 
     def decision_frame(self, window: int) -> int:
@@ -117,15 +118,16 @@ class Scenario:
     @property
     def comm_range_m(self) -> float:
         """How far from the ego a robot may take part, as in a swarm in such a world."""
-        return comm_range_m(self._world) or Objective().comm_range_m
+        return comm_range_m(self.world) or Objective().comm_range_m
 
     @property
-    def _world(self) -> str:
+    def world(self) -> WorldName:
+        """Whose robots these are."""
         return "factory" if self.folder is None else "opv2v"
 
     def setting(self) -> str:
         """In words, all that decides what is said and measured in it, apart from the frames."""
-        about = f"{self._world} {self.kind} {self.seed} {self.robots} {self.ego}"
+        about = f"{self.world} {self.kind} {self.seed} {self.robots} {self.ego}"
         return f"{about} {self.pose_noise_m} {_fingerprint(self.folder)}"
 
 
