@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import os
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -23,6 +24,9 @@ from deploy.spec import EMBEDDED, RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 
 STOP_S = 5
+_UNIX = "unix://"
+_HOST = f"{_UNIX}/var/run/docker.sock"
+"""Where the engine answers unless DOCKER_HOST says otherwise."""
 IFB_PREFIX = "ifb-veth"
 """What the controller's devices for traffic from containers are called (`drivers/shaping.py`)."""
 GOING_ALREADY = 409
@@ -170,6 +174,10 @@ def _engine() -> Any:
     import docker.errors
     import requests
 
+    host = os.environ.get("DOCKER_HOST") or _HOST
+    if host.startswith(_UNIX) and not Path(host.removeprefix(_UNIX)).exists():
+        # The client would leave a socket open.
+        raise DeployError(f"no Docker engine answers: there is no {host.removeprefix(_UNIX)}")
     try:
         engine = docker.from_env(timeout=60)
         engine.ping()
