@@ -81,6 +81,17 @@ class EgoMetrics:
             ["robot"],
             registry=registry,
         )
+        self.capacity_known = Gauge(
+            "coadapt_ego_capacity_known",
+            "1 while C(t) is measured or told by the network controller, 0 while it is assumed.",
+            registry=registry,
+        )
+        self.robot_alive = Gauge(
+            "coadapt_ego_robot_alive",
+            "1 while the ego sees a robot's liveliness token.",
+            ["robot"],
+            registry=registry,
+        )
         self.estimate_error = Gauge(
             "coadapt_link_estimate_error_ratio",
             "(measured - configured) / configured capacity for fusion; NaN without either.",
@@ -143,15 +154,19 @@ class EgoMetrics:
         self._robots: set[str] = set()
 
     def links(self, snapshot: Snapshot) -> None:
-        """Shows what a cycle takes the links to deliver; robots that were forgotten disappear."""
+        """Shows who is there and what a cycle takes the links to deliver; robots that were
+        forgotten disappear."""
         self.capacity_bps.set(snapshot.capacity_bps)
+        self.capacity_known.set(snapshot.capacity_source != "prior")
         error = snapshot.capacity_error
         self.estimate_error.set(math.nan if error is None else error)
         robots = {r: v for r, v in snapshot.robots.items() if r != snapshot.ego}
         for robot, view in robots.items():
             self.robot_capacity_bps.labels(robot).set(min(view.capacity_bps, snapshot.capacity_bps))
+            self.robot_alive.labels(robot).set(view.alive)
         for robot in self._robots - robots.keys():
             self.robot_capacity_bps.remove(robot)
+            self.robot_alive.remove(robot)
         self._robots = set(robots)
 
     def demand(self, demand: NetDemand) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any, cast
 
+import pytest
 from ego_scenes import candidate, knowledge, scene, snapshot, view
 from prometheus_client import CollectorRegistry, generate_latest
 
@@ -35,6 +36,23 @@ def test_each_robot_is_shown_with_what_it_can_deliver_as_long_as_it_is_known() -
     metrics.links(snapshot(view("E"), view("A"), capacity_bps=4e6))
     assert shown(registry)['coadapt_ego_robot_capacity_bps{robot="A"}'] == 4e6
     assert 'coadapt_ego_robot_capacity_bps{robot="B"}' not in shown(registry)
+
+
+def test_a_robot_that_left_is_shown_as_gone_until_it_is_forgotten() -> None:
+    registry = CollectorRegistry()
+    metrics = EgoMetrics(registry)
+    metrics.links(snapshot(view("E"), view("A"), view("B", alive=False)))
+    assert shown(registry)['coadapt_ego_robot_alive{robot="A"}'] == 1
+    assert shown(registry)['coadapt_ego_robot_alive{robot="B"}'] == 0
+    metrics.links(snapshot(view("E"), view("A")))
+    assert 'coadapt_ego_robot_alive{robot="B"}' not in shown(registry)
+
+
+@pytest.mark.parametrize(("source", "known"), [("prior", 0), ("net/state", 1), ("measured", 1)])
+def test_an_assumed_capacity_is_told_from_a_known_one(source: str, known: int) -> None:
+    registry = CollectorRegistry()
+    EgoMetrics(registry).links(replace(snapshot(view("E")), capacity_source=source))
+    assert shown(registry)["coadapt_ego_capacity_known"] == known
 
 
 def test_the_error_of_the_estimate_is_shown_only_while_there_is_one() -> None:
