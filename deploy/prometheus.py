@@ -33,6 +33,16 @@ class Sample:
     value: float
 
 
+@dataclass(frozen=True, slots=True)
+class Alert:
+    """One alert that fires."""
+
+    name: str
+    severity: str
+    summary: str
+    description: str
+
+
 class Prometheus:
     """The server at a base URL, such as http://127.0.0.1:9090."""
 
@@ -58,6 +68,19 @@ class Prometheus:
         refuses the expression."""
         found = self._get("query", {"query": expression})["result"]
         return tuple(Sample(labels=s["metric"], value=float(s["value"][1])) for s in found)
+
+    def alerts(self) -> tuple[Alert, ...]:
+        """The alerts that fire. Raises DeployError when it does not answer."""
+        return tuple(
+            Alert(
+                name=a["labels"]["alertname"],
+                severity=a["labels"].get("severity", ""),
+                summary=a["annotations"].get("summary", ""),
+                description=a["annotations"].get("description", ""),
+            )
+            for a in self._get("alerts", {})["alerts"]
+            if a["state"] == "firing"
+        )
 
     def _get(self, path: str, parameters: dict[str, str]) -> Any:
         url = f"{self._url}/api/v1/{path}?{urllib.parse.urlencode(parameters)}"

@@ -19,6 +19,8 @@ ROBOT_METRICS_PORT = 9101
 EGO_METRICS_PORT = 9102
 PROMETHEUS_PORT = 9090
 SCRAPE_S = 2
+EVALUATE_S = 5
+"""How often Prometheus looks whether an alert fires."""
 RETENTION = "512MB"
 EGO_THREADS = "2"
 """An ego decodes for everybody within a cycle: more than one core helps it."""
@@ -263,11 +265,14 @@ def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, 
     }
 
 
-def prometheus_config(members: Iterable[Service], address: Callable[[Service], str]) -> str:
+def prometheus_config(
+    members: Iterable[Service], address: Callable[[Service], str], alerts: str
+) -> str:
     """Prometheus' configuration (YAML): every service that serves metrics, one job a role.
 
-    `address` gives the name or IP address at which Prometheus reaches a service. Targets carry
-    the labels `role`, `robot` (of robots and egos) and `instance`, the service's name.
+    `address` gives the name or IP address at which Prometheus reaches a service, `alerts` the path
+    of `deploy.dashboards.ALERTS` as Prometheus sees it. Targets carry the labels `role`, `robot`
+    (of robots and egos) and `instance`, the service's name.
     """
     jobs: dict[str, list[dict[str, object]]] = {}
     for service in members:
@@ -282,7 +287,9 @@ def prometheus_config(members: Iterable[Service], address: Callable[[Service], s
         "global": {
             "scrape_interval": f"{SCRAPE_S}s",
             "scrape_timeout": f"{SCRAPE_S}s",
+            "evaluation_interval": f"{EVALUATE_S}s",
         },
+        "rule_files": [alerts],
         "scrape_configs": [
             # A robot process and the ego name robots in their own metrics: those labels count.
             {"job_name": role, "honor_labels": True, "static_configs": targets}

@@ -135,8 +135,9 @@ def test_processes_get_settings_that_they_accept() -> None:
 
 def test_prometheus_scrapes_every_process_with_its_role_and_robot() -> None:
     members = services(spec_of(), PLACE)
-    config = yaml.safe_load(prometheus_config(members, lambda s: s.host))
+    config = yaml.safe_load(prometheus_config(members, lambda s: s.host, "/alerts.yml"))
     assert config["global"]["scrape_interval"] == "2s"
+    assert config["rule_files"] == ["/alerts.yml"]
     found = {
         static["labels"]["instance"]: (job["job_name"], static["labels"].get("robot"))
         for job in config["scrape_configs"]

@@ -1,4 +1,4 @@
-"""`coadapt metrics`: what Prometheus scrapes of a running swarm, and its key figures."""
+"""`coadapt metrics`: what Prometheus scrapes of a running swarm, its alerts and key figures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from deploy.prometheus import Prometheus, Sample, Target
+from deploy.prometheus import Alert, Prometheus, Sample, Target
 from deploy.state import need_state
 from swarm.errors import DeployError
 
@@ -45,7 +45,9 @@ _UNSHOWN = {"__name__", "job", "instance", "role"}
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Adds `metrics` to the command line."""
-    parser = subparsers.add_parser("metrics", help="show key figures", description=__doc__)
+    parser = subparsers.add_parser(
+        "metrics", help="show alerts and key figures", description=__doc__
+    )
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
     parser.set_defaults(run=run)
@@ -57,15 +59,20 @@ def run(args: argparse.Namespace) -> int:
     if not state.prometheus_url:
         raise DeployError(f"swarm {args.swarm!r} runs without Prometheus")
     server = Prometheus(state.prometheus_url)
-    targets = server.targets()
+    targets, alerts = server.targets(), server.alerts()
     wanted = FIGURES + (ADVICE_FIGURES if state.spec.llm else ())
     figures = {name: server.query(expression) for name, expression in wanted}
     if args.json:
-        found = {"url": state.prometheus_url, "targets": targets, "figures": figures}
+        found = {
+            "url": state.prometheus_url,
+            "targets": targets,
+            "alerts": alerts,
+            "figures": figures,
+        }
         print(msgspec.json.encode(found).decode())
         return 0
     print(f"Prometheus at {state.prometheus_url}")
-    for line in _targets(targets):
+    for line in [*_targets(targets), *_alerts(alerts)]:
         print(line)
     for name, samples in figures.items():
         for line in _figure(name, samples):
@@ -80,6 +87,12 @@ def _targets(targets: Sequence[Target]) -> list[str]:
         for target in targets
         if target.health != "up"
     ]
+
+
+def _alerts(alerts: Sequence[Alert]) -> list[str]:
+    if not alerts:
+        return ["alerts: none"]
+    return ["alerts:"] + [f"  {a.severity} {a.name}: {a.summary} {a.description}" for a in alerts]
 
 
 def _figure(name: str, samples: Sequence[Sample]) -> list[str]:

@@ -26,6 +26,8 @@ PLACE = Place(
     var_dir="/var/coadapt",
     prometheus_config="/etc/coadapt/prometheus.yml",
 )
+ALERTS = "/app/deploy/dashboards/alerts.yml"
+"""Where the image has them, beside the rest of the source (Dockerfile)."""
 ENGINE_SOCKET = "/var/run/docker.sock"
 CONTROLLER: dict[str, Any] = {
     "network_mode": "host",
@@ -94,7 +96,7 @@ def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> s
 def prometheus_file(spec: SwarmSpec) -> str:
     """Prometheus' configuration; it reaches each container by its name."""
     return roster.prometheus_config(
-        roster.services(spec, place_of(spec)), lambda service: service.name
+        roster.services(spec, place_of(spec)), lambda service: service.name, ALERTS
     )
 
 

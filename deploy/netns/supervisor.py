@@ -16,6 +16,7 @@ from pathlib import Path
 
 import msgspec
 
+from deploy.dashboards import ALERTS
 from deploy.netns import control, network, outside, relay
 from deploy.netns.children import Children
 from deploy.services import (
@@ -69,7 +70,9 @@ class Supervisor:
         """Starts all, says so on standard output, and waits for `stop`, SIGTERM or SIGINT."""
         network.build(self._spec)
         (self._run_dir / PROMETHEUS_FILE).write_text(
-            prometheus_config(self._members, lambda s: network.address(self._spec, s.host))
+            prometheus_config(
+                self._members, lambda s: network.address(self._spec, s.host), str(ALERTS)
+            )
         )
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
