@@ -142,7 +142,7 @@ def test_worlds_are_opened_by_name(opv2v_dir: Path) -> None:
     assert open_world("opv2v", data=opv2v_dir).robots == ("302", "311")
     with pytest.raises(WorldError, match="needs the directory"):
         open_world("opv2v")
-    with pytest.raises(WorldError, match="'moon' is not known; allowed: factory, opv2v"):
+    with pytest.raises(WorldError, match="'moon' is not known; allowed: bag, factory, opv2v"):
         open_world("moon")
 
 

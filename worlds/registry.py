@@ -7,7 +7,7 @@ from pathlib import Path
 from swarm.errors import WorldError
 from worlds.base import World
 
-WORLDS = ("factory", "opv2v", "road")
+WORLDS = ("bag", "factory", "opv2v", "road")
 
 
 def open_world(
@@ -23,8 +23,8 @@ def open_world(
     """The world of that name.
 
     Args:
-        name: `factory`, `opv2v` or `road`.
-        data: directory of a recorded scenario; needed by `opv2v`.
+        name: `bag`, `factory`, `opv2v` or `road`.
+        data: directory of a recorded scenario, needed by `opv2v`, or of bags, needed by `bag`.
         robots: number of simulated robots.
         seed: of everything random in a simulated world.
         rings: of the simulated LiDAR of `factory`; `road` has OPV2V's.
@@ -39,6 +39,12 @@ def open_world(
         if data is None:
             raise WorldError("world 'opv2v' needs the directory of a recorded scenario (DATA=...)")
         return Opv2vWorld(data, cache)
+    if name == "bag":
+        from worlds.bag.world import BagWorld
+
+        if data is None:
+            raise WorldError("world 'bag' needs the directory of the robots' bags (DATA=...)")
+        return BagWorld(data)
     if name == "factory":
         from worlds.factory import FactoryWorld
 

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from coadapt.arguments import add_recorded_fusion, chosen_fusion
+from swarm.errors import WorldError
 
 
 def register(commands: Any) -> None:
@@ -32,8 +33,14 @@ def register(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Prints the figures. Raises CoAdaptError for bad data or names."""
     from evaluation.cooperative import Disturbance, evaluate
+    from worlds.bag.recording import holds_bags
     from worlds.opv2v import Opv2vWorld
 
+    if holds_bags(args.directory):
+        raise WorldError(
+            f"{args.directory} holds robots' bags, which do not say what was really there: "
+            "precision needs a recording with true boxes (OPV2V's layout)"
+        )
     world = Opv2vWorld(args.directory)
     precision = evaluate(
         world,
