@@ -30,7 +30,7 @@ BENCHMARKS = sam codec detector roundtrip cycle shaping priority trace adapt con
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|opv2v DATA=dir RUNTIME=auto|docker|netns"
+	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|road|opv2v|bag DATA=dir RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"

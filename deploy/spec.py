@@ -31,8 +31,8 @@ _ALLOWED = {
     "runtime": "docker or netns",
     "robots": f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {_NAME_RULE}",
     "ego": "one of the robots",
-    "world": "factory, road or opv2v",
-    "data": "the directory of a recorded scenario (needed by opv2v)",
+    "world": "factory, road, opv2v or bag",
+    "data": "the directory of a recorded scenario (needed by opv2v) or of bags (needed by bag)",
     "seed": "a whole number >= 0",
     "rings": "16, 32 or 64",
     "policy": "the name of a policy: lower-case letters, digits and '-'",
@@ -171,7 +171,7 @@ def make_spec(**values: Any) -> SwarmSpec:
     values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
-    if values.get("world") == "opv2v" and not Path(values.get("data") or "?").is_dir():
+    if values.get("world") in ("bag", "opv2v") and not Path(values.get("data") or "?").is_dir():
         raise _invalid("data", values.get("data", ""))
     spec: SwarmSpec = msgspec.convert(values, SwarmSpec)
     try:

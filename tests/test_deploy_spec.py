@@ -52,6 +52,7 @@ def spec_of(**values: Any) -> SwarmSpec:
         ({"prometheus_port": 70000}, "port from 1"),
         ({"link_bps": 5}, "bit/s >= 100000"),
         ({"world": "opv2v"}, "data = ''"),
+        ({"world": "bag"}, "data = ''"),
         ({"world": "opv2v", "data": "/no/such/place"}, "data = '/no/such/place'"),
         ({"policy": "Rules!"}, "policy = 'Rules!'"),
         ({"llm": "embeded"}, "embedded, or http"),

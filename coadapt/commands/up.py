@@ -24,8 +24,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
     parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
     parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
-    parser.add_argument("--world", choices=("factory", "opv2v", "road"), default="factory")
-    parser.add_argument("--data", default="", help="directory of recorded data, for opv2v")
+    parser.add_argument("--world", choices=("bag", "factory", "opv2v", "road"), default="factory")
+    parser.add_argument("--data", default="", help="directory of recorded data, for opv2v and bag")
     parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
     parser.add_argument(
         "--policy", help="how the ego decides (default: coverage; llm where --llm is given)"
@@ -95,11 +95,13 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
-    if args.world == "opv2v":
+    if args.world in ("bag", "opv2v"):
         if not args.data:
-            raise DeployError("world opv2v needs --data DIR (make up WORLD=opv2v DATA=DIR)")
-        robots = _recorded(Path(args.data))[: args.robots]
-        say(f"{args.data} has the vehicles {', '.join(robots)}")
+            raise DeployError(
+                f"world {args.world} needs --data DIR (make up WORLD={args.world} DATA=DIR)"
+            )
+        robots = _recorded(args.world, Path(args.data))[: args.robots]
+        say(f"{args.data} has the robots {', '.join(robots)}")
     optional = {} if args.ego is None else {"ego": args.ego}
     return make_spec(
         swarm=args.swarm,
@@ -129,11 +131,15 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     )
 
 
-def _recorded(data: Path) -> tuple[str, ...]:
+def _recorded(name: str, data: Path) -> tuple[str, ...]:
     # Imported here: the other commands need no arrays.
+    from worlds.bag.world import BagWorld
     from worlds.registry import open_world
 
-    return open_world("opv2v", data=data).robots
+    world = open_world(name, data=data)
+    for note in world.notes if isinstance(world, BagWorld) else ():
+        say(note)
+    return world.robots
 
 
 def _print_where(state: State) -> None:
