@@ -53,7 +53,7 @@ def test_the_environment_wins_over_the_file(tmp_path: Path) -> None:
         ("COADAPT_EGO", "R 1", "str pattern"),
         ("COADAPT_EGO", "R1\n", "str pattern"),
         ("COADAPT_ROBOTS", "R1,R/2", "a list of str pattern"),
-        ("COADAPT_WORLD", "mars", "one of factory, opv2v"),
+        ("COADAPT_WORLD", "mars", "one of bag, factory, opv2v"),
         ("COADAPT_LOG_LEVEL", "loud", "one of debug, info, warning, error"),
     ],
 )
