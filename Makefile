@@ -7,6 +7,7 @@ RUNTIME ?= auto
 POLICY ?=
 LLM ?=
 MODEL ?=
+GRAFANA ?=
 EXTRA ?= $(if $(filter embedded,$(LLM)),llm)
 SWARM ?= local
 LINK ?=
@@ -32,7 +33,7 @@ help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|road|opv2v|bag DATA=dir RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
-	@echo "             LLM=embedded|http://host:port/v1 MODEL=name"
+	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
 	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s;"
 	@echo "             of train: CONFIG=factory|road"
@@ -43,7 +44,8 @@ setup: ## Make .venv and install what the swarm needs (EXTRA=llm: an embedded mo
 up: setup ## Start a swarm: router, robots, ego, Prometheus
 	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \
 		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
-		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) $(ARGS)
+		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) \
+		$(if $(GRAFANA),--grafana) $(ARGS)
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)
@@ -54,7 +56,7 @@ status: setup ## Show robots, decision, bytes and link
 logs: setup ## Show the processes' logs (ARGS='ego-R1 --follow')
 	@$(COADAPT) logs --swarm $(SWARM) $(ARGS)
 
-metrics: setup ## Show Prometheus' targets and key figures
+metrics: setup ## Show Prometheus' targets, alerts and key figures
 	@$(COADAPT) metrics --swarm $(SWARM)
 
 shape: setup ## Give a link RATE=5mbit or a PROFILE (see the variables)

@@ -32,7 +32,7 @@ def listen(port: int, what: str) -> socket.socket:
     return listener
 
 
-Door = Literal["ego metrics", "prometheus", "qod", "llm"]
+Door = Literal["ego metrics", "prometheus", "qod", "llm", "grafana"]
 
 
 @contextlib.contextmanager
@@ -55,6 +55,8 @@ def _doors(spec: SwarmSpec) -> Iterator[tuple[Door, int, str]]:
         yield "llm", spec.llm_port, "the LLM gateway's HTTP door (--llm-port)"
     if spec.prometheus:
         yield "prometheus", spec.prometheus_port, "Prometheus (--prometheus-port)"
+    if spec.grafana:
+        yield "grafana", spec.grafana_port, "Grafana (--grafana-port)"
 
 
 def check_free(spec: SwarmSpec) -> None:

@@ -12,7 +12,7 @@ import yaml
 from deploy.spec import EMBEDDED, SwarmSpec
 from worlds.factory.scenarios import link_steps_bps
 
-Role = Literal["router", "controller", "gateway", "robot", "ego", "prometheus"]
+Role = Literal["router", "controller", "gateway", "robot", "ego", "prometheus", "grafana"]
 INFRA = "infra"
 ROUTER_METRICS_PORT = 9100
 ROBOT_METRICS_PORT = 9101
@@ -78,6 +78,7 @@ class Service:
     host: str
     """`infra` or a robot id."""
     argv: tuple[str, ...]
+    """Empty: what the service's own image runs."""
     env: dict[str, str] = field(default_factory=dict)
     metrics_port: int | None = None
     """Where it serves /metrics on its host's address."""
@@ -86,8 +87,8 @@ class Service:
 
 
 def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
-    """Router, controller, gateway, robots, ego and Prometheus, in the order in which to start
-    them."""
+    """Router, controller, gateway, robots, ego, Prometheus and Grafana, in the order in which to
+    start them."""
     router = Service(
         name="router",
         role="router",
@@ -164,6 +165,8 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
     )
     advice = [gateway] if spec.llm else []
     watch = [prometheus] if spec.prometheus else []
+    if spec.grafana:
+        watch.append(Service(name="grafana", role="grafana", host=INFRA, argv=()))
     return (router, controller, *advice, *robots, ego, *watch)
 
 

@@ -49,6 +49,7 @@ _ALLOWED = {
     "llm_model": "the name of a model, at most 200 characters",
     "llm_port": _PORT_RULE,
     "gateway_metrics_port": _PORT_RULE,
+    "grafana_port": _PORT_RULE,
 }
 
 
@@ -98,6 +99,10 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the LLM gateway's HTTP door answers on the host's 127.0.0.1."""
     gateway_metrics_port: HostPort = 9105
     """Where Prometheus scrapes the LLM gateway; in Docker, a port of the host's bridge."""
+    grafana: bool = False
+    """Whether Grafana shows what Prometheus has; in Docker only."""
+    grafana_port: HostPort = 3000
+    """Where Grafana answers on the host's 127.0.0.1."""
     run_dir: str
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str
@@ -180,6 +185,13 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("llm", spec.llm) from error
     if server is not None and not server[0]:
         raise _invalid("llm", spec.llm)
+    if spec.grafana and spec.runtime != "docker":
+        raise DeployError(
+            f"--grafana needs the Docker runtime, and this swarm would run in {spec.runtime}; "
+            "docs/dashboards.md says how a Grafana of your own shows the same dashboards"
+        )
+    if spec.grafana and not spec.prometheus:
+        raise DeployError("--grafana shows what Prometheus has: leave out --no-prometheus")
     return spec
 
 

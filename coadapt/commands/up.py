@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from deploy import ready, runtimes
+from deploy.docker.grafana import PASSWORD_FILE
 from deploy.progress import say
 from deploy.rates import parse_link_rate
 from deploy.runtimes.base import Runtime
@@ -57,6 +58,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--gateway-metrics-port", type=int, default=9105, help="on Docker's bridge, in Docker"
     )
+    parser.add_argument("--grafana", action="store_true", help="start Grafana, too (in Docker)")
+    parser.add_argument("--grafana-port", type=int, default=3000, help="on 127.0.0.1")
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
 
@@ -125,6 +128,8 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         router_port=args.router_port,
         qod_port=args.qod_port,
         controller_metrics_port=args.controller_metrics_port,
+        grafana=args.grafana,
+        grafana_port=args.grafana_port,
         comm_range_m=args.comm_range,
         link_bps=parse_link_rate(args.link) if args.link else None,
         **optional,
@@ -146,6 +151,8 @@ def _print_where(state: State) -> None:
     spec = state.spec
     print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
     print(f"prometheus  {state.prometheus_url or 'none'}")
+    if state.grafana_url:
+        print(f"grafana     {state.grafana_url} (admin's password: {spec.run_dir}/{PASSWORD_FILE})")
     print(f"ego metrics {state.ego_metrics_url}")
     print(f"qod api     {state.qod_url}/quality-on-demand/v1")
     if state.llm_url:

@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from deploy import services as roster
+from deploy.docker import grafana
 from deploy.ports import LOCALHOST
 from deploy.services import Place, Service
 from deploy.spec import SwarmSpec
@@ -44,7 +45,10 @@ GATEWAY: dict[str, Any] = {
 }
 DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
 _NOT_FOR_PROCESSES = frozenset(
-    {"COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_REQUIRE", "COADAPT_RUN_DIR"}
+    {
+        *("COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_GRAFANA_IMAGE"),
+        *("COADAPT_REQUIRE", "COADAPT_RUN_DIR"),
+    }
 )
 """They steer `up` and the tests, or name a path that a container does not have."""
 
@@ -80,7 +84,11 @@ def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> s
     """The compose file (YAML) of a swarm that runs from `image`, its LLM gateway from `llm_image`;
     see `place_of`."""
     members = roster.services(spec, place_of(spec, gateway))
-    special = {"controller": CONTROLLER, "gateway": GATEWAY}
+    special = {
+        "controller": CONTROLLER,
+        "gateway": GATEWAY,
+        "grafana": grafana.container(spec),
+    }
     document = {
         "services": {
             m.name: _container(spec, m, llm_image if m.role == "gateway" else image)
@@ -103,7 +111,7 @@ def prometheus_file(spec: SwarmSpec) -> str:
 def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     container: dict[str, Any] = {
         "image": image,
-        "command": list(service.argv),
+        **({"command": list(service.argv)} if service.argv else {}),
         "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,

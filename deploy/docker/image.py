@@ -84,6 +84,12 @@ def exists(tag: str) -> bool:
     return _docker("image", "inspect", tag).returncode == 0
 
 
+def pull(name: str) -> str:
+    """Gets an image from its registry. Returns why it cannot be had; empty when it is there."""
+    pulled = _docker("pull", name, timeout_s=900)
+    return "" if pulled.returncode == 0 else _tail(pulled, 1)
+
+
 def _fingerprint() -> str:
     """Names the content of everything that goes into the image."""
     digest = hashlib.sha256()
@@ -105,18 +111,18 @@ def _ensure_base(say: Say) -> str:
     for image in (wanted,) if wanted else (PUBLIC_BASE, local):
         if exists(image):
             return image
-    pulled = _docker("pull", wanted or PUBLIC_BASE, timeout_s=900)
-    if pulled.returncode == 0:
+    trouble = pull(wanted or PUBLIC_BASE)
+    if not trouble:
         return wanted or PUBLIC_BASE
     if wanted:
-        raise DeployError(f"COADAPT_BASE_IMAGE = {wanted!r} cannot be pulled: {_tail(pulled)}")
+        raise DeployError(f"COADAPT_BASE_IMAGE = {wanted!r} cannot be pulled: {trouble}")
     say(f"{PUBLIC_BASE} cannot be pulled; making {local} with debootstrap (about a minute)")
     made = subprocess.run(
         ["sh", str(script), local], capture_output=True, text=True, timeout=900, check=False
     )
     if made.returncode != 0:
         raise DeployError(
-            f"no base image: pulling {PUBLIC_BASE} failed ({_tail(pulled, 1)}), and debootstrap "
+            f"no base image: pulling {PUBLIC_BASE} failed ({trouble}), and debootstrap "
             f"failed:\n{_tail(made)}\nSet COADAPT_BASE_IMAGE to an image with Python 3.11."
         )
     return local

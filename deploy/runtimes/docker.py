@@ -14,7 +14,7 @@ from typing import Any
 
 from deploy import services as roster
 from deploy import state as record
-from deploy.docker import compose
+from deploy.docker import compose, grafana
 from deploy.docker.image import ensure_image
 from deploy.docker.llm_image import ensure_llm_image
 from deploy.ports import check_free
@@ -68,6 +68,8 @@ class DockerRuntime:
     def _start(self, spec: SwarmSpec) -> None:
         image = ensure_image(say)
         llm_image = ensure_llm_image(image, say) if spec.llm == EMBEDDED else image
+        if spec.grafana:
+            grafana.ensure_image(say)
         try:
             self._start_from(image, llm_image, spec)
         except BaseException:
@@ -79,6 +81,8 @@ class DockerRuntime:
         for folder in roster.FOLDERS:
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
         (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
+        if spec.grafana:
+            grafana.write_password(run_dir)
         file = run_dir / "compose.yml"
         file.write_text(compose.compose_file(spec, image, llm_image, _gateway()))
         record.write_state(
@@ -92,6 +96,7 @@ class DockerRuntime:
                 ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
                 qod_url=f"http://127.0.0.1:{spec.qod_port}",
                 llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
+                grafana_url=f"http://127.0.0.1:{spec.grafana_port}" if spec.grafana else "",
             )
         )
         compose.start(spec, file)
@@ -116,7 +121,9 @@ class DockerRuntime:
             found = True
             with ThreadPoolExecutor(len(containers)) as pool:
                 list(pool.map(_remove, containers))
-            _sweep(engine, containers[0].attrs["Image"])
+            own = [c for c in containers if c.labels[compose.SERVICE_LABEL] != "grafana"]
+            if own:
+                _sweep(engine, own[0].attrs["Image"])
         for network in engine.networks.list(filters={"label": f"{compose.LABEL}={swarm}"}):
             with contextlib.suppress(docker.errors.NotFound):
                 network.remove()
