@@ -31,8 +31,9 @@ _ALLOWED = {
     "runtime": "docker or netns",
     "robots": f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {_NAME_RULE}",
     "ego": "one of the robots",
-    "world": "factory, road, opv2v or bag",
-    "data": "the directory of a recorded scenario (needed by opv2v) or of bags (needed by bag)",
+    "world": "factory, road, opv2v, bag or recording",
+    "data": "the directory of a recorded scenario (needed by opv2v) or of bags (needed by bag); "
+    "the file of `coadapt record` (needed by recording)",
     "seed": "a whole number >= 0",
     "rings": "16, 32 or 64",
     "policy": "the name of a policy: lower-case letters, digits and '-'",
@@ -176,7 +177,7 @@ def make_spec(**values: Any) -> SwarmSpec:
     values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
-    if values.get("world") in ("bag", "opv2v") and not Path(values.get("data") or "?").is_dir():
+    if not _has_data(values.get("world"), Path(values.get("data") or "?")):
         raise _invalid("data", values.get("data", ""))
     spec: SwarmSpec = msgspec.convert(values, SwarmSpec)
     try:
@@ -193,6 +194,13 @@ def make_spec(**values: Any) -> SwarmSpec:
     if spec.grafana and not spec.prometheus:
         raise DeployError("--grafana shows what Prometheus has: leave out --no-prometheus")
     return spec
+
+
+def _has_data(world: str | None, data: Path) -> bool:
+    """Whether a recorded world's data is there; simulated ones need none."""
+    if world == "recording":
+        return data.is_file()
+    return world not in ("bag", "opv2v") or data.is_dir()
 
 
 def run_base() -> Path:

@@ -16,7 +16,7 @@ import msgspec
 from swarm.messages.base import Algorithm
 from swarm.settings import Name, Port
 
-WorldName = Literal["bag", "factory", "opv2v", "road"]
+WorldName = Literal["bag", "factory", "opv2v", "recording", "road"]
 _NS = 1_000_000_000
 
 
@@ -38,7 +38,7 @@ class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
 
     world: WorldName = "factory"
     world_data: str = ""
-    """Directory of recorded data; needed by `bag` and `opv2v`."""
+    """Recorded data: a directory, needed by `bag` and `opv2v`; or a file, needed by `recording`."""
     world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6
     world_seed: Annotated[int, msgspec.Meta(ge=0)] = 1
     world_rings: Literal[16, 32, 64] = 32

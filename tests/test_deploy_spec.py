@@ -53,6 +53,7 @@ def spec_of(**values: Any) -> SwarmSpec:
         ({"link_bps": 5}, "bit/s >= 100000"),
         ({"world": "opv2v"}, "data = ''"),
         ({"world": "bag"}, "data = ''"),
+        ({"world": "recording", "data": "/tmp"}, "data = '/tmp'"),
         ({"world": "opv2v", "data": "/no/such/place"}, "data = '/no/such/place'"),
         ({"policy": "Rules!"}, "policy = 'Rules!'"),
         ({"llm": "embeded"}, "embedded, or http"),

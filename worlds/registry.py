@@ -7,7 +7,7 @@ from pathlib import Path
 from swarm.errors import WorldError
 from worlds.base import World
 
-WORLDS = ("bag", "factory", "opv2v", "road")
+WORLDS = ("bag", "factory", "opv2v", "recording", "road")
 
 
 def open_world(
@@ -23,8 +23,9 @@ def open_world(
     """The world of that name.
 
     Args:
-        name: `bag`, `factory`, `opv2v` or `road`.
-        data: directory of a recorded scenario, needed by `opv2v`, or of bags, needed by `bag`.
+        name: one of WORLDS.
+        data: directory of a recorded scenario, needed by `opv2v`, or of bags, needed by `bag`; the
+            file of `coadapt record`, needed by `recording`.
         robots: number of simulated robots.
         seed: of everything random in a simulated world.
         rings: of the simulated LiDAR of `factory`; `road` has OPV2V's.
@@ -45,6 +46,12 @@ def open_world(
         if data is None:
             raise WorldError("world 'bag' needs the directory of the robots' bags (DATA=...)")
         return BagWorld(data)
+    if name == "recording":
+        from worlds.recording.world import RecordingWorld
+
+        if data is None:
+            raise WorldError("world 'recording' needs the file of a recording (DATA=FILE.mcap)")
+        return RecordingWorld(data)
     if name == "factory":
         from worlds.factory import FactoryWorld
 

@@ -17,8 +17,8 @@ def register(commands: Any) -> None:
         description="Draws one fused frame from above, in the ego's frame: points, true boxes "
         "(green) and boxes found with a score of 0.3 at least (red, with a line to the front).",
     )
-    parser.add_argument("world", metavar="WORLD", help="factory, road, opv2v or bag")
-    parser.add_argument("--data", type=Path, metavar="DIR", help="opv2v, bag: what is recorded")
+    parser.add_argument("world", metavar="WORLD", help="factory, road, opv2v, bag or recording")
+    parser.add_argument("--data", type=Path, metavar="PATH", help="of recorded worlds: where")
     parser.add_argument(
         "--seed", type=int, default=1_000_000, help="factory, road: which (default: %(default)s)"
     )

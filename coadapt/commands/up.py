@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, get_args
 
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
@@ -14,6 +15,10 @@ from deploy.services import journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.errors import DeployError
+from swarm.process import WorldName
+
+if TYPE_CHECKING:
+    from worlds.base import World
 
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
@@ -25,8 +30,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
     parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
     parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
-    parser.add_argument("--world", choices=("bag", "factory", "opv2v", "road"), default="factory")
-    parser.add_argument("--data", default="", help="directory of recorded data, for opv2v and bag")
+    parser.add_argument("--world", choices=get_args(WorldName), default="factory")
+    parser.add_argument(
+        "--data", default="", help="recorded data: directory of opv2v or bag, file of recording"
+    )
     parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
     parser.add_argument(
         "--policy", help="how the ego decides (default: coverage; llm where --llm is given)"
@@ -98,12 +105,16 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
-    if args.world in ("bag", "opv2v"):
+    comm_range_m = args.comm_range
+    if args.world in ("bag", "opv2v", "recording"):
         if not args.data:
+            kind = "FILE.mcap" if args.world == "recording" else "DIR"
             raise DeployError(
-                f"world {args.world} needs --data DIR (make up WORLD={args.world} DATA=DIR)"
+                f"world {args.world} needs --data {kind} (make up WORLD={args.world} DATA={kind})"
             )
-        robots = _recorded(args.world, Path(args.data))[: args.robots]
+        world = _recorded(args.world, Path(args.data))
+        robots = world.robots[: args.robots]
+        comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
         say(f"{args.data} has the robots {', '.join(robots)}")
     optional = {} if args.ego is None else {"ego": args.ego}
     return make_spec(
@@ -130,21 +141,20 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         controller_metrics_port=args.controller_metrics_port,
         grafana=args.grafana,
         grafana_port=args.grafana_port,
-        comm_range_m=args.comm_range,
+        comm_range_m=comm_range_m,
         link_bps=parse_link_rate(args.link) if args.link else None,
         **optional,
     )
 
 
-def _recorded(name: str, data: Path) -> tuple[str, ...]:
+def _recorded(name: str, data: Path) -> World:
     # Imported here: the other commands need no arrays.
-    from worlds.bag.world import BagWorld
     from worlds.registry import open_world
 
     world = open_world(name, data=data)
-    for note in world.notes if isinstance(world, BagWorld) else ():
+    for note in getattr(world, "notes", ()):
         say(note)
-    return world.robots
+    return world
 
 
 def _print_where(state: State) -> None:

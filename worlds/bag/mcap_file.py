@@ -33,12 +33,20 @@ class McapFile:
     """One `.mcap` file. A place is (where the chunk begins, or 0 outside of one; where the message
     begins in the chunk's content or in the file)."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(
+        self, path: Path, encodings: tuple[str, ...] = ("cdr",), kind: str = "bag file"
+    ) -> None:
         """Opens a file: reads its index, or else walks through its records.
+
+        Args:
+            path: of the file.
+            encodings: of messages; topics of other encodings are left out.
+            kind: what errors call the file.
 
         Raises WorldError for one that is no MCAP file.
         """
         self.path = path
+        self._name = f"{kind} {path}"
         self.cut = ""
         self._unpacked = Recent(_UNPACKED_CHUNKS)
         self._schemas: dict[int, str] = {}
@@ -50,9 +58,9 @@ class McapFile:
             weakref.finalize(self, os.close, self._file)
             self._size = os.fstat(self._file).st_size
         except OSError as error:
-            raise WorldError(f"bag file {path} cannot be read: {error}") from error
+            raise WorldError(f"{self._name} cannot be read: {error}") from error
         if self._bytes(0, len(MAGIC), short=True) != MAGIC:
-            raise WorldError(f"bag file {path} is not an MCAP file: it does not begin like one")
+            raise WorldError(f"{self._name} is not an MCAP file: it does not begin like one")
         if not self._read_summary():
             self._walk()
         self._ids: dict[str, list[int]] = {}
@@ -61,7 +69,7 @@ class McapFile:
             identity for chunk in self._chunks for identity in chunk.message_index_offsets
         }
         for identity, channel in self._channels.items():
-            if identity in with_messages and channel.message_encoding == "cdr":
+            if identity in with_messages and channel.message_encoding in encodings:
                 self._ids.setdefault(channel.topic, []).append(identity)
                 self.topics[channel.topic] = self._schemas.get(channel.schema_id, "")
 
@@ -93,7 +101,7 @@ class McapFile:
         _, length = _RECORD.unpack(self._bytes(offset, _RECORD.size))
         size = length - _MESSAGE.size
         if size < 0:
-            raise WorldError(f"bag file {self.path} is damaged at byte {offset}")
+            raise WorldError(f"{self._name} is damaged at byte {offset}")
         size = size if most is None else min(size, most)
         return self._bytes(offset + _RECORD.size + _MESSAGE.size, size)
 
@@ -105,7 +113,7 @@ class McapFile:
         return content[begin : end if most is None else min(end, begin + most)]
 
     def _outside(self) -> WorldError:
-        return WorldError(f"bag file {self.path} is damaged: a message lies outside of its chunk")
+        return WorldError(f"{self._name} is damaged: a message lies outside of its chunk")
 
     def _read_summary(self) -> bool:
         """Whether the file ends as it should and says where its messages are."""
@@ -123,7 +131,7 @@ class McapFile:
                 else:
                     self._declare(record)
         except (McapError, ValueError, struct.error) as error:
-            raise WorldError(f"the summary of bag file {self.path} is damaged: {error}") from error
+            raise WorldError(f"the summary of {self._name} is damaged: {error}") from error
         listed = [chunk.message_index_offsets.keys() for chunk in self._chunks]
         if not listed or not all(ids and ids <= self._channels.keys() for ids in listed):
             self._chunks = []
@@ -225,16 +233,16 @@ class McapFile:
             return stream.read(size)
         except (McapError, ValueError, RuntimeError, zstandard.ZstdError, struct.error) as error:
             raise WorldError(
-                f"the chunk at byte {chunk} of bag file {self.path} is damaged: {error}"
+                f"the chunk at byte {chunk} of {self._name} is damaged: {error}"
             ) from error
 
     def _bytes(self, offset: int, size: int, short: bool = False) -> bytes:
         try:
             found = os.pread(self._file, size, offset) if offset >= 0 else b""
         except OSError as error:
-            raise WorldError(f"bag file {self.path} cannot be read: {error}") from error
+            raise WorldError(f"{self._name} cannot be read: {error}") from error
         if len(found) < size and not short:
             raise WorldError(
-                f"bag file {self.path} is damaged: {size} bytes at byte {offset} are not there"
+                f"{self._name} is damaged: {size} bytes at byte {offset} are not there"
             )
         return found

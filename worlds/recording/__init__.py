@@ -1,0 +1,1 @@
+"""Recordings of swarms (`coadapt record`) as a world."""
