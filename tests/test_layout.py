@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-PROCESSES = {"robot_agent", "ego_agent", "network_controller", "llm_gateway"}
+PROCESSES = {"robot_agent", "ego_agent", "network_controller", "llm_gateway", "console"}
 PURE = {"swarm.geometry", "swarm.errors"}
 
 
@@ -64,6 +64,7 @@ def test_processes_never_import_each_other(process: str) -> None:
         ("swarm", set()),
         ("network_controller", {"swarm"}),
         ("llm_gateway", {"swarm"}),
+        ("console", {"swarm", "worlds"}),
         ("deploy", {"swarm", "worlds"}),
         ("training", {"swarm", "perception", "worlds"}),
         ("evaluation", rooms() - {"robot_agent", "benchmarks", "coadapt", "tests"}),

@@ -1,0 +1,28 @@
+"""The floor plan behind the map, where the world is a simulated factory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from worlds.factory.layout import build_floor
+
+MIN_AREA_M2 = 0.2
+"""Smaller footprints (uprights, legs) are not drawn; pillars have 0.25 m2."""
+LOW_M = 1.0
+"""Neither is what stands on something else."""
+
+
+def plan(world: str, robots: int, seed: int) -> dict[str, Any]:
+    """The footprints of what stands still, metres in the world frame: `rects` are (low x, low y,
+    high x, high y), `width_m` and `depth_m` None where no plan is known."""
+    if world != "factory":
+        return {"width_m": None, "depth_m": None, "rects": []}
+    # As `FactoryWorld` lays it out: the floor is the first that its generator makes.
+    floor = build_floor(robots, np.random.default_rng(seed))
+    low, high = floor.boxes[:, :3], floor.boxes[:, 3:]
+    area = (high[:, 0] - low[:, 0]) * (high[:, 1] - low[:, 1])
+    shown = (area >= MIN_AREA_M2) & (low[:, 2] < LOW_M)
+    rects = np.unique(np.round(np.hstack([low[shown, :2], high[shown, :2]]), 2), axis=0)
+    return {"width_m": floor.width_m, "depth_m": floor.depth_m, "rects": rects.tolist()}

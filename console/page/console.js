@@ -1,0 +1,68 @@
+// The console's page: puts its parts together.
+
+import { Controls } from "./controls.js";
+import { FloorMap } from "./map.js";
+import * as panels from "./panels.js";
+import { Stream } from "./stream.js";
+import { Timeline } from "./timeline.js";
+
+const WORDS_S = 0.2; // People read no faster; the map moves with every frame.
+const $ = (id) => document.getElementById(id);
+
+const colours = new Map();
+function theme(name) {
+  if (!colours.has(name)) {
+    colours.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+  }
+  return colours.get(name);
+}
+
+const stream = new Stream(() => update());
+const map = new FloorMap($("map"), stream, theme);
+const timeline = new Timeline($("timeline"), stream, theme);
+const controls = new Controls(stream);
+let pending = false;
+
+function update() {
+  map.changed();
+  if (pending) return;
+  pending = true;
+  setTimeout(() => {
+    pending = false;
+    words();
+  }, 1000 * WORDS_S);
+}
+
+function words() {
+  panels.showConnection(stream);
+  panels.showDecision(stream);
+  panels.showFaults(stream);
+  panels.showLinks(stream);
+  panels.showHistory(stream);
+  panels.showRobots(stream);
+  controls.update();
+  timeline.draw();
+}
+
+for (const layer of ["range", "objects", "boxes", "blind"]) {
+  $(`layer-${layer}`).addEventListener("change", (event) => {
+    map.layers[layer] = event.target.checked;
+    map.changed();
+  });
+}
+$("zoom-in").addEventListener("click", () => map.scaleBy(1.3));
+$("zoom-out").addEventListener("click", () => map.scaleBy(1 / 1.3));
+$("zoom-fit").addEventListener("click", () => map.fit());
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  colours.clear();
+  update();
+});
+
+async function loadFloor() {
+  const answer = await fetch("/api/floor");
+  if (!answer.ok) throw new Error(answer.statusText);
+  map.floor = await answer.json();
+  update();
+}
+loadFloor().catch(() => setTimeout(loadFloor, 3000));
+words();

@@ -1,0 +1,402 @@
+// The live map: floor, robots, links, objects, boxes, and the ground that nobody sees.
+
+import { OLD_S, ago, byId } from "./words.js";
+
+const CELL_M = 1; // As the ego counts seen ground.
+const ROOM_M = 3;
+const ROBOT_PX = 8;
+const GONE_S = 60; // A robot that has left stays on the map for so long.
+
+export class FloorMap {
+  constructor(canvas, stream, theme) {
+    this.canvas = canvas;
+    this.stream = stream;
+    this.theme = theme;
+    this.floor = { width_m: null, depth_m: null, rects: [] };
+    this.layers = { range: false, objects: true, boxes: true, blind: true };
+    this.zoom = 1;
+    this.middle = null; // Of what is shown, metres; null: all of it.
+    this.last = new Map(); // Where robots were last heard of.
+    this.blind = { key: "", path: null, share: null };
+    this.#listen();
+  }
+
+  fit() {
+    this.zoom = 1;
+    this.middle = null;
+    this.changed();
+  }
+
+  scaleBy(factor) {
+    this.zoom = Math.min(20, Math.max(1, this.zoom * factor));
+    if (this.zoom === 1) this.middle = null;
+    this.changed();
+  }
+
+  changed() {
+    this.pending ??= requestAnimationFrame(() => {
+      this.pending = null;
+      this.draw();
+    });
+  }
+
+  robots(now) {
+    const decision = this.stream.get("decision");
+    const ego = this.stream.get("swarm")?.ego;
+    const found = [];
+    for (const robot of this.stream.all("robot/").sort(byId)) {
+      if (robot.at) this.last.set(robot.robot, robot);
+      const where = robot.at ? robot : this.last.get(robot.robot);
+      if (!where || (!robot.alive && now - (robot.since ?? where.at) > GONE_S)) continue;
+      found.push({
+        ...where,
+        alive: robot.alive,
+        since: robot.since,
+        ego: robot.robot === ego,
+        chosen: decision?.participants.includes(robot.robot) ?? false,
+        old: now - where.at > OLD_S.beacon,
+      });
+    }
+    return found;
+  }
+
+  draw() {
+    const { canvas, theme: t, stream } = this;
+    const ratio = window.devicePixelRatio || 1;
+    const width = canvas.clientWidth, height = canvas.clientHeight;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+    }
+    const now = stream.now();
+    const robots = this.robots(now);
+    const c = canvas.getContext("2d");
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.clearRect(0, 0, width, height);
+    const extent = this.#extent(robots);
+    const view = this.#view(extent, width, height);
+    this.scale = view.scale;
+    const at = (x, y) => [(x - view.x) * view.scale + width / 2, height / 2 - (y - view.y) * view.scale];
+
+    c.save();
+    c.translate(width / 2, height / 2);
+    c.scale(view.scale, -view.scale);
+    c.translate(-view.x, -view.y);
+    this.#drawFloor(c, view.scale);
+    const scenes = this.#scenes(now);
+    this.#seenGround(extent, scenes);
+    if (this.layers.blind && this.blind.path) this.#drawBlind(c, view.scale, ratio);
+    if (this.layers.range) this.#drawRange(c, robots, view.scale);
+    c.restore();
+
+    if (this.layers.objects) this.#drawObjects(c, scenes, at, view.scale);
+    if (this.layers.boxes) this.#drawBoxes(c, now, at, view.scale);
+    this.#drawLinks(c, robots, now, at);
+    for (const robot of robots) this.#drawRobot(c, robot, now, at, robots.length);
+    if (!robots.length) {
+      c.fillStyle = t("--quiet");
+      c.font = "15px system-ui, sans-serif";
+      c.textAlign = "center";
+      c.fillText("No robot is on the floor.", width / 2, height / 2);
+    }
+    this.#describe(robots);
+  }
+
+  #extent(robots) {
+    if (this.floor.width_m) return [0, 0, this.floor.width_m, this.floor.depth_m];
+    if (!robots.length) return this.seenExtent ?? [0, 0, 50, 50];
+    const reach = 25;
+    const box = [
+      Math.min(...robots.map((r) => r.x)) - reach, Math.min(...robots.map((r) => r.y)) - reach,
+      Math.max(...robots.map((r) => r.x)) + reach, Math.max(...robots.map((r) => r.y)) + reach,
+    ];
+    // In whole tens, so that the map does not creep with every step of a robot.
+    this.seenExtent = [...box.slice(0, 2).map((v) => 10 * Math.floor(v / 10)), ...box.slice(2).map((v) => 10 * Math.ceil(v / 10))];
+    return this.seenExtent;
+  }
+
+  #view([left, low, right, high], width, height) {
+    const fit = Math.min(width / (right - left + ROOM_M), height / (high - low + ROOM_M));
+    this.extent = [left, low, right, high];
+    const [x, y] = this.middle ?? [(left + right) / 2, (low + high) / 2];
+    return { x, y, scale: fit * this.zoom };
+  }
+
+  #drawFloor(c, scale) {
+    const { width_m: w, depth_m: d, rects } = this.floor;
+    if (!w) return;
+    c.fillStyle = this.theme("--panel");
+    c.fillRect(0, 0, w, d);
+    c.fillStyle = this.theme("--wall");
+    c.strokeStyle = this.theme("--wall-edge");
+    c.lineWidth = 0.7 / scale;
+    for (const [x, y, right, top] of rects) {
+      c.fillRect(x, y, right - x, top - y);
+      c.strokeRect(x, y, right - x, top - y);
+    }
+  }
+
+  // What robots see now; what they saw earlier says nothing about the floor of today.
+  #scenes(now) {
+    const found = new Map();
+    for (const [name, scene] of this.stream.state) {
+      if (name.startsWith("scene/") && scene && now - scene.at <= OLD_S.scene) found.set(name.slice(6), scene);
+    }
+    return found;
+  }
+
+  #seenGround(extent, scenes) {
+    const key = [...extent, ...[...scenes].map(([robot, scene]) => robot + scene.at)].join();
+    if (key === this.blind.key) return;
+    const [left, low, right, high] = extent;
+    const columns = Math.ceil((right - left) / CELL_M), rows = Math.ceil((high - low) / CELL_M);
+    const seen = this.#covered(columns, rows, left, low);
+    let blind = 0, free = seen.reduce((n, cell) => n + (cell === 0), 0);
+    for (const scene of scenes.values()) markSeen(seen, scene, columns, rows, left, low);
+    const path = new Path2D();
+    for (let row = 0; row < rows; row++) {
+      for (let column = 0; column < columns; column++) {
+        if (seen[row * columns + column]) continue;
+        const start = column;
+        while (column < columns && !seen[row * columns + column]) column++;
+        blind += column - start;
+        path.rect(left + start * CELL_M, low + row * CELL_M, (column - start) * CELL_M, CELL_M);
+      }
+    }
+    // Without any scene nothing is known, which is not the same as not seen.
+    this.blind = { key, path: scenes.size ? path : null, share: scenes.size && free ? blind / free : null };
+  }
+
+  // Cells under equipment are no ground: 1; without a floor plan all are ground.
+  #covered(columns, rows, left, low) {
+    const cells = new Uint8Array(columns * rows);
+    for (const [x, y, right, top] of this.floor.rects) {
+      const first = Math.max(0, Math.ceil((y - low) / CELL_M - 0.5));
+      const from = Math.max(0, Math.ceil((x - left) / CELL_M - 0.5));
+      for (let row = first; row < rows && low + (row + 0.5) * CELL_M <= top; row++)
+        for (let column = from; column < columns && left + (column + 0.5) * CELL_M <= right; column++)
+          cells[row * columns + column] = 1;
+    }
+    return cells;
+  }
+
+  #drawBlind(c, scale, ratio) {
+    const tile = document.createElement("canvas");
+    tile.width = tile.height = 8 * ratio;
+    const p = tile.getContext("2d");
+    p.scale(ratio, ratio);
+    p.strokeStyle = this.theme("--blind");
+    p.lineWidth = 1;
+    p.beginPath();
+    for (const shift of [-8, 0, 8]) {
+      p.moveTo(shift, 8);
+      p.lineTo(shift + 8, 0);
+    }
+    p.stroke();
+    c.save();
+    c.clip(this.blind.path);
+    c.setTransform(1, 0, 0, 1, 0, 0);
+    c.globalAlpha = 0.7;
+    c.fillStyle = c.createPattern(tile, "repeat");
+    c.fillRect(0, 0, this.canvas.width, this.canvas.height);
+    c.restore();
+  }
+
+  #drawRange(c, robots, scale) {
+    c.strokeStyle = this.theme("--range");
+    c.lineWidth = 1 / scale;
+    c.globalAlpha = 0.5;
+    c.setLineDash([4 / scale, 5 / scale]);
+    for (const robot of robots) {
+      if (robot.old || !robot.alive) continue;
+      c.beginPath();
+      c.arc(robot.x, robot.y, robot.range_m, 0, 2 * Math.PI);
+      c.stroke();
+    }
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  #drawObjects(c, scenes, at, scale) {
+    c.fillStyle = this.theme("--object");
+    c.globalAlpha = 0.55;
+    const size = Math.max(1.5, Math.min(4, 0.12 * scale));
+    for (const scene of scenes.values()) {
+      for (const [x, y] of scene.objects) {
+        const [px, py] = at(x, y);
+        c.fillRect(px - size / 2, py - size / 2, size, size);
+      }
+    }
+    c.globalAlpha = 1;
+  }
+
+  #drawBoxes(c, now, at, scale) {
+    const found = this.stream.get("detections");
+    if (!found || now - found.at > OLD_S.boxes) return;
+    c.strokeStyle = this.theme("--box");
+    for (const [x, y, length, wide, heading, score] of found.boxes) {
+      const [px, py] = at(x, y);
+      c.save();
+      c.translate(px, py);
+      c.rotate(-heading);
+      c.lineWidth = 2;
+      c.globalAlpha = 0.35 + 0.65 * Math.min(1, Math.max(0, score));
+      c.strokeRect((-length / 2) * scale, (-wide / 2) * scale, length * scale, wide * scale);
+      c.beginPath();
+      c.moveTo((length / 2) * scale - 4, 0);
+      c.lineTo((length / 2) * scale + 3, 0);
+      c.stroke();
+      c.restore();
+    }
+  }
+
+  // A line to each participant: what it sends, as a share of what the link carries.
+  #drawLinks(c, robots, now, at) {
+    const ego = robots.find((r) => r.ego);
+    const decision = this.stream.get("decision");
+    const traffic = this.stream.get("traffic");
+    if (!ego || !decision) return;
+    const fresh = traffic && now - traffic.at <= OLD_S.traffic;
+    for (const robot of robots) {
+      if (!robot.chosen || robot.ego || !robot.alive) continue;
+      const use = fresh ? (traffic.bps[robot.robot] ?? 0) / this.capacity(robot.robot, now, decision) : null;
+      const kind = use === null ? "--quiet" : use > 0.66 ? "--high" : use > 0.33 ? "--mid" : "--low";
+      c.strokeStyle = this.theme(kind);
+      c.lineWidth = use === null ? 1 : use > 0.66 ? 5 : use > 0.33 ? 3 : 1.5;
+      c.setLineDash(use === null ? [3, 4] : []);
+      c.globalAlpha = 0.75;
+      c.beginPath();
+      c.moveTo(...at(robot.x, robot.y));
+      c.lineTo(...at(ego.x, ego.y));
+      c.stroke();
+      c.globalAlpha = 1;
+      c.setLineDash([]);
+    }
+  }
+
+  // What one robot may send, bit/s: its own link where that is shaped, and the ego's cell.
+  capacity(robot, now, decision) {
+    const net = this.stream.get("net");
+    const own = net && now - net.at <= OLD_S.net
+      ? net.links.find((link) => link.robot === robot && link.direction === "up")
+      : null;
+    return Math.max(1, Math.min(decision.capacity_bps, own?.capacity_bps ?? Infinity));
+  }
+
+  #drawRobot(c, robot, now, at, count) {
+    const { theme: t } = this;
+    const [x, y] = at(robot.x, robot.y);
+    const r = count > 30 ? 5 : ROBOT_PX;
+    c.save();
+    c.translate(x, y);
+    c.globalAlpha = robot.alive && robot.old ? 0.45 : 1;
+    if (!robot.alive) {
+      c.strokeStyle = t("--lost");
+      c.lineWidth = 3;
+      c.beginPath();
+      c.moveTo(-r, -r); c.lineTo(r, r); c.moveTo(r, -r); c.lineTo(-r, r);
+      c.stroke();
+    } else {
+      c.strokeStyle = robot.chosen ? t("--chosen") : t("--excluded");
+      c.fillStyle = robot.chosen ? t("--chosen") : t("--panel");
+      c.lineWidth = 2.5;
+      c.beginPath();
+      c.moveTo(Math.cos(robot.yaw) * r, -Math.sin(robot.yaw) * r);
+      c.lineTo(Math.cos(robot.yaw) * 2.1 * r, -Math.sin(robot.yaw) * 2.1 * r);
+      c.stroke();
+      if (robot.old) c.setLineDash([3, 3]);
+      c.beginPath();
+      if (robot.chosen) c.arc(0, 0, r, 0, 2 * Math.PI);
+      else c.rect(-r + 1, -r + 1, 2 * r - 2, 2 * r - 2);
+      c.fill();
+      c.stroke();
+      if (robot.ego) {
+        c.setLineDash([]);
+        c.strokeStyle = t("--text");
+        c.lineWidth = 2;
+        c.beginPath();
+        c.arc(0, 0, r + 4, 0, 2 * Math.PI);
+        c.stroke();
+      }
+    }
+    c.restore();
+    if (count > 30 && this.zoom < 2 && !robot.ego && robot.alive) return;
+    const old = !robot.alive ? ` lost ${ago(now - (robot.since ?? robot.at))}` : robot.old ? ` ${ago(now - robot.at)}` : "";
+    c.font = "600 12px system-ui, sans-serif";
+    c.textAlign = "left";
+    c.lineWidth = 3;
+    c.lineJoin = "round";
+    c.strokeStyle = t("--panel");
+    c.strokeText(robot.robot + old, x + r + 5, y - r);
+    c.fillStyle = robot.alive && !robot.old ? t("--text") : t("--fault");
+    c.fillText(robot.robot + old, x + r + 5, y - r);
+  }
+
+  #describe(robots) {
+    const alive = robots.filter((r) => r.alive);
+    const share = this.blind.share === null ? "" : `; ${Math.round(100 * this.blind.share)} % of the ground is seen by nobody`;
+    const words = `Map of the floor: ${alive.length} robots, ${alive.filter((r) => r.chosen).length} take part${share}`;
+    if (this.canvas.getAttribute("aria-label") !== words) this.canvas.setAttribute("aria-label", words);
+  }
+
+  #move(dx, dy) {
+    const [left, low, right, high] = this.extent;
+    const [x, y] = this.middle ?? [(left + right) / 2, (low + high) / 2];
+    this.middle = [
+      Math.min(right, Math.max(left, x - dx / this.scale)),
+      Math.min(high, Math.max(low, y + dy / this.scale)),
+    ];
+    this.changed();
+  }
+
+  #listen() {
+    const { canvas } = this;
+    let from = null;
+    canvas.addEventListener("pointerdown", (e) => {
+      from = [e.clientX, e.clientY];
+      canvas.setPointerCapture(e.pointerId);
+    });
+    canvas.addEventListener("pointermove", (e) => {
+      if (!from) return;
+      this.#move(e.clientX - from[0], e.clientY - from[1]);
+      from = [e.clientX, e.clientY];
+    });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (from = null));
+    canvas.addEventListener("wheel", (e) => {
+      // Without the key the page scrolls.
+      if (!e.ctrlKey && !e.metaKey) return;
+      e.preventDefault();
+      this.scaleBy(e.deltaY < 0 ? 1.2 : 1 / 1.2);
+    }, { passive: false });
+    canvas.addEventListener("keydown", (e) => {
+      const step = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[e.key];
+      if (step) this.#move(...step);
+      else if (e.key === "+" || e.key === "=") this.scaleBy(1.3);
+      else if (e.key === "-") this.scaleBy(1 / 1.3);
+      else if (e.key === "0") this.fit();
+      else return;
+      e.preventDefault();
+    });
+    new ResizeObserver(() => this.changed()).observe(canvas);
+  }
+}
+
+// Marks the cells whose centres a sensor sees: for equal sectors of azimuth from east, how far.
+function markSeen(seen, scene, columns, rows, left, low) {
+  const { x, y, visible_m: visible } = scene;
+  if (!visible.length) return;
+  const reach = Math.max(...visible);
+  const first = Math.max(0, Math.floor((y - reach - low) / CELL_M)), lastRow = Math.min(rows, Math.ceil((y + reach - low) / CELL_M));
+  const from = Math.max(0, Math.floor((x - reach - left) / CELL_M)), to = Math.min(columns, Math.ceil((x + reach - left) / CELL_M));
+  for (let row = first; row < lastRow; row++) {
+    const dy = low + (row + 0.5) * CELL_M - y;
+    for (let column = from; column < to; column++) {
+      const cell = row * columns + column;
+      if (seen[cell]) continue;
+      const dx = left + (column + 0.5) * CELL_M - x;
+      const turn = Math.atan2(dy, dx) / (2 * Math.PI);
+      const sector = Math.floor((turn < 0 ? turn + 1 : turn) * visible.length) % visible.length;
+      if (dx * dx + dy * dy <= visible[sector] ** 2) seen[cell] = 1;
+    }
+  }
+}

@@ -1,0 +1,163 @@
+// What the page says in words: the decision, events, links, robots, and the connection itself.
+
+import { OLD_S, ago, byId, clock, decisionOldAfter, rate } from "./words.js";
+
+const $ = (id) => document.getElementById(id);
+
+function text(id, words) {
+  if ($(id).textContent !== words) $(id).textContent = words;
+}
+
+// Rows of a table or list, made anew only when their words differ.
+function fill(parent, rows, make) {
+  const key = JSON.stringify(rows);
+  if (parent.dataset.key === key) return;
+  parent.dataset.key = key;
+  parent.replaceChildren(...rows.map(make));
+}
+
+function cells([className, first, ...others]) {
+  const row = document.createElement("tr");
+  row.className = className;
+  const head = document.createElement("th");
+  head.scope = "row";
+  head.textContent = first;
+  row.append(head, ...others.map((words) => Object.assign(document.createElement("td"), { textContent: words })));
+  return row;
+}
+
+function age(id, seconds, old, words) {
+  $(id).classList.toggle("stale", seconds !== null && seconds > old);
+  text(id, seconds === null ? "" : `${words} ${ago(seconds)}`);
+}
+
+export function showConnection(stream) {
+  const { kind, since, why, next } = stream.status;
+  const swarm = stream.get("swarm");
+  const now = stream.now();
+  const from = clock(since / 1000);
+  const shown = {
+    connecting: ["connecting", "connecting to the console …", ""],
+    paused: ["connecting", "paused while nobody looks", ""],
+    lost: ["lost", `no connection since ${from}`,
+      `No connection to the console since ${from} (${why}). What is shown is from then. ` +
+      `Next attempt in ${Math.max(0, Math.ceil((next - Date.now()) / 1000))} s.`],
+    live: ["live", "live", ""],
+  }[kind];
+  if (kind === "live" && swarm && !swarm.connected) {
+    shown[0] = "gone";
+    shown[1] = `swarm away since ${clock(swarm.since)}`;
+    shown[2] = `The swarm's router cannot be reached since ${clock(swarm.since)}. The console goes on trying.`;
+  } else if (kind === "live" && now - stream.sent > 3) {
+    shown[1] = `live, ${(now - stream.sent).toFixed(0)} s behind`;
+  }
+  $("connection").dataset.state = shown[0];
+  text("connection", shown[1]);
+  text("banner", shown[2]);
+  $("banner").hidden = !shown[2];
+  text("swarm-name", swarm ? `· ${swarm.swarm} · ego ${swarm.ego}` : "");
+}
+
+let announced = "";
+
+export function showDecision(stream) {
+  const decision = stream.get("decision");
+  const now = stream.now();
+  if (!decision) {
+    text("decision-what", "none yet");
+    text("decision-reason", "");
+    age("decision-age", null);
+    fill($("decision-facts"), [], () => null);
+    return;
+  }
+  const what = `${decision.algorithm} from ${decision.participants.join(", ")}`;
+  const old = decisionOldAfter(stream.history);
+  const stale = now - decision.at > old;
+  text("decision-what", stale ? `Was: ${what}` : decision.valid ? what : `Not valid: ${what}`);
+  text("decision-reason", decision.reason);
+  age("decision-age", now - decision.at, old, `cycle ${decision.cycle},`);
+  const demand = stream.get("demand");
+  const used = stream.history.at(-1)?.used_bps;
+  const by = decision.policy + (decision.model ? `, ${decision.model}` : "");
+  const facts = [
+    ["by", `${by} (source: ${decision.source})`],
+    ["C(t)", `${rate(decision.capacity_bps)}; predicted use ${rate(decision.cost_bps)}, measured ${rate(used)}`],
+    ["quality", `${decision.quality.toFixed(2)} predicted` +
+      (demand && now - demand.at <= old ? `, at least ${demand.q_min} asked for` : "")],
+  ];
+  if (decision.advice) facts.push(["advice", decision.advice.filter(Boolean).join(": ")]);
+  if (decision.repairs.length) facts.push(["repaired", decision.repairs.join("; ")]);
+  const missing = Object.entries(stream.get("detections")?.missing ?? {});
+  if (missing.length && !stale) facts.push(["missing", missing.map(([robot, why]) => `${robot}: ${why}`).join("; ")]);
+  fill($("decision-facts"), facts.flat(), (words, i) =>
+    Object.assign(document.createElement(i % 2 ? "dd" : "dt"), { textContent: words }));
+  if (what !== announced) {
+    announced = what;
+    text("announce", `New decision: ${what}. ${decision.reason}`);
+  }
+}
+
+export function showFaults(stream) {
+  const mark = { fault: "✕", good: "✓", note: "·" };
+  const shown = stream.faults.slice(-100).reverse();
+  fill($("faults"), shown.length ? shown : [{ level: "note", text: "nothing has happened" }], (one) => {
+    const row = document.createElement("li");
+    row.className = one.level;
+    const time = document.createElement("time");
+    time.textContent = one.at ? clock(one.at) : "";
+    const sign = Object.assign(document.createElement("span"), { textContent: mark[one.level] });
+    sign.setAttribute("aria-hidden", "true");
+    row.append(time, sign, Object.assign(document.createElement("span"), { textContent: one.text }));
+    return row;
+  });
+}
+
+export function showLinks(stream) {
+  const net = stream.get("net");
+  const now = stream.now();
+  age("net-age", net ? now - net.at : null, OLD_S.net, "measured");
+  const old = net && now - net.at > OLD_S.net;
+  fill($("links"), (net?.links ?? []).map((link) => [
+    old ? "old" : "",
+    `${link.robot} ${link.direction}`,
+    rate(link.capacity_bps),
+    rate(link.used_bps),
+    `${Math.round((100 * link.used_bps) / link.capacity_bps)} %` + (link.level ? `, level ${link.level}` : ""),
+  ]), cells);
+}
+
+export function showHistory(stream) {
+  fill($("history"), stream.history.slice(-20).reverse().map((p) => [
+    "", clock(p.at), p.cycle, p.algorithm, p.participants.join(" "), p.valid ? p.source : "not valid",
+    rate(p.capacity_bps), rate(p.used_bps), p.latency_ms === null ? "–" : `${p.latency_ms.toFixed(0)} ms`,
+  ]), cells);
+}
+
+export function showRobots(stream) {
+  const now = stream.now();
+  const swarm = stream.get("swarm");
+  const decision = stream.get("decision");
+  const traffic = stream.get("traffic");
+  const robots = stream.all("robot/").sort(byId);
+  const alive = robots.filter((r) => r.alive).length;
+  text("robots-count", `${alive} alive${robots.length > alive ? `, ${robots.length - alive} not` : ""}`);
+  fill($("robots"), robots.map((r) => {
+    const old = !r.at || now - r.at > OLD_S.beacon;
+    const scene = stream.get(`scene/${r.robot}`);
+    const seen = scene && now - scene.at <= OLD_S.scene;
+    const part = r.robot === swarm?.ego ? "ego" : decision?.participants.includes(r.robot) ? "yes" : "no";
+    const fresh = traffic && now - traffic.at <= OLD_S.traffic;
+    return [
+      old || !r.alive ? "old" : "",
+      r.robot,
+      r.alive ? (old ? "alive, silent" : "alive") : r.since ? `lost ${ago(now - r.since)}` : "not announced",
+      r.alive ? part : "–",
+      r.at ? `${r.x.toFixed(1)}, ${r.y.toFixed(1)}` : "–",
+      r.at ? `${(((r.yaw * 180) / Math.PI + 360) % 360).toFixed(0)}°` : "–",
+      r.at ? `${r.speed.toFixed(1)} m/s` : "–",
+      seen ? scene.objects.length : "–",
+      fresh && traffic.bps[r.robot] !== undefined ? rate(traffic.bps[r.robot]) : "–",
+      r.at ? (old ? ago(now - r.at) : "now") : "never",
+    ];
+  }), cells);
+}

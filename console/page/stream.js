@@ -1,0 +1,126 @@
+// The stream of server-sent events: what is known now, and whether it is still coming.
+
+const FIRST_WAIT_S = 0.5;
+const LONGEST_WAIT_S = 15;
+const SILENT_S = 5; // The console says something every second.
+const HIDDEN_S = 60; // A page that nobody sees asks for nothing.
+export const KEPT_S = 130;
+const KEPT_EVENTS = 200;
+
+export class Stream {
+  constructor(onChange) {
+    this.onChange = onChange;
+    this.state = new Map();
+    this.history = [];
+    this.faults = [];
+    this.csrf = "";
+    this.status = { kind: "connecting", since: Date.now() };
+    this.offset = -Infinity; // The console's clock less this page's steady one, seconds.
+    this.sent = 0;
+    this.attempts = 0;
+    this.abort = null;
+    this.timer = 0;
+    document.addEventListener("visibilitychange", () => this.#visible());
+    setInterval(() => this.#check(), 1000);
+    this.#connect();
+  }
+
+  // Seconds since the epoch on the console's clock.
+  now() {
+    return this.offset === -Infinity ? Date.now() / 1000 : performance.now() / 1000 + this.offset;
+  }
+
+  get(name) {
+    return this.state.get(name);
+  }
+
+  all(prefix) {
+    return [...this.state].filter(([name]) => name.startsWith(prefix)).map(([, value]) => value);
+  }
+
+  async #connect() {
+    clearTimeout(this.timer);
+    const abort = (this.abort = new AbortController());
+    try {
+      const answer = await fetch("/api/events", { signal: abort.signal, cache: "no-store" });
+      if (answer.status === 401) {
+        location.assign("/login");
+        return;
+      }
+      if (!answer.ok) throw new Error((await answer.json()).error);
+      const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+      let rest = "";
+      for (;;) {
+        const { value, done } = await reader.read();
+        if (done) throw new Error("the console ended the connection");
+        const events = (rest + value).split("\n\n");
+        rest = events.pop();
+        for (const event of events) this.#take(JSON.parse(event.slice("data: ".length)));
+        if (events.length) this.onChange();
+      }
+    } catch (error) {
+      if (this.abort !== abort) return;
+      this.#lost(abort.signal.reason === "silent" ? "the console is silent" : error.message);
+    }
+  }
+
+  #take(event) {
+    const here = performance.now() / 1000;
+    if (event.full) {
+      this.state.clear();
+      this.history = [];
+      this.faults = [];
+      this.offset = -Infinity;
+      this.csrf = event.csrf;
+    }
+    // The event that was least on its way tells the difference of the clocks best.
+    this.offset = Math.max(this.offset, event.now - here);
+    this.sent = event.now;
+    this.heard = here;
+    for (const [name, value] of Object.entries(event.state)) {
+      if (value === null) this.state.delete(name);
+      else this.state.set(name, value);
+    }
+    const first = this.now() - KEPT_S;
+    this.history = [...this.history, ...event.history].filter((past) => past.at > first);
+    this.faults = [...this.faults, ...event.faults].slice(-KEPT_EVENTS);
+    this.attempts = 0;
+    if (this.status.kind !== "live") this.status = { kind: "live", since: Date.now() };
+  }
+
+  #lost(why) {
+    const since = this.status.kind === "lost" ? this.status.since : Date.now();
+    const wait = Math.min(LONGEST_WAIT_S, FIRST_WAIT_S * 2 ** this.attempts) * (0.75 + Math.random() / 2);
+    this.attempts = Math.min(this.attempts + 1, 10);
+    this.csrf = "";
+    this.status = { kind: "lost", since, why, next: Date.now() + 1000 * wait };
+    this.timer = setTimeout(() => this.#connect(), 1000 * wait);
+    this.onChange();
+  }
+
+  #check() {
+    const silent = performance.now() / 1000 - (this.heard ?? Infinity) > SILENT_S;
+    if (this.status.kind === "live" && silent) this.abort.abort("silent");
+    this.onChange();
+  }
+
+  #visible() {
+    clearTimeout(this.hidden);
+    if (document.hidden) {
+      this.hidden = setTimeout(() => this.#pause(), 1000 * HIDDEN_S);
+    } else if (this.status.kind === "paused") {
+      this.status = { kind: "connecting", since: Date.now() };
+      this.#connect();
+    }
+  }
+
+  #pause() {
+    const abort = this.abort;
+    this.abort = null;
+    clearTimeout(this.timer);
+    abort?.abort();
+    this.csrf = "";
+    this.status = { kind: "paused", since: Date.now() };
+    this.onChange();
+  }
+}

@@ -1,0 +1,168 @@
+// The last two minutes: C(t) against used bytes, who took part, how it was decided, how fast.
+
+import { decisionOldAfter, rate } from "./words.js";
+
+const SPAN_S = 120;
+const LEFT = 96, RIGHT = 12, TOP = 6, BOTTOM = 20;
+const LANES = [
+  { name: "capacity", share: 0.42 },
+  { name: "robots", share: 0.2 },
+  { name: "source", share: 0.12 },
+  { name: "latency", share: 0.26 },
+];
+const GAP = 10;
+
+export class Timeline {
+  constructor(canvas, stream, theme) {
+    this.canvas = canvas;
+    this.stream = stream;
+    this.theme = theme;
+    new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  draw() {
+    const { canvas, stream, theme: t } = this;
+    const ratio = window.devicePixelRatio || 1;
+    const width = canvas.clientWidth, height = canvas.clientHeight;
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+    const c = canvas.getContext("2d");
+    c.scale(ratio, ratio);
+    c.font = "12px system-ui, sans-serif";
+    c.textBaseline = "middle";
+    const now = stream.now();
+    const past = stream.history.filter((p) => p.at > now - SPAN_S - 10);
+    const x = (at) => LEFT + (width - LEFT - RIGHT) * (1 - (now - at) / SPAN_S);
+    // A gap longer than an old decision is drawn as a gap.
+    const longest = decisionOldAfter(past);
+    const spans = past.map((p, i) => {
+      const end = past[i + 1]?.at ?? now;
+      return { ...p, from: Math.max(LEFT, x(p.at)), to: x(Math.min(end, p.at + longest)) };
+    }).filter((p) => p.to > LEFT);
+    const room = height - TOP - BOTTOM - GAP * (LANES.length - 1);
+    let top = TOP;
+    for (const lane of LANES) {
+      const box = { top, height: room * lane.share, right: width - RIGHT };
+      c.strokeStyle = t("--line");
+      c.lineWidth = 1;
+      c.strokeRect(LEFT + 0.5, Math.round(top) + 0.5, width - LEFT - RIGHT, Math.round(box.height));
+      c.save();
+      this[`_${lane.name}`](c, spans, box);
+      c.restore();
+      top += box.height + GAP;
+    }
+    this.#axis(c, x, height);
+    const last = past.at(-1);
+    canvas.setAttribute("aria-label", last
+      ? `Timeline: ${past.length} decisions in two minutes; the last one is ${last.algorithm} from ${last.participants.length} robots, C(t) ${rate(last.capacity_bps)}, used ${rate(last.used_bps)}`
+      : "Timeline: no decision in the last two minutes");
+  }
+
+  _capacity(c, spans, box) {
+    const t = this.theme;
+    const top = Math.max(1, ...spans.flatMap((s) => [s.capacity_bps, s.used_bps ?? 0])) * 1.1;
+    const y = (v) => box.top + box.height * (1 - v / top);
+    c.fillStyle = t("--used");
+    c.globalAlpha = 0.45;
+    for (const s of spans) {
+      if (s.used_bps === null) continue;
+      c.fillRect(s.from, y(s.used_bps), s.to - s.from, box.top + box.height - y(s.used_bps));
+    }
+    c.globalAlpha = 1;
+    this.#steps(c, spans, (s) => s.used_bps, y, "--used", 2);
+    this.#steps(c, spans, (s) => s.capacity_bps, y, "--text", 2);
+    const last = spans.at(-1);
+    this.#label(c, box, `C(t) ${rate(last?.capacity_bps)}`, "--text", 0.3);
+    this.#label(c, box, `▮ ${rate(last?.used_bps)}`, "--used", 0.7);
+  }
+
+  _robots(c, spans, box) {
+    const most = Math.max(1, ...spans.map((s) => s.participants.length));
+    const y = (n) => box.top + box.height * (1 - (0.85 * n) / most);
+    let from = null;
+    spans.forEach((s, i) => {
+      c.fillStyle = this.theme(algorithmColour(s.algorithm));
+      c.globalAlpha = 0.35;
+      c.fillRect(s.from, y(s.participants.length), s.to - s.from, box.top + box.height - y(s.participants.length));
+      c.globalAlpha = 1;
+      from ??= s;
+      const next = spans[i + 1];
+      if (next && next.algorithm === s.algorithm) return;
+      if (s.to - from.from > 8 * s.algorithm.length) {
+        c.fillStyle = this.theme("--text");
+        c.fillText(s.algorithm, from.from + 4, box.top + box.height - 9);
+      }
+      from = null;
+    });
+    this.#steps(c, spans, (s) => s.participants.length, y, "--chosen", 2);
+    this.#label(c, box, `${spans.at(-1)?.participants.length ?? "–"} robots`, "--text", 0.5);
+  }
+
+  _source(c, spans, box) {
+    let from = null;
+    spans.forEach((s, i) => {
+      from ??= s;
+      const next = spans[i + 1];
+      if (next && next.source === s.source && next.valid === s.valid) return;
+      c.fillStyle = this.theme(s.valid ? "--line" : "--fault");
+      c.fillRect(from.from, box.top + 1, Math.max(1, s.to - from.from - 1), box.height - 1);
+      const words = s.valid ? s.source : "not valid";
+      if (s.to - from.from > 7 * words.length) {
+        c.fillStyle = this.theme(s.valid ? "--text" : "--panel");
+        c.fillText(words, from.from + 4, box.top + box.height / 2);
+      }
+      from = null;
+    });
+    this.#label(c, box, "source", "--quiet", 0.5);
+  }
+
+  _latency(c, spans, box) {
+    const top = Math.max(10, ...spans.map((s) => s.latency_ms ?? 0)) * 1.15;
+    const y = (v) => box.top + box.height * (1 - v / top);
+    this.#steps(c, spans, (s) => s.latency_ms, y, "--box", 2);
+    const last = spans.at(-1)?.latency_ms;
+    this.#label(c, box, last === null || last === undefined ? "latency –" : `${last.toFixed(0)} ms`, "--text", 0.5);
+  }
+
+  #steps(c, spans, value, y, colour, width) {
+    c.strokeStyle = this.theme(colour);
+    c.lineWidth = width;
+    c.beginPath();
+    let end = null;
+    for (const s of spans) {
+      const v = value(s);
+      if (v === null) {
+        end = null;
+        continue;
+      }
+      if (end === null || s.from > end + 1) c.moveTo(s.from, y(v));
+      else c.lineTo(s.from, y(v));
+      c.lineTo(s.to, y(v));
+      end = s.to;
+    }
+    c.stroke();
+  }
+
+  #label(c, box, words, colour, part) {
+    c.fillStyle = this.theme(colour);
+    c.textAlign = "right";
+    c.fillText(words, LEFT - 8, box.top + box.height * part, LEFT - 10);
+    c.textAlign = "left";
+  }
+
+  #axis(c, x, height) {
+    c.fillStyle = this.theme("--quiet");
+    c.textAlign = "center";
+    const now = this.stream.now();
+    for (const ago of [120, 90, 60, 30, 0]) {
+      c.textAlign = ago === 0 ? "right" : ago === 120 ? "left" : "center";
+      c.fillText(ago ? `−${ago} s` : "now", x(now - ago), height - 8);
+    }
+    c.textAlign = "left";
+  }
+}
+
+function algorithmColour(name) {
+  const family = ["early", "intermediate", "late"].find((one) => name.startsWith(one));
+  return family ? `--${family}` : "--quiet";
+}

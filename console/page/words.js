@@ -1,0 +1,32 @@
+// Figures and times as people read them, and what counts as old.
+
+export const OLD_S = { beacon: 2, scene: 2, boxes: 1.5, net: 4, traffic: 3 };
+
+export function rate(bps) {
+  if (bps === null || bps === undefined) return "–";
+  if (bps >= 1e6) return `${(bps / 1e6).toFixed(bps < 1e8 ? 1 : 0)} Mbit/s`;
+  if (bps >= 1e3) return `${(bps / 1e3).toFixed(0)} kbit/s`;
+  return `${Math.round(bps)} bit/s`;
+}
+
+export function ago(seconds) {
+  if (seconds < 0.05) return "now";
+  if (seconds < 10) return `${seconds.toFixed(1)} s ago`;
+  if (seconds < 120) return `${Math.round(seconds)} s ago`;
+  if (seconds < 7200) return `${Math.round(seconds / 60)} min ago`;
+  return `${Math.round(seconds / 3600)} h ago`;
+}
+
+export function clock(epoch_s) {
+  return new Date(1000 * epoch_s).toLocaleTimeString([], { hour12: false });
+}
+
+// After how long a decision is old: three periods of the ego, but no less than five seconds.
+export function decisionOldAfter(history) {
+  const last = history.slice(-2);
+  return last.length < 2 ? 5 : Math.max(5, 3 * (last[1].at - last[0].at));
+}
+
+export function byId(a, b) {
+  return a.robot.localeCompare(b.robot, undefined, { numeric: true });
+}

@@ -1,0 +1,290 @@
+"""What the swarm's messages say, put on the board with the time at which they came."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from console.board import FAULTS, HISTORY, Board, now_s
+from console.faults import Faults
+from swarm.arrays import unpack_finite
+from swarm.errors import MessageError
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    LinkState,
+    NetDemand,
+    NetState,
+    SceneDescription,
+)
+
+MAX_ROBOTS = 256
+"""More than a swarm has; ids come from the network."""
+MAX_OBJECTS, MAX_BOXES = 256, 512
+"""Drawn of one message; the first ones."""
+TRAFFIC_S = 1.0
+
+
+class View:
+    """One swarm as one ego sees it. Zenoh's threads call `on_...`, one other calls `tick`."""
+
+    def __init__(self, board: Board, swarm: str, ego: str) -> None:
+        self._board = board
+        self._lock = threading.Lock()
+        self._faults = Faults(ego, lambda fault: board.append(FAULTS, fault))
+        self._robots: dict[str, dict[str, Any]] = {}
+        self._swarm: dict[str, Any] = {
+            "swarm": swarm,
+            "ego": ego,
+            "connected": False,
+            "since": now_s(),
+            "gateway": None,
+        }
+        self._tally = _Tally()
+        self._traffic = _Tally()
+        self._looking_at: float | None = None
+        board.put("swarm", self._swarm)
+
+    def tick(self, connected: bool, looking: bool) -> None:
+        """Once a second or so: rates, and what is missing.
+
+        Args:
+            connected: there is a link to the router.
+            looking: beacons, scenes and detections are listened to.
+        """
+        now = now_s()
+        with self._lock:
+            if connected != self._swarm["connected"]:
+                self._tell(connected=connected, since=now)
+            if now - self._traffic.since >= TRAFFIC_S:
+                if self._traffic.frames:
+                    self._board.put("traffic", {"at": now, **self._traffic.rates(now)})
+                self._traffic = _Tally()
+            self._looking_at = (self._looking_at or now) if looking else None
+            self._faults.tick(now, connected, self._heard())
+
+    def on_join(self, robot: str) -> None:
+        """A robot's liveliness token is there."""
+        self._alive(robot, True)
+
+    def on_leave(self, robot: str) -> None:
+        """It is gone."""
+        self._alive(robot, False)
+
+    def on_gateway(self, alive: bool) -> None:
+        """The LLM gateway's token has come or gone."""
+        with self._lock:
+            self._tell(gateway={"alive": alive, "since": now_s()})
+            self._faults.gateway(now_s(), alive)
+
+    def on_beacon(self, beacon: Beacon, _: str) -> None:
+        """Where a robot is."""
+        x, y, _z, _roll, _pitch, yaw = beacon.pose
+        vx, vy, _vz = beacon.velocity
+        with self._lock:
+            self._robot(
+                beacon.robot,
+                at=now_s(),
+                captured=beacon.capture_ns / 1e9,
+                x=round(x, 2),
+                y=round(y, 2),
+                yaw=round(yaw, 3),
+                speed=round((vx * vx + vy * vy) ** 0.5, 2),
+                range_m=beacon.range_m,
+                sizes=beacon.sizes,
+            )
+
+    def on_scene(self, scene: SceneDescription, _: str) -> None:
+        """What a robot sees."""
+        try:
+            objects = unpack_finite(scene.objects, "objects", 9)[:MAX_OBJECTS]
+            visible = unpack_finite(scene.visible_m, "visible_m", 1)[:360, 0]
+        except MessageError as error:
+            with self._lock:
+                self._faults.unreadable(now_s(), scene.robot, str(error))
+            return
+        value = {
+            "at": now_s(),
+            "captured": scene.capture_ns / 1e9,
+            "x": round(scene.pose[0], 2),
+            "y": round(scene.pose[1], 2),
+            # Centre and size in the ground plane.
+            "objects": [[round(float(v), 2) for v in row] for row in objects[:, [0, 1, 4, 5]]],
+            "visible_m": [round(float(v), 1) for v in visible],
+        }
+        with self._lock:
+            if self._known(scene.robot):
+                self._board.put(f"scene/{scene.robot}", value)
+
+    def on_detections(self, detections: Detections, _: str) -> None:
+        """What the ego and its participants see together."""
+        try:
+            boxes = unpack_finite(detections.boxes, "boxes", 7)[:MAX_BOXES]
+            scores = unpack_finite(detections.scores, "scores", 1)[:MAX_BOXES, 0]
+        except MessageError as error:
+            with self._lock:
+                self._faults.unreadable(now_s(), detections.ego, str(error))
+            return
+        value = {
+            "at": now_s(),
+            "captured": detections.capture_ns / 1e9,
+            "algorithm": detections.algorithm,
+            "participants": detections.participants,
+            "missing": detections.missing,
+            "latency_ms": round(detections.latency_ms, 1),
+            # x, y, length, width, heading, score.
+            "boxes": [
+                [round(float(row[i]), 2) for i in (0, 1, 3, 4, 6)] + [round(float(score), 2)]
+                for row, score in zip(boxes, scores, strict=False)
+            ],
+        }
+        with self._lock:
+            self._tally.add(detections)
+            self._traffic.add(detections)
+            self._board.put("detections", value)
+
+    def on_decision(self, decision: Decision, _: str) -> None:
+        """Who takes part, how and why."""
+        now = now_s()
+        advice = decision.advice
+        value = {
+            "at": now,
+            "decided": decision.decided_ns / 1e9,
+            "cycle": decision.cycle,
+            "participants": decision.participants,
+            "algorithm": decision.algorithm,
+            "reason": decision.reason,
+            "source": decision.source,
+            "policy": decision.policy,
+            "model": decision.model,
+            "valid": decision.valid,
+            "repairs": decision.repairs,
+            "quality": round(decision.quality, 4),
+            "cost_bps": round(8 * decision.cost_bytes * decision.rate_hz),
+            "capacity_bps": round(decision.capacity_bps),
+            "advice": None if advice is None else [advice.state, advice.refusal],
+        }
+        with self._lock:
+            self._board.put("decision", value)
+            shared = ("at", "cycle", "participants", "algorithm", "source", "valid")
+            past = {name: value[name] for name in (*shared, "capacity_bps", "cost_bps")}
+            self._board.append(HISTORY, past | self._tally.figures(now))
+            self._tally = _Tally()
+            self._faults.decision(now, decision)
+
+    def on_demand(self, demand: NetDemand, _: str) -> None:
+        """What the ego needs of its cell."""
+        if demand.ego != self._swarm["ego"]:
+            return
+        value = {
+            "at": now_s(),
+            "needed_bps": 8 * demand.needed_bytes_s,
+            "possible": demand.possible,
+            "reachable": demand.reachable,
+            "q_min": demand.q_min,
+        }
+        with self._lock:
+            self._board.put("demand", value)
+            self._faults.demand(now_s(), demand)
+
+    def on_net_state(self, state: NetState, _: str) -> None:
+        """What links carry."""
+        with self._lock:
+            links = [_link(link) for link in state.links]
+            self._board.put("net", {"at": now_s(), "links": links})
+            self._faults.net_state(now_s())
+
+    def blind(self) -> None:
+        """Nobody listens to robots any more: what they said is taken down rather than left to
+        age."""
+        with self._lock:
+            for robot, facts in self._robots.items():
+                self._board.put(f"scene/{robot}", None)
+                kept = {name: facts[name] for name in ("robot", "alive", "since")}
+                self._robots[robot] = kept
+                self._board.put(f"robot/{robot}", kept)
+            self._board.put("detections", None)
+            self._board.put("traffic", None)
+            self._tally, self._traffic = _Tally(), _Tally()
+
+    def _heard(self) -> dict[str, float]:
+        """When each living robot was heard last, or could have been for the first time."""
+        if self._looking_at is None:
+            return {}
+        return {
+            robot: max(facts.get("at", 0.0), facts["since"], self._looking_at)
+            for robot, facts in self._robots.items()
+            if facts["alive"]
+        }
+
+    def _alive(self, robot: str, alive: bool) -> None:
+        now = now_s()
+        with self._lock:
+            if self._robot(robot, alive=alive, since=now):
+                self._faults.alive(now, robot, alive)
+
+    def _robot(self, robot: str, **facts: Any) -> bool:
+        """Adds to what is known of a robot; False where there are too many already."""
+        known = self._robots.get(robot)
+        if known is None:
+            if len(self._robots) >= MAX_ROBOTS:
+                return False
+            # One of which only beacons came is not known to be alive.
+            known = {"robot": robot, "alive": False, "since": None}
+        # A new one each time: the old one may be about to be encoded.
+        self._robots[robot] = known | facts
+        self._board.put(f"robot/{robot}", self._robots[robot])
+        return True
+
+    def _known(self, robot: str) -> bool:
+        return robot in self._robots or self._robot(robot)
+
+    def _tell(self, **facts: Any) -> None:
+        self._swarm = self._swarm | facts
+        self._board.put("swarm", self._swarm)
+
+
+class _Tally:
+    """What arrived at the ego over a while."""
+
+    def __init__(self) -> None:
+        self.since = now_s()
+        self.frames = 0
+        self._latency_ms = 0.0
+        self._bytes: dict[str, int] = {}
+
+    def add(self, detections: Detections) -> None:
+        self.frames += 1
+        self._latency_ms += detections.latency_ms
+        for robot, count in detections.bytes.items():
+            self._bytes[robot] = self._bytes.get(robot, 0) + count
+
+    def rates(self, now: float) -> dict[str, Any]:
+        """bit/s by robot, and fused frames a second."""
+        span_s = max(now - self.since, 1e-3)
+        return {
+            "bps": {robot: round(8 * n / span_s) for robot, n in self._bytes.items()},
+            "frames_per_s": round(self.frames / span_s, 1),
+        }
+
+    def figures(self, now: float) -> dict[str, Any]:
+        """bit/s of all and mean latency; None where no frame came."""
+        if not self.frames:
+            return {"used_bps": None, "latency_ms": None}
+        used = 8 * sum(self._bytes.values()) / max(now - self.since, 1e-3)
+        latency_ms = self._latency_ms / self.frames
+        return {"used_bps": round(used), "latency_ms": round(latency_ms, 1)}
+
+
+def _link(link: LinkState) -> dict[str, Any]:
+    return {
+        "robot": link.robot,
+        "direction": link.direction,
+        "capacity_bps": link.capacity_bps,
+        "available_bps": link.available_bps,
+        "used_bps": sum(one.throughput_bps for one in link.classes.values()),
+        "latency_ms": round(link.latency_ms, 1),
+        "level": link.level,
+        "drops": sum(one.drops for one in link.classes.values()),
+    }
