@@ -18,10 +18,11 @@ from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
 from ego_agent.objective import Objective
-from ego_agent.policies.base import Connecting, Policy, Preparing, Requiring
+from ego_agent.policies.base import Policy, Requiring
 from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
+from ego_agent.steering import Steering
 from ego_agent.tally import TallyKeeper
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm import transport
@@ -62,9 +63,8 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
     metrics = EgoMetrics(registry)
     available = fusion_names(world.detector)
     policy = make_policy(settings.policy, available)
-    if isinstance(policy, Preparing):
-        policy.prepare(settings)
     knowledge = Knowledge(_objective(settings), _algorithms(settings, available, policy))
+    steering = Steering(settings, policy, knowledge.algorithms, log)
     journal = Journal(Path(settings.journal)) if settings.journal else None
     if journal is not None:
         # Before anybody can read them: a scrape never sees less than the journal holds.
@@ -77,18 +77,13 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
         if journal is not None:
             journal.close()
         raise
-    agent = _agent(settings, world, knowledge, policy, journal, metrics, log)
+    agent = _agent(settings, world, knowledge, steering, journal, metrics, log)
 
     def connect() -> Session | None:
         try:
-            session = Session(
-                settings.router, settings.swarm, registry=registry, log=log, stop=stop
-            )
+            return Session(settings.router, settings.swarm, registry=registry, log=log, stop=stop)
         except TransportError:
             return None  # stopped before the router could be reached
-        if isinstance(policy, Connecting):
-            policy.connect(session, settings)
-        return session
 
     log.info("ego_up", policy=policy.name, period_s=settings.period_s, metrics_port=server.port)
     try:
@@ -97,9 +92,8 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
         server.close()
         if journal is not None:
             journal.close()
-        if isinstance(policy, Connecting):
-            policy.close()
         agent.close()
+        steering.close()
     log.info("ego_down")
 
 
@@ -107,7 +101,7 @@ def _agent(
     settings: EgoSettings,
     world: World,
     knowledge: Knowledge,
-    policy: Policy,
+    steering: Steering,
     journal: Journal | None,
     metrics: EgoMetrics,
     log: Logger,
@@ -142,7 +136,7 @@ def _agent(
     return EgoAgent(
         monitor=monitor,
         knowledge=knowledge,
-        policy=policy,
+        steering=steering,
         sensor=sensor,
         fusion=fusion,
         tally=tally,

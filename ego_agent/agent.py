@@ -22,9 +22,9 @@ from ego_agent.metrics import EgoMetrics
 from ego_agent.model import Snapshot, UnifiedScene
 from ego_agent.monitor import Monitor
 from ego_agent.plan import plan
-from ego_agent.policies.base import Policy
 from ego_agent.record import cycle_record
 from ego_agent.sense import OwnSensor
+from ego_agent.steering import Steering
 from ego_agent.tally import Tally, TallyKeeper
 from swarm import keyspace
 from swarm.errors import JournalError, TransportError
@@ -54,7 +54,7 @@ class EgoAgent:
         *,
         monitor: Monitor,
         knowledge: Knowledge,
-        policy: Policy,
+        steering: Steering,
         sensor: OwnSensor,
         fusion: FusionLoop,
         tally: TallyKeeper,
@@ -65,7 +65,7 @@ class EgoAgent:
     ) -> None:
         self._monitor = monitor
         self._knowledge = knowledge
-        self._policy = policy
+        self._steering = steering
         self._sensor = sensor
         self._fusion = fusion
         self._tally = tally
@@ -119,6 +119,7 @@ class EgoAgent:
             self._monitor.attach(session)
             self._fusion.connect(session)
             self._session = session
+            self._steering.attach(session)
             self._log.info("router_reached")
         except Exception:
             # Without a thread that tries again the ego stays alone: say so, loudly, and go on.
@@ -131,15 +132,15 @@ class EgoAgent:
         now_ns = self._clock.now_ns()
         snapshot = self._monitor.snapshot(number, now_ns)
         scene: UnifiedScene | None = None
+        policy = self._steering.take(self._knowledge)
         try:
             scene = analyze(snapshot, self._knowledge)
-            decision = plan(
-                snapshot, scene, self._policy, self._knowledge, previous, number, now_ns
-            )
+            decision = plan(snapshot, scene, policy, self._knowledge, previous, number, now_ns)
         except Exception as error:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)
-            decision = self._alone(snapshot, f"the cycle failed: {type(error).__name__}")
+            reason = f"the cycle failed: {type(error).__name__}"
+            decision = self._alone(snapshot, policy.name, reason)
         self._fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
@@ -171,7 +172,7 @@ class EgoAgent:
             return None
         return demand
 
-    def _alone(self, snapshot: Snapshot, reason: str) -> Decision:
+    def _alone(self, snapshot: Snapshot, policy: str, reason: str) -> Decision:
         """The decision that always holds: the ego alone costs nothing and needs nobody."""
         return Decision(
             ego=self._ego,
@@ -181,7 +182,7 @@ class EgoAgent:
             algorithm=self._knowledge.best_algorithm(),
             reason=reason,
             source="fallback",
-            policy=self._policy.name,
+            policy=policy,
             valid=snapshot.robots[self._ego].beacon is not None,
             rate_hz=self._knowledge.objective.rate_hz,
             capacity_bps=max(1.0, snapshot.capacity_bps),

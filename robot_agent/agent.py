@@ -70,6 +70,15 @@ class RobotAgent:
         self._beacons = 0
         self._scenes = 0
 
+    def now_ns(self) -> int:
+        """The time on the robot's clock."""
+        return self._clock.now_ns()
+
+    def rest(self) -> None:
+        """Forgets what it has seen; `beacon` and `describe` give None until it senses again."""
+        self.sensor.rest()
+        self._ring.clear()
+
     def beacon(self) -> Beacon | None:
         """The robot's state at its newest frame; None before the first."""
         frame = self._ring.newest()

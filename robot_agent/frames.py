@@ -58,6 +58,11 @@ class Ring:
         with self._lock:
             self._frames.append(frame)
 
+    def clear(self) -> None:
+        """Forgets all frames."""
+        with self._lock:
+            self._frames.clear()
+
     def newest(self) -> Frame | None:
         """The newest frame, None before the first."""
         with self._lock:

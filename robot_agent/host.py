@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Sequence
 
 from robot_agent.agent import RobotAgent
+from robot_agent.duty import Duty
 from robot_agent.metrics import RobotMetrics
 from swarm import keyspace
 from swarm.errors import CoAdaptError
 from swarm.log import Logger
-from swarm.messages import ObservationRequest
 from swarm.session import Session
 
 JOIN_S = 0.5
@@ -38,6 +38,7 @@ class RobotHost:
         self._log = log
         self._stop = threading.Event()
         self._faults: set[tuple[str, str]] = set()
+        self._duties: dict[str, Duty] = {}
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
@@ -48,10 +49,7 @@ class RobotHost:
         for thread in self._threads:
             thread.start()
         for agent in agents:
-            key = keyspace.observation(session.swarm, agent.robot)
-            session.serve(key, ObservationRequest, agent.observe)
-            # The token comes last: who sees it may ask at once.
-            session.declare_alive(agent.robot)
+            self._duties[agent.robot] = Duty(agent, session, log)
 
     def close(self) -> None:
         """Stops the loops. Does not wait for one that is stuck in a scan."""
@@ -97,7 +95,8 @@ class RobotHost:
         agent.measure()
 
     def _guarded(self, loop: str, work: Callable[[RobotAgent], object], agent: RobotAgent) -> None:
-        if self._stop.is_set():
+        duty = self._duties.get(agent.robot)
+        if self._stop.is_set() or (duty is not None and not duty.on):
             return
         try:
             work(agent)

@@ -70,6 +70,10 @@ class Sensor:
         self._ring.push(Frame(scan, frame, max(0, captured + self._clock.offset_ns)))
         return True
 
+    def rest(self) -> None:
+        """Begins anew with the next frame: those that pass meanwhile are not missed."""
+        self._last = None
+
     def next_frame_in_s(self) -> float:
         """Seconds until a frame is captured that was not taken yet; 0 when it is there."""
         due = capture_ns(self._epoch_ns, self._world.rate_hz, (self._last or 0) + 1)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import zenoh
 
@@ -68,10 +69,10 @@ class Connection:
         """The session to use now; do not keep it."""
         return self._zenoh
 
-    def declare(self, make: Declaration) -> None:
+    def declare(self, make: Declaration) -> Callable[[], None]:
         """Declares an entity now, and again on every session that replaces this one.
 
-        Raises TransportError when the connection is closed.
+        Returns what withdraws it. Raises TransportError when the connection is closed.
         """
         with self._lock:
             try:
@@ -79,6 +80,19 @@ class Connection:
             except zenoh.ZError as error:
                 raise TransportError(f"cannot declare: {error}") from error
             self._declarations.append(make)
+        return lambda: self._withdraw(make)
+
+    def _withdraw(self, make: Declaration) -> None:
+        """Does nothing the second time, and once the connection is closed."""
+        with self._lock:
+            if make not in self._declarations or self._closing.is_set():
+                return
+            at = self._declarations.index(make)
+            del self._declarations[at]
+            entity = self._entities.pop(at)
+            # With the link gone the others have noticed already.
+            with suppress(zenoh.ZError):
+                entity.undeclare()
 
     def links(self) -> int:
         """Number of transport links to the router that are up; 0 once closed."""

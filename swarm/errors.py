@@ -10,12 +10,14 @@
     ├── PerceptionError       a scan or payload cannot be processed
     │   ├── ScanError         the points are not a usable cloud
     │   └── PayloadError      an encoded payload is corrupt, truncated or of another version
+    ├── DutyError             a robot is not on duty
     ├── DecisionError         a policy or a decision cannot be used
     ├── EvaluationError       an experiment's input or setting cannot be used
     ├── JournalError          a journal cannot be opened, read or written
     ├── NetworkError          a link cannot be shaped or read
     │   └── LinkGoneError     the link is not there (any more)
     ├── GatewayError          a request to a language model got no answer
+    ├── RecordingError        a recording of a swarm cannot be written or compared
     └── DeployError           a runtime cannot be started, read or stopped
 
 The command line prints the message and exits with 1; a message therefore names the thing, the
@@ -71,6 +73,10 @@ class PayloadError(PerceptionError):
     """An encoded payload is corrupt, truncated or of another version."""
 
 
+class DutyError(CoAdaptError):
+    """A robot is not on duty."""
+
+
 class DecisionError(CoAdaptError):
     """A policy or a decision cannot be used."""
 
@@ -101,6 +107,10 @@ class GatewayError(CoAdaptError):
     def __init__(self, code: GatewayCode, why: str) -> None:
         super().__init__(f"{code}: {why}")
         self.code: GatewayCode = code
+
+
+class RecordingError(CoAdaptError):
+    """A recording of a swarm cannot be written or compared."""
 
 
 class DeployError(CoAdaptError):

@@ -72,6 +72,16 @@ def detections(swarm: str, ego: str) -> str:
     return _ego_key(swarm, ego, "detections")
 
 
+def ego_steering(swarm: str, ego: str) -> str:
+    """Queryable: `messages.EgoSteering` -> `messages.EgoSteered`."""
+    return _ego_key(swarm, ego, "steering")
+
+
+def robot_steering(swarm: str, robot: str) -> str:
+    """Queryable: `messages.RobotSteering` -> `messages.RobotSteered`."""
+    return _robot_key(swarm, robot, "steering")
+
+
 def net_state(swarm: str) -> str:
     """`messages.NetState`, 1 Hz, from the network controller."""
     return _net_key(swarm, "state")

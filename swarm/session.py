@@ -168,10 +168,11 @@ class Session:
         question.send(self._connection.zenoh, request, traffic)
         return question.future
 
-    def declare_alive(self, robot: str) -> None:
-        """Shows the robot as alive until this session closes or its link breaks."""
+    def declare_alive(self, robot: str) -> Callable[[], None]:
+        """Shows the robot as alive until this session closes or its link breaks, or until what is
+        returned is called."""
         key = keyspace.alive(self.swarm, robot)
-        self._connection.declare(lambda session: session.liveliness().declare_token(key))
+        return self._connection.declare(lambda session: session.liveliness().declare_token(key))
 
     def watch_alive(self, on_join: Callable[[str], None], on_leave: Callable[[str], None]) -> None:
         """Calls back with a robot id when a robot joins (also those already there) or leaves."""
@@ -206,8 +207,9 @@ class Session:
         key = keyspace.llm_alive(self.swarm)
         self._connection.declare(lambda session: session.liveliness().declare_token(key))
 
-    def watch_gateway(self, on_change: Callable[[bool], None]) -> None:
-        """Calls back with whether an LLM gateway is alive, whenever its token comes or goes."""
+    def watch_gateway(self, on_change: Callable[[bool], None]) -> Callable[[], None]:
+        """Calls back with whether an LLM gateway is alive, whenever its token comes or goes, until
+        what is returned is called."""
 
         def receive(sample: zenoh.Sample) -> None:
             try:
@@ -216,7 +218,7 @@ class Session:
                 self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
 
         key = keyspace.llm_alive(self.swarm)
-        self._connection.declare(
+        return self._connection.declare(
             lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )
 

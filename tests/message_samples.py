@@ -19,6 +19,9 @@ from swarm.messages import (
     DecideRequest,
     Decision,
     Detections,
+    EgoSteered,
+    EgoSteering,
+    EgoWish,
     LinkClass,
     LinkState,
     LlmTimings,
@@ -29,6 +32,8 @@ from swarm.messages import (
     Observation,
     ObservationRequest,
     Refusal,
+    RobotSteered,
+    RobotSteering,
     SceneDescription,
     ShapeInForce,
     ShapeReply,
@@ -187,6 +192,12 @@ SAMPLES: tuple[Message, ...] = (
         duration_s=60.0,
         revision=8,
     ),
+    EgoSteering(request=12, operator="ann@floor", wish=EgoWish(policy="static-late", q_min=0.6)),
+    EgoSteered(
+        request=12, ego="R1", policy="static-late", q_min=0.6, policies=("coverage", "static-late")
+    ),
+    RobotSteering(request=13, operator="ann@floor", duty="off"),
+    RobotSteered(request=13, robot="R3", on_duty=False, operator="ann@floor", since_ns=NOW),
     ShapeReply(
         request=3,
         revision=9,

@@ -324,7 +324,7 @@ def test_without_a_controller_the_command_says_so(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("coadapt.net_client.FIND_S", 0.3)
+    monkeypatch.setattr("coadapt.asking.FIND_S", 0.3)
     name = swarm(shared_router.address)
     assert main(["net", "show", "--swarm", name]) == 1
     assert f"no network controller answers in swarm '{name}'" in capsys.readouterr().err

@@ -14,7 +14,6 @@ from ego_agent.agent import EgoAgent
 from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
-from ego_agent.policies.coverage import Coverage
 from swarm.log import make_logger
 from swarm.messages import Decision
 from swarm.process import Clock
@@ -72,7 +71,7 @@ def test_a_demand_that_cannot_be_told_costs_the_cycle_nothing() -> None:
     agent = EgoAgent(
         monitor=Monitor("E", LinkEstimate(55e6)),
         knowledge=knowledge(),
-        policy=Coverage(),
+        steering=unused,
         sensor=unused,
         fusion=unused,
         tally=unused,

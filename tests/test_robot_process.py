@@ -93,7 +93,7 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
     ego.subscribe(
         keyspace.scene(ego.swarm, keyspace.ANY), SceneDescription, lambda m, key: scenes.put(m)
     )
-    process = start(ROBOTS="302,311", RING_FRAMES="20")
+    process = start(ROBOTS="302,311", RING_FRAMES="100")
     assert {events.next(), events.next()} == {("join", "302"), ("join", "311")}
 
     world = Opv2vWorld(opv2v_dir)

@@ -433,6 +433,26 @@ def test_robots_join_and_leave(shared_router: RouterProcess, open_session: Sessi
     assert watcher.alive() == ()
 
 
+def test_a_robot_may_leave_and_come_back_on_one_session(
+    shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    watcher, robot = open_session(shared_router.address), open_session(shared_router.address)
+    events: Inbox[tuple[str, str]] = Inbox()
+    watcher.watch_alive(lambda r: events.put(("join", r)), lambda r: events.put(("leave", r)))
+    robot.declare_alive("R2")
+    assert events.next() == ("join", "R2")
+    for _ in range(2):
+        leave = robot.declare_alive("R1")
+        assert events.next() == ("join", "R1")
+        leave()
+        leave()
+        assert events.next() == ("leave", "R1")
+        assert watcher.alive() == ("R2",)
+    robot.close()
+    leave()
+    assert events.next() == ("leave", "R2")
+
+
 def test_a_token_that_is_no_robots_is_left_out(
     shared_router: RouterProcess, open_session: SessionMaker
 ) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import getpass
 import re
-import socket
 import time
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import msgspec
 
 from coadapt.net_client import ask, watch_state
 from coadapt.net_view import render
+from coadapt.operator import operator
 from deploy.rates import parse_link_rate, parse_seconds, parse_share
 from deploy.state import need_state
 from network_controller.mahimahi import read_trace
@@ -143,13 +142,13 @@ def _congest(args: argparse.Namespace) -> ShapeRequest:
 
 
 def _show(args: argparse.Namespace) -> ShapeRequest:
-    return ShapeRequest(profile="show", operator=_operator())
+    return ShapeRequest(profile="show", operator=operator())
 
 
 def _request(args: argparse.Namespace, **values: object) -> ShapeRequest:
     """A request whose values are in range. Raises CoAdaptError that names the value."""
     common = {
-        "operator": _operator(),
+        "operator": operator(),
         "robot": "" if args.robot is None else keyspace.check_name("robot id", args.robot),
         "duration_s": (
             None if args.duration is None else parse_seconds(args.duration, MAX_DURATION_S)
@@ -160,11 +159,3 @@ def _request(args: argparse.Namespace, **values: object) -> ShapeRequest:
         return msgspec.convert(common | values, ShapeRequest, strict=True)
     except msgspec.ValidationError as error:
         raise NetworkError(f"the request is not valid: {error}") from error
-
-
-def _operator() -> str:
-    """Who asks, as it stands in the controller's journal."""
-    try:
-        return f"{getpass.getuser()}@{socket.gethostname()}"[:64]
-    except (OSError, KeyError):
-        return "unknown"

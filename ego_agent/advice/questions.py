@@ -77,7 +77,8 @@ class Questions:
         self._number = 0
         self._pending: Question | None = None
         self._heard: Heard | None = None
-        session.watch_gateway(self._on_gateway)
+        self.close = session.watch_gateway(self._on_gateway)
+        """Watches for gateways no more."""
 
     def alive(self) -> bool:
         """Whether there is a gateway to ask, and a link to reach it."""

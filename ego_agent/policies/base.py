@@ -58,5 +58,6 @@ class Connecting(Protocol):
         ...
 
     def close(self) -> None:
-        """Called at the end; asks no more."""
+        """Asks no more. Called at the end, or when another policy takes over: then perhaps while
+        it still proposes for the last time."""
         ...

@@ -75,7 +75,9 @@ class Llm:
 
     def close(self) -> None:
         """Asks no more; what is under way is forgotten."""
-        self._questions = None
+        questions, self._questions = self._questions, None
+        if isinstance(questions, Questions):
+            questions.close()
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None

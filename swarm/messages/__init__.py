@@ -44,6 +44,7 @@ from swarm.messages.net import (
     ShapeRequest,
 )
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
+from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
 from swarm.messages.wire import decode, encode
 
 __all__ = [
@@ -67,6 +68,9 @@ __all__ = [
     "Detections",
     "Direction",
     "Directions",
+    "EgoSteered",
+    "EgoSteering",
+    "EgoWish",
     "LinkClass",
     "LinkState",
     "LlmTimings",
@@ -80,6 +84,8 @@ __all__ = [
     "Profile",
     "Refusal",
     "RobotId",
+    "RobotSteered",
+    "RobotSteering",
     "SceneDescription",
     "ShapeInForce",
     "ShapeReply",

@@ -19,12 +19,17 @@ from swarm.messages.robot import (
     Refusal,
     SceneDescription,
 )
+from swarm.messages.steer import EgoSteered, EgoSteering, RobotSteered, RobotSteering
 
 M = TypeVar("M", bound=Message)
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODERS: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {
     kind: msgspec.msgpack.Decoder(kind)
     for kind in (
+        EgoSteering,
+        EgoSteered,
+        RobotSteering,
+        RobotSteered,
         Beacon,
         SceneDescription,
         ObservationRequest,

@@ -1,0 +1,136 @@
+"""`coadapt steer`: another policy or Q_min, robots off duty and back, while the swarm runs."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import msgspec
+
+from coadapt.asking import ask_patiently
+from coadapt.operator import operator
+from deploy.state import need_state
+from swarm import keyspace
+from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
+from swarm.messages import EgoSteered, EgoSteering, EgoWish, Message, RobotSteered, RobotSteering
+from swarm.messages.steer import Duty
+from swarm.session import Session
+
+CONNECT_S = 5.0
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds `steer` to the command line."""
+    parser = subparsers.add_parser("steer", help="change policy, Q_min, duty", description=__doc__)
+    parser.add_argument("--policy", help="of the ego, from its next cycle on")
+    parser.add_argument("--q-min", type=float, help="of the ego, from its next cycle on")
+    parser.add_argument(
+        "--stop", action="append", default=[], metavar="ROBOT", help="off duty (repeatable)"
+    )
+    parser.add_argument(
+        "--start", action="append", default=[], metavar="ROBOT", help="on duty (repeatable)"
+    )
+    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    parser.add_argument("--json", action="store_true", help="one object on standard output")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carries out what is wished, and prints how the ego decides and which robots were steered.
+
+    Nothing is changed unless all that are named answer.
+    """
+    state = need_state(args.swarm)
+    wishes = _wishes(args, state.spec.swarm, state.spec.ego)
+    try:
+        session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)
+    except TransportError as error:
+        raise DeployError(f"the router of swarm {args.swarm!r} does not answer: {error}") from error
+    with session:
+        for wish in wishes:
+            wish.reach(session)
+        done = [wish.carry_out(session) for wish in wishes]
+    if args.json:
+        print(msgspec.json.encode(done).decode())
+        return 0
+    for reply in done:
+        print(_words(reply))
+    return 0
+
+
+def _wishes(args: argparse.Namespace, swarm: str, ego: str) -> list[_Wish]:
+    """What to ask of whom. Raises DecisionError that names a value that is not allowed."""
+    both = sorted(set(args.stop) & set(args.start))
+    if both:
+        raise DecisionError(f"robot {both[0]!r} is both to stop and to start: name it once")
+    by = operator()
+    steering: dict[str, object] = {
+        "operator": by,
+        "wish": {"policy": args.policy, "q_min": args.q_min},
+    }
+    ego_key, request = keyspace.ego_steering(swarm, ego), _valid(steering, EgoSteering)
+    wishes = [_Wish(f"ego {ego}", ego_key, EgoSteering(wish=EgoWish()), request, EgoSteered)]
+    both_ways: tuple[tuple[list[str], Duty], ...] = ((args.stop, "off"), (args.start, "on"))
+    for robots, duty in both_ways:
+        for robot in dict.fromkeys(robots):
+            key = keyspace.robot_steering(swarm, robot)
+            request_of = RobotSteering(operator=by, duty=duty)
+            wishes.append(
+                _Wish(f"robot {robot}", key, RobotSteering(duty="ask"), request_of, RobotSteered)
+            )
+    return wishes
+
+
+def _valid(values: dict[str, object], kind: type[EgoSteering]) -> EgoSteering:
+    try:
+        return msgspec.convert(values, kind, strict=True)
+    except msgspec.ValidationError as error:
+        raise DecisionError(f"the wish is not valid: {error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """A request to one process."""
+
+    who: str
+    key: str
+    nothing: Message
+    """A request that only asks."""
+    request: Message
+    kind: type[Message]
+
+    def reach(self, session: Session) -> None:
+        """Raises DeployError where it does not answer."""
+        with _faults(session, self.who):
+            ask_patiently(session, self.key, self.nothing, self.kind)
+
+    def carry_out(self, session: Session) -> Message:
+        """Raises DecisionError where it refuses."""
+        with _faults(session, self.who):
+            return ask_patiently(session, self.key, self.request, self.kind)
+
+
+@contextmanager
+def _faults(session: Session, who: str) -> Iterator[None]:
+    try:
+        yield
+    except RefusedError as error:
+        raise DecisionError(f"{who} refuses: {error}") from error
+    except TransportError as error:
+        raise DeployError(
+            f"{who} of swarm {session.swarm!r} does not answer ({error}); see `coadapt status`"
+        ) from error
+
+
+def _words(reply: Message) -> str:
+    if isinstance(reply, EgoSteered):
+        return f"{reply.ego} decides by {reply.policy}, Q_min {reply.q_min:g}"
+    assert isinstance(reply, RobotSteered)
+    duty = "on duty" if reply.on_duty else "off duty"
+    if not reply.operator:
+        return f"{reply.robot} is {duty}"
+    since = time.strftime("%H:%M:%S", time.localtime(reply.since_ns / 1e9))
+    return f"{reply.robot} is {duty}, by {reply.operator} since {since}"
