@@ -26,12 +26,12 @@ PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline
 
 .DEFAULT_GOAL := help
-.PHONY: help setup up down status logs metrics shape congest net test check lint types bench train eval-detector eval \
+.PHONY: help setup up down status logs metrics shape congest net record test check lint types bench train eval-detector eval \
 	lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|road|opv2v|bag DATA=dir RUNTIME=auto|docker|netns"
+	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|road|opv2v|bag|recording DATA=path RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
@@ -41,7 +41,7 @@ help: ## Show this list
 setup: ## Make .venv and install what the swarm needs (EXTRA=llm: an embedded model, too)
 	@EXTRA='$(EXTRA)' sh deploy/setup.sh
 
-up: setup ## Start a swarm: router, robots, ego, Prometheus
+up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prometheus
 	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \
 		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
 		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) \
@@ -71,6 +71,9 @@ congest: setup ## Send competing telemetry, at RATE or 85 % of the link
 
 net: setup ## Show the shapes in force and what links carry
 	@$(COADAPT) net show --swarm $(SWARM) $(ARGS)
+
+record: setup ## Record the swarm as MCAP for Foxglove and for WORLD=recording (ARGS='--seconds 30 --live')
+	@$(COADAPT) record --swarm $(SWARM) $(ARGS)
 
 test: setup ## Run all tests
 	@$(PYTHON_ENV) -m pytest $(ARGS)

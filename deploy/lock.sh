@@ -22,7 +22,7 @@ pip install --no-deps --no-index --requirement requirements-torch.lock 2>/dev/nu
     || pip install --no-deps --requirement requirements-torch.lock
 pip install .
 freeze >"$work/run"
-pip install '.[dev,figures,llm-server]'
+pip install '.[dev,figures,llm-server,recordings]'
 freeze >"$work/all"
 cp "$work/run" requirements.lock
 LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock

@@ -68,6 +68,7 @@ def test_processes_never_import_each_other(process: str) -> None:
         ("deploy", {"swarm", "worlds"}),
         ("training", {"swarm", "perception", "worlds"}),
         ("evaluation", rooms() - {"robot_agent", "benchmarks", "coadapt", "tests"}),
+        ("recordings", {"swarm", "perception", "worlds", "deploy", "evaluation"}),
         ("robot_agent", {"swarm", "perception", "worlds"}),
         ("ego_agent", {"swarm", "perception", "worlds"}),
     ],

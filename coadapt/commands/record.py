@@ -1,0 +1,111 @@
+"""`coadapt record`: write what a running swarm does as MCAP, for Foxglove and for replaying."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from importlib import resources
+from pathlib import Path
+
+from deploy.progress import say
+from deploy.state import State, need_state, read_state
+from swarm.errors import CoAdaptError, RecordingError
+from swarm.process import stop_on_signals
+
+LIVE_PORT = 8765
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Adds `record` to the command line."""
+    parser = subparsers.add_parser("record", help="record a swarm as MCAP", description=__doc__)
+    parser.add_argument(
+        "output",
+        nargs="?",
+        type=Path,
+        metavar="FILE.mcap",
+        help="a new file (default: var/<swarm>/recordings/<time>.mcap)",
+    )
+    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    parser.add_argument("--seconds", type=float, help="how long (default: until Ctrl-C)")
+    parser.add_argument(
+        "--points",
+        choices=("none", "selected", "all"),
+        default="all",
+        help="whose scans: nobody's, of those that take part, or everybody's (default: all)",
+    )
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="frames a second with scans (default: all)"
+    )
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        type=int,
+        const=LIVE_PORT,
+        metavar="PORT",
+        help=f"serve Foxglove on 127.0.0.1, too (default port: {LIVE_PORT})",
+    )
+    parser.add_argument("--no-file", action="store_true", help="only --live: write no file")
+    parser.add_argument(
+        "--layout", action="store_true", help="print the layout to import in Foxglove, and end"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Records until the time is up, Ctrl-C, or the swarm is gone; the file is whole every time."""
+    if args.layout:
+        print(resources.files("recordings").joinpath("foxglove-layout.json").read_text(), end="")
+        return 0
+    if args.no_file and args.live is None:
+        raise RecordingError("--no-file without --live would record nothing: give --live")
+    if args.seconds is not None and not args.seconds > 0:
+        raise RecordingError(f"--seconds {args.seconds} cannot be used; it must be above 0")
+    try:
+        from recordings.record import Wanted, record
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "foxglove":
+            raise
+        raise RecordingError(
+            "the package foxglove-sdk is missing: run `make setup`, or "
+            "pip install 'coadapt-edge[recordings]'"
+        ) from error
+    state = need_state(args.swarm)
+    output = None if args.no_file else (args.output or _default(state))
+    stop = stop_on_signals()
+    where = "no file" if output is None else str(output)
+    say(f"recording swarm {args.swarm!r} to {where}; Ctrl-C ends it")
+    result = record(
+        state,
+        Wanted(output, args.points, args.rate, args.seconds, args.live),
+        stop,
+        say,
+        lambda: _gone(state),
+    )
+    say(f"ended: {result.ended}")
+    if result.lost or result.left_out:
+        say(
+            f"this machine could not keep up, or scans could not be had: {result.left_out} frames "
+            f"are without scans, {result.lost} messages were lost; --rate or --points selected "
+            "makes less work"
+        )
+    print(
+        f"{where}: {result.seconds:.0f} s, {result.fused} fused frames, {result.frames} with "
+        f"scans, {result.bytes / 1e6:.1f} MB"
+    )
+    if result.path is not None:
+        print(f"next: coadapt replay {result.path}, or open it in Foxglove (docs/recordings.md)")
+    return 0
+
+
+def _default(state: State) -> Path:
+    name = time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
+    return Path(state.spec.var_dir) / "recordings" / name
+
+
+def _gone(state: State) -> bool:
+    """Whether the swarm was taken down, or is another one by now."""
+    try:
+        now = read_state(state.spec.swarm)
+    except CoAdaptError:
+        return False
+    return now is None or now.spec.epoch_ns != state.spec.epoch_ns

@@ -1,0 +1,217 @@
+"""A recording of a swarm, written without a swarm, read as a world."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
+
+from coadapt.main import main
+from deploy.spec import make_spec
+from evaluation.cooperative import fuse_frame
+from recordings.check import check
+from recordings.listen import Heard
+from recordings.outlet import Outlet
+from recordings.recorder import Recorder
+from recordings.scans import Scans
+from recordings.sink import Sink
+from swarm.arrays import pack
+from swarm.errors import RecordingError, WorldError
+from swarm.messages import Decision, Detections
+from swarm.process import capture_ns
+from worlds.factory import FactoryWorld
+from worlds.recording.clouds import read_points
+from worlds.recording.file import RecordingFile
+from worlds.recording.world import RecordingWorld
+from worlds.registry import open_world
+
+EPOCH_NS = 1_780_000_000_123_456_789
+NUMBERS = (40, 42, 46)
+"""Of frames that the ego fused: at 5 Hz, without 44."""
+
+
+def spec_of(tmp_path: Path):  # type: ignore[no-untyped-def]
+    return make_spec(robots=("R1", "R2", "R3"), rings=16, epoch_ns=EPOCH_NS, run_dir=str(tmp_path))
+
+
+def detections(world: FactoryWorld, number: int, algorithm: str = "late") -> Detections:
+    """What an ego says of a frame of R1 and R2; R3 was asked, too."""
+    fused = fuse_frame(world, number, "R1", ["R2"], algorithm)
+    boxes = fused.boxes
+    table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
+    return Detections(
+        ego="R1",
+        cycle=number // 10,
+        frame=number,
+        capture_ns=capture_ns(EPOCH_NS, world.rate_hz, number),
+        algorithm=algorithm,
+        participants=("R1", "R2"),
+        missing={"R3": "late"},
+        boxes=pack(table),
+        scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
+        labels=boxes.labels,
+        bytes=fused.bytes,
+        latency_ms=20.0,
+    )
+
+
+def write(path: Path, tmp_path: Path, points: str = "all") -> Path:
+    """A recording of frames NUMBERS, as a swarm's messages would have made it."""
+    spec = spec_of(tmp_path)
+    scans = Scans(spec, points, None) if points != "none" else None  # type: ignore[arg-type]
+    world = FactoryWorld(robots=3, rings=16)
+    outlet = Outlet(Sink(path))
+    recorder = Recorder(spec, outlet, scans, points, EPOCH_NS)  # type: ignore[arg-type]
+    decision = Decision(
+        ego="R1",
+        cycle=4,
+        decided_ns=EPOCH_NS,
+        participants=("R1", "R2"),
+        algorithm="late",
+        reason="R2 sees what R1 does not",
+        source="policy",
+        policy="coverage",
+        valid=True,
+        capacity_bps=5e6,
+    )
+    recorder.take(Heard(decision, EPOCH_NS))
+    for number in (*NUMBERS, NUMBERS[-1]):
+        recorder.take(Heard(detections(world, number), EPOCH_NS))
+        recorder.flush()
+    assert recorder.fused == len(NUMBERS)
+    outlet.close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording")
+    return write(folder / "all.mcap", folder)
+
+
+def test_a_recording_gives_the_scans_and_truth_that_were_there(recorded: Path) -> None:
+    world, real = open_world("recording", data=recorded), FactoryWorld(robots=3, rings=16)
+    assert world.robots == ("R1", "R2", "R3")
+    assert (world.rate_hz, world.range_m, world.detector) == (5.0, real.range_m, "factory")
+    assert world.frame_count == 4
+    for frame, number in ((0, 40), (1, 42), (2, 42), (3, 46), (4, 40), (7, 46)):
+        for robot in world.robots:
+            scan, expected = world.scan(robot, frame), real.scan(robot, number)
+            np.testing.assert_array_equal(scan.points, expected.points)
+            assert scan.points.dtype == np.float32
+            assert scan.pose == expected.pose == world.pose(robot, frame)
+            assert scan.velocity == expected.velocity
+            assert scan.frame == frame % 4
+        truth, expected_truth = world.ground_truth(frame), real.ground_truth(number)
+        assert truth.ids == expected_truth.ids
+        assert truth.boxes.labels == expected_truth.boxes.labels
+        np.testing.assert_array_equal(truth.boxes.centers, expected_truth.boxes.centers)
+        np.testing.assert_array_equal(truth.boxes.headings, expected_truth.boxes.headings)
+        np.testing.assert_array_equal(truth.visible_points, expected_truth.visible_points)
+    with pytest.raises(WorldError, match=r"robot 'R9' is not in recording .*R1, R2, R3"):
+        world.scan("R9", 0)
+
+
+def test_every_frame_fuses_again_to_the_recorded_boxes(recorded: Path) -> None:
+    result = check(RecordingWorld(recorded))
+    assert (result.compared, result.equal, result.different) == (3, 3, ())
+    assert result.boxes > 0
+    assert result.largest < 1e-5
+
+
+def test_foxglove_finds_its_own_schemas_and_json_with_schemas(recorded: Path) -> None:
+    with recorded.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        kinds = {
+            channel.topic: (channel.message_encoding, summary.schemas[channel.schema_id])
+            for channel in summary.channels.values()
+        }
+    named = {topic: (encoding, schema.name) for topic, (encoding, schema) in kinds.items()}
+    assert named["/robot/R2/points"] == ("protobuf", "foxglove.PointCloud")
+    assert named["/ego/boxes"] == named["/truth/boxes"] == ("protobuf", "foxglove.SceneUpdate")
+    assert named["/tf"] == ("protobuf", "foxglove.FrameTransforms")
+    assert named["/log"] == ("protobuf", "foxglove.Log")
+    assert named["/ego/decision"] == ("json", "coadapt.Decision")
+    for encoding, schema in kinds.values():
+        if encoding == "json":
+            assert b'"type": "object"' in schema.data or b'"type":"object"' in schema.data
+
+
+def test_a_file_cut_off_is_used_up_to_the_cut(recorded: Path, tmp_path: Path) -> None:
+    whole = RecordingWorld(recorded)
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recorded.read_bytes()[: recorded.stat().st_size * 3 // 5])
+    world = RecordingWorld(cut)
+    assert 1 <= world.frame_count < whole.frame_count
+    assert "cut off" in world.notes[0]
+    np.testing.assert_array_equal(world.scan("R3", 0).points, whole.scan("R3", 0).points)
+    assert check(world).equal >= 1
+
+
+def test_what_is_no_recording_is_named_with_what_is_missing(tmp_path: Path) -> None:
+    path = tmp_path / "other.mcap"
+    with pytest.raises(WorldError, match=r"recording .*other.mcap cannot be read"):
+        RecordingWorld(path)
+    path.write_bytes(b"something else")
+    with pytest.raises(WorldError, match=r"other.mcap is not an MCAP file"):
+        RecordingWorld(path)
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        channel = writer.register_channel("/chatter", "json", 0)
+        writer.add_message(channel, log_time=1, publish_time=1, data=b"{}")
+        writer.finish()
+    with pytest.raises(WorldError, match=r"no recording of a swarm: it has no topic /recording"):
+        RecordingFile(path)
+    with pytest.raises(WorldError, match="needs the file"):
+        open_world("recording")
+
+
+def test_scans_are_recorded_of_nobody_of_participants_or_of_all(tmp_path: Path) -> None:
+    chosen = RecordingWorld(write(tmp_path / "selected.mcap", tmp_path, "selected"))
+    # R3 was asked, though its answer did not come.
+    assert all(len(chosen.scan(robot, 0).points) for robot in ("R1", "R2", "R3"))
+    nothing = write(tmp_path / "none.mcap", tmp_path, "none")
+    assert RecordingFile(nothing).count("/ego/detections") == 3
+    with pytest.raises(WorldError, match="recorded with --points none"):
+        RecordingWorld(nothing)
+
+
+def test_a_recording_never_replaces_a_file(recorded: Path, tmp_path: Path) -> None:
+    before = recorded.read_bytes()
+    with pytest.raises(RecordingError, match="is there already"):
+        Sink(recorded)
+    assert recorded.read_bytes() == before
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingError, match="cannot be written"):
+        Sink(tmp_path / "file" / "x.mcap")
+
+
+def test_replay_prints_what_is_in_a_file(
+    recorded: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", str(recorded), "--check"]) == 0
+    shown = capsys.readouterr().out
+    assert "3 of 3 frames fuse to the recorded boxes" in shown
+    assert "/robot/R1/points" in shown
+    assert main(["replay", str(recorded.parent / "none")]) == 1
+    assert "cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (b"\x32\x03abc", "no float32 x, y, z"),
+        (b"\x32\x09abc", "ends within a field"),
+        (b"\x32", "malformed"),
+    ],
+)
+def test_a_malformed_cloud_is_an_error(message: bytes, words: str) -> None:
+    with pytest.raises(WorldError, match=words):
+        read_points(message)
+    assert read_points(b"").shape == (0, 3)
