@@ -32,7 +32,7 @@ def listen(port: int, what: str) -> socket.socket:
     return listener
 
 
-Door = Literal["ego metrics", "prometheus", "qod", "llm", "grafana"]
+Door = Literal["ego metrics", "prometheus", "qod", "llm", "grafana", "console"]
 
 
 @contextlib.contextmanager
@@ -57,6 +57,8 @@ def _doors(spec: SwarmSpec) -> Iterator[tuple[Door, int, str]]:
         yield "prometheus", spec.prometheus_port, "Prometheus (--prometheus-port)"
     if spec.grafana:
         yield "grafana", spec.grafana_port, "Grafana (--grafana-port)"
+    if spec.console:
+        yield "console", spec.console_port, "the console (--console-port)"
 
 
 def check_free(spec: SwarmSpec) -> None:

@@ -12,7 +12,9 @@ import yaml
 from deploy.spec import EMBEDDED, SwarmSpec
 from worlds.factory.scenarios import link_steps_bps
 
-Role = Literal["router", "controller", "gateway", "robot", "ego", "prometheus", "grafana"]
+Role = Literal[
+    "router", "controller", "gateway", "robot", "ego", "console", "prometheus", "grafana"
+]
 INFRA = "infra"
 ROUTER_METRICS_PORT = 9100
 ROBOT_METRICS_PORT = 9101
@@ -34,9 +36,11 @@ SECRETS: Mapping[str, Role] = {
     "COADAPT_QOD_": "controller",
     "COADAPT_LLM_API_KEY": "gateway",
     "COADAPT_LLM_HTTP_": "gateway",
+    "COADAPT_CONSOLE_": "console",
 }
 """Settings, by how their names begin, that only one role may know."""
 API_KEY, API_KEY_FILE = "COADAPT_LLM_API_KEY", "COADAPT_LLM_API_KEY_FILE"
+CONSOLE_TOKEN = "COADAPT_CONSOLE_TOKEN"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +91,8 @@ class Service:
 
 
 def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
-    """Router, controller, gateway, robots, ego, Prometheus and Grafana, in the order in which to
-    start them."""
+    """Router, controller, gateway, robots, ego, console, Prometheus and Grafana, in the order in
+    which to start them."""
     router = Service(
         name="router",
         role="router",
@@ -149,6 +153,13 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         metrics_port=EGO_METRICS_PORT,
         robot=spec.ego,
     )
+    console = Service(
+        name="console",
+        role="console",
+        host=INFRA,
+        argv=(place.python, "-m", "console"),
+        env=_console_environment(spec, place),
+    )
     prometheus = Service(
         name="prometheus",
         role="prometheus",
@@ -164,7 +175,8 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         metrics_port=PROMETHEUS_PORT,
     )
     advice = [gateway] if spec.llm else []
-    watch = [prometheus] if spec.prometheus else []
+    watch = [console] if spec.console else []
+    watch += [prometheus] if spec.prometheus else []
     if spec.grafana:
         watch.append(Service(name="grafana", role="grafana", host=INFRA, argv=()))
     return (router, controller, *advice, *robots, ego, *watch)
@@ -231,6 +243,21 @@ def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     }
 
 
+def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
+    """The console's settings (`console.settings`)."""
+    return {
+        "COADAPT_SWARM": spec.swarm,
+        "COADAPT_ROUTER": _router(spec, place.site_router_host or place.router_host),
+        "COADAPT_EGO": spec.ego,
+        "COADAPT_CONSOLE_PORT": str(spec.console_port),
+        "COADAPT_WORLD": spec.world,
+        "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),
+        "COADAPT_WORLD_SEED": str(spec.seed),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+
+
 def _site_environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
     """What the processes share that serve the site, not one robot."""
     host = place.site_router_host or place.router_host
@@ -242,10 +269,14 @@ def _site_environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[
 def _common_environment(spec: SwarmSpec, router_host: str, metrics_port: int) -> dict[str, str]:
     return {
         "COADAPT_SWARM": spec.swarm,
-        "COADAPT_ROUTER": f"tcp/{router_host}:{spec.router_port}",
+        "COADAPT_ROUTER": _router(spec, router_host),
         "COADAPT_METRICS_HOST": "0.0.0.0",
         "COADAPT_METRICS_PORT": str(metrics_port),
     }
+
+
+def _router(spec: SwarmSpec, host: str) -> str:
+    return f"tcp/{host}:{spec.router_port}"
 
 
 def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:

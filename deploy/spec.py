@@ -51,6 +51,7 @@ _ALLOWED = {
     "llm_port": _PORT_RULE,
     "gateway_metrics_port": _PORT_RULE,
     "grafana_port": _PORT_RULE,
+    "console_port": _PORT_RULE,
 }
 
 
@@ -104,6 +105,10 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Whether Grafana shows what Prometheus has; in Docker only."""
     grafana_port: HostPort = 3000
     """Where Grafana answers on the host's 127.0.0.1."""
+    console: bool = False
+    """Whether the operator's console runs."""
+    console_port: HostPort = 8080
+    """Where it answers on the host's 127.0.0.1."""
     run_dir: str
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str

@@ -43,6 +43,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     """The LLM gateway's HTTP door on the host; empty without a gateway."""
     grafana_url: str = ""
     """Grafana on the host; empty without."""
+    console_url: str = ""
+    """The operator's console on the host; empty without."""
     processes: dict[str, ProcessMark] = {}
     """Processes on the host that belong to the swarm, by what they do."""
 

@@ -98,9 +98,9 @@ class Viewer:
         self.now = event["now"]
         return event
 
-    def until(self, holds: Callable[[], bool], what: str) -> None:
+    def until(self, holds: Callable[[], bool], what: str, timeout_s: float = WAIT_S) -> None:
         """Reads on until something holds, of the whole state."""
-        deadline = time.monotonic() + WAIT_S
+        deadline = time.monotonic() + timeout_s
         if not self.events:
             self.next()
         while not holds():

@@ -67,6 +67,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("--grafana", action="store_true", help="start Grafana, too (in Docker)")
     parser.add_argument("--grafana-port", type=int, default=3000, help="on 127.0.0.1")
+    parser.add_argument("--no-console", action="store_true", help="go without the console")
+    parser.add_argument("--console-port", type=int, default=8080, help="on 127.0.0.1")
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
 
@@ -141,6 +143,8 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         controller_metrics_port=args.controller_metrics_port,
         grafana=args.grafana,
         grafana_port=args.grafana_port,
+        console=not args.no_console,
+        console_port=args.console_port,
         comm_range_m=comm_range_m,
         link_bps=parse_link_rate(args.link) if args.link else None,
         **optional,
@@ -160,6 +164,7 @@ def _recorded(name: str, data: Path) -> World:
 def _print_where(state: State) -> None:
     spec = state.spec
     print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
+    print(f"console     {state.console_url or 'none'}")
     print(f"prometheus  {state.prometheus_url or 'none'}")
     if state.grafana_url:
         print(f"grafana     {state.grafana_url} (admin's password: {spec.run_dir}/{PASSWORD_FILE})")

@@ -43,7 +43,13 @@ GATEWAY: dict[str, Any] = {
     "network_mode": "host",
     "cap_drop": ["ALL"],
 }
+CONSOLE: dict[str, Any] = {
+    # Its page sends the host's own name and port, which it checks.
+    "network_mode": "host",
+    "cap_drop": ["ALL"],
+}
 DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
+_IN_HOST_NETWORK = ("controller", "gateway", "console")
 _NOT_FOR_PROCESSES = frozenset(
     {
         *("COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_GRAFANA_IMAGE"),
@@ -56,8 +62,8 @@ _NOT_FOR_PROCESSES = frozenset(
 def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
     """Where the processes of this swarm find things inside their containers.
 
-    Controller and LLM gateway live in the host's network; containers reach them at `gateway`, the
-    host's address on Docker's bridge.
+    Controller, LLM gateway and console live in the host's network; containers reach them at
+    `gateway`, the host's address on Docker's bridge.
     """
     return Place(
         driver="docker",
@@ -87,6 +93,7 @@ def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> s
     special = {
         "controller": CONTROLLER,
         "gateway": GATEWAY,
+        "console": CONSOLE,
         "grafana": grafana.container(spec),
     }
     document = {
@@ -115,7 +122,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
-        **({} if service.role in ("controller", "gateway") else {"networks": ["swarm"]}),
+        **({} if service.role in _IN_HOST_NETWORK else {"networks": ["swarm"]}),
         "labels": {LABEL: spec.swarm, SERVICE_LABEL: service.name},
         "restart": "unless-stopped" if service.restart == "always" else "no",
         "stop_grace_period": "5s",
@@ -134,15 +141,16 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
 def _settings(service: Service) -> dict[str, str | None]:
     """Settings that `up` has no option for, from the caller's environment. A key is not written
     down: for None compose takes the value from its own environment."""
-    if service.role not in ("robot", "ego", "controller", "gateway"):
+    if service.role not in ("robot", "ego", "controller", "gateway", "console"):
         return {}
     found: dict[str, str | None] = {
         name: value
         for name, value in roster.inherited(service.role, os.environ).items()
         if name.startswith("COADAPT_") and name not in _NOT_FOR_PROCESSES
     }
-    if roster.API_KEY in found:
-        found[roster.API_KEY] = None
+    for secret in (roster.API_KEY, roster.CONSOLE_TOKEN):
+        if secret in found:
+            found[secret] = None
     if found.get(roster.API_KEY_FILE):
         found[roster.API_KEY_FILE] = KEY
     return found

@@ -20,6 +20,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGES = (
     "benchmarks",
     "coadapt",
+    "console",
     "deploy",
     "ego_agent",
     "evaluation",

@@ -15,6 +15,7 @@ import msgspec
 
 from deploy.netns import control, detached, outside
 from deploy.netns.supervisor import (
+    CONSOLE_SOCKET,
     EGO_METRICS_SOCKET,
     LLM_HTTP_SOCKET,
     PROMETHEUS_SOCKET,
@@ -120,6 +121,7 @@ _SOCKETS: Mapping[Door, str] = {
     "prometheus": PROMETHEUS_SOCKET,
     "qod": QOD_SOCKET,
     "llm": LLM_HTTP_SOCKET,
+    "console": CONSOLE_SOCKET,
 }
 
 

@@ -36,6 +36,7 @@ PROMETHEUS_SOCKET = "prometheus.sock"
 EGO_METRICS_SOCKET = "ego-metrics.sock"
 QOD_SOCKET = "qod.sock"
 LLM_HTTP_SOCKET = "llm.sock"
+CONSOLE_SOCKET = "console.sock"
 PROMETHEUS_FILE = "prometheus.yml"
 
 
@@ -97,6 +98,12 @@ class Supervisor:
             servers.append(
                 await relay.serve_unix(
                     self._run_dir / LLM_HTTP_SOCKET, outside.LOOPBACK, self._spec.llm_port
+                )
+            )
+        if self._spec.console:
+            servers.append(
+                await relay.serve_unix(
+                    self._run_dir / CONSOLE_SOCKET, outside.LOOPBACK, self._spec.console_port
                 )
             )
         way_out = await outside.serve(self._spec)

@@ -97,6 +97,7 @@ class DockerRuntime:
                 qod_url=f"http://127.0.0.1:{spec.qod_port}",
                 llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
                 grafana_url=f"http://127.0.0.1:{spec.grafana_port}" if spec.grafana else "",
+                console_url=f"http://localhost:{spec.console_port}" if spec.console else "",
             )
         )
         compose.start(spec, file)

@@ -177,6 +177,7 @@ def _state(spec: SwarmSpec, marks: dict[str, ProcessMark]) -> State:
         ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
         qod_url=f"http://127.0.0.1:{spec.qod_port}",
         llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
+        console_url=f"http://localhost:{spec.console_port}" if spec.console else "",
         processes=marks,
     )
 
