@@ -33,6 +33,8 @@ class Wanted:
     output: Path | None
     """None writes no file: the swarm is shown live only."""
     points: Points = "all"
+    truth: bool = True
+    """True boxes, where scans are recorded; a simulated world shoots all robots' scans for them."""
     rate_hz: float | None = None
     """Frames a second with scans; None takes every fused frame."""
     seconds: float | None = None
@@ -82,7 +84,7 @@ def record(
     """
     scans = None
     if wanted.points != "none":
-        scans = Scans(state.spec, wanted.points, wanted.rate_hz)
+        scans = Scans(state.spec, wanted.points, wanted.rate_hz, wanted.truth)
     sink = None if wanted.output is None else Sink(wanted.output)
     try:
         outlet = Outlet(sink, wanted.live_port, f"coadapt {state.spec.swarm}")

@@ -62,7 +62,7 @@ class Recorder:
             layout.Header(
                 swarm=spec.swarm,
                 ego=spec.ego,
-                robots=spec.robots,
+                robots=spec.robots if scans is None else scans.robots,
                 world=spec.world,
                 epoch_ns=spec.epoch_ns,
                 points=points,
@@ -145,9 +145,11 @@ class Recorder:
         self._outlet.put(layout.FUSED_BOXES, drawn, time_ns)
         self._budget(message)
         for robot, why in message.missing.items():
-            if self._missing.get(robot) != why:
+            # A reason begins with its kind; what follows may be other figures in every frame.
+            kind = why.split(":", 1)[0]
+            if self._missing.get(robot) != kind:
                 self._log(f"{robot} is missing: {why}", "warning", f"ego {message.ego}", time_ns)
-        self._missing = dict(message.missing)
+        self._missing = {robot: why.split(":", 1)[0] for robot, why in message.missing.items()}
 
     def _frame(self, scans: Scans, message: Detections, hurry: bool) -> None:
         if hurry:

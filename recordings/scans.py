@@ -18,9 +18,11 @@ from worlds.registry import open_world
 class Scans:
     """Writes a swarm's scans, poses and ground truth, frame by frame."""
 
-    def __init__(self, spec: SwarmSpec, points: layout.Points, rate_hz: float | None) -> None:
+    def __init__(
+        self, spec: SwarmSpec, points: layout.Points, rate_hz: float | None, truth: bool = True
+    ) -> None:
         """Opens the world. Raises RecordingError for a rate that is not above 0, and WorldError
-        when the world cannot be opened or lacks robots of the swarm."""
+        when the world cannot be opened."""
         self.world: World = open_world(
             spec.world,
             data=Path(spec.data) if spec.data else None,
@@ -32,7 +34,9 @@ class Scans:
         )
         if rate_hz is not None and not rate_hz > 0:
             raise RecordingError(f"rate {rate_hz} cannot be used; it must be frames a second > 0")
-        self._robots = tuple(robot for robot in spec.robots if robot in self.world.robots)
+        self._truth = truth
+        self.robots = tuple(robot for robot in spec.robots if robot in self.world.robots)
+        """Those of the swarm that the world has."""
         self._all = points == "all"
         self.stride = max(1, round(self.world.rate_hz / (rate_hz or self.world.rate_hz)))
         """Of the swarm's frames, those that it divides are written."""
@@ -45,18 +49,19 @@ class Scans:
         """Writes one frame. Raises WorldError when a scan cannot be had."""
         number, time_ns = fused.frame % self.world.frame_count, fused.capture_ns
         asked = {*fused.participants, *fused.missing}
-        chosen = [robot for robot in self._robots if self._all or robot in asked]
+        chosen = [robot for robot in self.robots if self._all or robot in asked]
         scans = {robot: self.world.scan(robot, number) for robot in chosen}
         poses = {
             robot: scans[robot].pose if robot in scans else self.world.pose(robot, number)
-            for robot in self._robots
+            for robot in self.robots
         }
         outlet.put(layout.TRANSFORMS, shapes.transforms(poses, time_ns), time_ns)
         for robot, scan in scans.items():
             outlet.put(
                 layout.points_topic(robot), shapes.cloud(robot, scan.points, time_ns), time_ns
             )
-        self._write_truth(fused.frame, number, time_ns, outlet)
+        if self._truth:
+            self._write_truth(fused.frame, number, time_ns, outlet)
         # Last: where it is, all of the frame is.
         outlet.put_json(
             layout.FRAME,

@@ -8,88 +8,26 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
+from recording_files import write_recording
 
 from coadapt.main import main
-from deploy.spec import make_spec
-from evaluation.cooperative import fuse_frame
 from recordings.check import check
-from recordings.listen import Heard
-from recordings.outlet import Outlet
-from recordings.recorder import Recorder
-from recordings.scans import Scans
 from recordings.sink import Sink
-from swarm.arrays import pack
 from swarm.errors import RecordingError, WorldError
-from swarm.messages import Decision, Detections
-from swarm.process import capture_ns
 from worlds.factory import FactoryWorld
 from worlds.recording.clouds import read_points
 from worlds.recording.file import RecordingFile
 from worlds.recording.world import RecordingWorld
 from worlds.registry import open_world
 
-EPOCH_NS = 1_780_000_000_123_456_789
 NUMBERS = (40, 42, 46)
 """Of frames that the ego fused: at 5 Hz, without 44."""
-
-
-def spec_of(tmp_path: Path):  # type: ignore[no-untyped-def]
-    return make_spec(robots=("R1", "R2", "R3"), rings=16, epoch_ns=EPOCH_NS, run_dir=str(tmp_path))
-
-
-def detections(world: FactoryWorld, number: int, algorithm: str = "late") -> Detections:
-    """What an ego says of a frame of R1 and R2; R3 was asked, too."""
-    fused = fuse_frame(world, number, "R1", ["R2"], algorithm)
-    boxes = fused.boxes
-    table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
-    return Detections(
-        ego="R1",
-        cycle=number // 10,
-        frame=number,
-        capture_ns=capture_ns(EPOCH_NS, world.rate_hz, number),
-        algorithm=algorithm,
-        participants=("R1", "R2"),
-        missing={"R3": "late"},
-        boxes=pack(table),
-        scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
-        labels=boxes.labels,
-        bytes=fused.bytes,
-        latency_ms=20.0,
-    )
-
-
-def write(path: Path, tmp_path: Path, points: str = "all") -> Path:
-    """A recording of frames NUMBERS, as a swarm's messages would have made it."""
-    spec = spec_of(tmp_path)
-    scans = Scans(spec, points, None) if points != "none" else None  # type: ignore[arg-type]
-    world = FactoryWorld(robots=3, rings=16)
-    outlet = Outlet(Sink(path))
-    recorder = Recorder(spec, outlet, scans, points, EPOCH_NS)  # type: ignore[arg-type]
-    decision = Decision(
-        ego="R1",
-        cycle=4,
-        decided_ns=EPOCH_NS,
-        participants=("R1", "R2"),
-        algorithm="late",
-        reason="R2 sees what R1 does not",
-        source="policy",
-        policy="coverage",
-        valid=True,
-        capacity_bps=5e6,
-    )
-    recorder.take(Heard(decision, EPOCH_NS))
-    for number in (*NUMBERS, NUMBERS[-1]):
-        recorder.take(Heard(detections(world, number), EPOCH_NS))
-        recorder.flush()
-    assert recorder.fused == len(NUMBERS)
-    outlet.close()
-    return path
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recording")
-    return write(folder / "all.mcap", folder)
+    return write_recording(folder / "all.mcap", NUMBERS)
 
 
 def test_a_recording_gives_the_scans_and_truth_that_were_there(recorded: Path) -> None:
@@ -173,10 +111,10 @@ def test_what_is_no_recording_is_named_with_what_is_missing(tmp_path: Path) -> N
 
 
 def test_scans_are_recorded_of_nobody_of_participants_or_of_all(tmp_path: Path) -> None:
-    chosen = RecordingWorld(write(tmp_path / "selected.mcap", tmp_path, "selected"))
+    chosen = RecordingWorld(write_recording(tmp_path / "selected.mcap", NUMBERS, points="selected"))
     # R3 was asked, though its answer did not come.
     assert all(len(chosen.scan(robot, 0).points) for robot in ("R1", "R2", "R3"))
-    nothing = write(tmp_path / "none.mcap", tmp_path, "none")
+    nothing = write_recording(tmp_path / "none.mcap", NUMBERS, points="none")
     assert RecordingFile(nothing).count("/ego/detections") == 3
     with pytest.raises(WorldError, match="recorded with --points none"):
         RecordingWorld(nothing)

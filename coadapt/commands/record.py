@@ -36,6 +36,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--rate", type=float, metavar="HZ", help="frames a second with scans (default: all)"
     )
+    parser.add_argument("--no-truth", action="store_true", help="leave out what is really there")
     parser.add_argument(
         "--live",
         nargs="?",
@@ -76,7 +77,14 @@ def run(args: argparse.Namespace) -> int:
     say(f"recording swarm {args.swarm!r} to {where}; Ctrl-C ends it")
     result = record(
         state,
-        Wanted(output, args.points, args.rate, args.seconds, args.live),
+        Wanted(
+            output=output,
+            points=args.points,
+            truth=not args.no_truth,
+            rate_hz=args.rate,
+            seconds=args.seconds,
+            live_port=args.live,
+        ),
         stop,
         say,
         lambda: _gone(state),
@@ -84,9 +92,9 @@ def run(args: argparse.Namespace) -> int:
     say(f"ended: {result.ended}")
     if result.lost or result.left_out:
         say(
-            f"this machine could not keep up, or scans could not be had: {result.left_out} frames "
-            f"are without scans, {result.lost} messages were lost; --rate or --points selected "
-            "makes less work"
+            f"{result.left_out} frames are without scans, and {result.lost} messages were lost: "
+            "this machine could not keep up, or scans could not be had (see /log); "
+            "--rate, or --points selected with --no-truth, makes less work"
         )
     print(
         f"{where}: {result.seconds:.0f} s, {result.fused} fused frames, {result.frames} with "

@@ -80,6 +80,7 @@ class RobotInFrame(msgspec.Struct, frozen=True, kw_only=True):
     pose: Vector6
     """Sensor in the world: x, y, z, roll, pitch, yaw."""
     velocity: Vector3
+    """0 where the scan was not recorded."""
     points: Count | None
     """Of its scan; None where the scan was not recorded."""
 
