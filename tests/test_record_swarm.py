@@ -15,6 +15,7 @@ import pytest
 from ego_swarm import Swarm, swarm_of
 from mcap.reader import make_reader
 from recording_files import write_recording
+from zenoh_fixtures import RouterProcess
 
 from coadapt.main import main
 from deploy.spec import make_spec
@@ -221,6 +222,27 @@ def test_nothing_begins_where_it_could_not_end_well(
     with pytest.raises(TransportError):
         record(state, Wanted(tmp_path / "c.mcap"), threading.Event(), print, lambda: False)
     assert [path.name for path in tmp_path.iterdir()] == ["there.mcap"]
+
+
+def test_a_router_that_stays_away_ends_the_recording_whole(
+    own_router: RouterProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("recordings.record.AWAY_S", 0.5)
+    spec = make_spec(swarm="test", robots=ROBOTS, rings=16, run_dir=str(tmp_path))
+    state = State(runtime="netns", spec=spec, router=own_router.address)
+    killed = threading.Event()
+
+    def gone() -> bool:
+        # Asked while it records: by then it is connected.
+        if not killed.is_set():
+            own_router.stop(kill=True)
+            killed.set()
+        return False
+
+    path = tmp_path / "away.mcap"
+    result = record(state, Wanted(path, points="none"), threading.Event(), print, gone)
+    assert "router has been away" in result.ended
+    assert not RecordingFile(path).notes
 
 
 def test_a_disk_that_is_full_ends_the_recording_and_is_said(
