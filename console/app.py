@@ -1,4 +1,4 @@
-"""The console's pages, its stream, and its one control."""
+"""The console's pages, its stream, and its controls."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
+from console.controls import CONTROLS
 from console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, Hosts, same_origin
 from console.hub import Hub
 from console.watch import Watch
-from swarm.errors import CoAdaptError, RefusedError
+from swarm.errors import CoAdaptError, KeyspaceError, RefusedError
 from swarm.log import Logger
-from swarm.messages import ShapeRequest
 
 PAGE = Path(__file__).parent / "page"
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 CSRF_HEADER = "x-coadapt-csrf"
 OPERATOR = "console"
+WHO = {"shape": "the network controller", "ego": "the ego", "robot": "the robot"}
 MAX_BODY_BYTES = 1_000_000
 """A trace of 100,000 rates fits."""
 STALLED_S = 30.0
@@ -74,31 +75,35 @@ def make_app(
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
 
-    async def shape(request: Request) -> Response:
+    async def control(request: Request) -> Response:
         if not same_origin(request.headers):
             return _refused(403, "controls answer to the console's own page only")
         if not hub.may_control(request.headers.get(CSRF_HEADER, "")):
             return _refused(403, "this page is not connected any more: reload it")
         if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
             return _refused(415, "the body must be application/json")
+        what = request.path_params["what"]
+        if what not in CONTROLS:
+            raise HTTPException(404)
         body = await _read(request)
         try:
-            asked = msgspec.json.decode(body, type=ShapeRequest)
+            asked = msgspec.json.decode(body, type=CONTROLS[what].request)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             return _refused(400, f"the request is not valid: {error}")
         asked = msgspec.structs.replace(asked, operator=OPERATOR)
-        told = {"profile": asked.profile, "robot": asked.robot, "rate_bps": asked.rate_bps}
+        robot = request.path_params.get("robot", "")
         try:
-            answer = await asyncio.wrap_future(watch.shape(asked))
+            reply = await asyncio.wrap_future(watch.ask(CONTROLS[what], asked, robot))
         except RefusedError as error:
-            log.info("console_refused", why=str(error)[:300], **told)
+            log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
             return _refused(409, str(error).partition(" refused: ")[2])
+        except KeyspaceError as error:
+            return _refused(400, str(error))
         except CoAdaptError as error:
-            log.warning("console_unanswered", why=str(error)[:300], **told)
-            return _refused(504, f"the network controller does not answer: {error}")
-        if asked.profile != "show":
-            log.info("console_shaped", **told)
-        return Response(msgspec.json.encode(answer.message), media_type="application/json")
+            log.warning("console_unanswered", what=what, robot=robot, why=str(error)[:300])
+            return _refused(504, f"{WHO[what]} does not answer: {error}")
+        log.debug("console_asked", what=what, robot=robot)
+        return Response(msgspec.json.encode(reply.message), media_type="application/json")
 
     app = Starlette(
         routes=[
@@ -107,7 +112,8 @@ def make_app(
             Route(LOGIN, login, methods=["GET", "POST"]),
             Route("/api/events", events, methods=["GET"]),
             Route("/api/floor", floor_plan, methods=["GET"]),
-            Route("/api/shape", shape, methods=["POST"]),
+            Route("/api/{what}", control, methods=["POST"]),
+            Route("/api/{what}/{robot}", control, methods=["POST"]),
         ],
         exception_handlers={HTTPException: _not_routed, ClientDisconnect: _left},
     )

@@ -67,6 +67,10 @@ class Faults:
             self._tell(now, "note", f"{robot} has joined", robot)
         self._open.discard(f"silent {robot}")
 
+    def off_duty(self, now: float, robot: str, operator: str) -> None:
+        """A robot that has left was taken off duty."""
+        self._tell(now, "note", f"{robot} was taken off duty by {operator or 'an operator'}", robot)
+
     def gateway(self, now: float, alive: bool) -> None:
         """The LLM gateway has come or gone."""
         if self._holds("gateway", not alive):

@@ -16,6 +16,7 @@ from swarm.messages import (
     LinkState,
     NetDemand,
     NetState,
+    RobotSteered,
     SceneDescription,
 )
 
@@ -71,6 +72,16 @@ class View:
     def on_leave(self, robot: str) -> None:
         """It is gone."""
         self._alive(robot, False)
+
+    def on_duty(self, reply: RobotSteered) -> None:
+        """Why a robot is not there: an operator took it off duty."""
+        if reply.on_duty:
+            return
+        with self._lock:
+            known = self._robots.get(reply.robot)
+            if known is not None and not known["alive"]:
+                self._robot(reply.robot, off_duty_by=reply.operator or "an operator")
+                self._faults.off_duty(now_s(), reply.robot, reply.operator)
 
     def on_gateway(self, alive: bool) -> None:
         """The LLM gateway's token has come or gone."""
@@ -201,7 +212,7 @@ class View:
         with self._lock:
             for robot, facts in self._robots.items():
                 self._board.put(f"scene/{robot}", None)
-                kept = {name: facts[name] for name in ("robot", "alive", "since")}
+                kept = {name: facts[name] for name in ("robot", "alive", "since", "off_duty_by")}
                 self._robots[robot] = kept
                 self._board.put(f"robot/{robot}", kept)
             self._board.put("detections", None)
@@ -221,7 +232,7 @@ class View:
     def _alive(self, robot: str, alive: bool) -> None:
         now = now_s()
         with self._lock:
-            if self._robot(robot, alive=alive, since=now):
+            if self._robot(robot, alive=alive, since=now, off_duty_by=""):
                 self._faults.alive(now, robot, alive)
 
     def _robot(self, robot: str, **facts: Any) -> bool:
@@ -231,7 +242,7 @@ class View:
             if len(self._robots) >= MAX_ROBOTS:
                 return False
             # One of which only beacons came is not known to be alive.
-            known = {"robot": robot, "alive": False, "since": None}
+            known = {"robot": robot, "alive": False, "since": None, "off_duty_by": ""}
         # A new one each time: the old one may be about to be encoded.
         self._robots[robot] = known | facts
         self._board.put(f"robot/{robot}", self._robots[robot])

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from concurrent.futures import Future
+from contextlib import suppress
+from typing import Any
 
-from console.view import View
+from console.controls import CONTROLS, Control
+from console.view import MAX_ROBOTS, View
 from swarm import keyspace
 from swarm.asking import Answer
 from swarm.errors import TransportError
@@ -15,11 +19,12 @@ from swarm.messages import (
     Beacon,
     Decision,
     Detections,
+    Message,
     NetDemand,
     NetState,
+    RobotSteered,
+    RobotSteering,
     SceneDescription,
-    ShapeReply,
-    ShapeRequest,
 )
 from swarm.session import Session
 from swarm.traffic import TrafficClass
@@ -50,6 +55,8 @@ class Watch:
         self._viewers = 0
         self._poked = False
         self._left_at = 0.0
+        self._left: deque[str] = deque(maxlen=MAX_ROBOTS)
+        """Robots that left, to be asked why."""
         self._first: Session | None = None
         self._second: Session | None = None
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
@@ -68,20 +75,18 @@ class Watch:
         """Whether beacons, scenes and detections are listened to."""
         return self._second is not None
 
-    def shape(self, request: ShapeRequest) -> Future[Answer[ShapeReply]]:
-        """Asks the network controller; see `Session.ask`.
+    def ask(self, control: Control, request: Message, robot: str = "") -> Future[Answer[Any]]:
+        """Asks who answers such requests; see `Session.ask`.
 
-        Raises TransportError while the swarm cannot be reached.
+        Raises TransportError while the swarm cannot be reached, KeyspaceError for a robot id that
+        is none.
         """
         session = self._first
         if session is None or not session.links():
             raise TransportError(f"the router of swarm {self._swarm!r} cannot be reached")
+        key = control.key(self._swarm, self._ego, robot)
         return session.ask(
-            keyspace.net_shape(self._swarm),
-            request,
-            ShapeReply,
-            timeout_s=ANSWER_S,
-            traffic=TrafficClass.CONTROL,
+            key, request, control.reply, timeout_s=ANSWER_S, traffic=TrafficClass.CONTROL
         )
 
     def close(self) -> None:
@@ -101,6 +106,8 @@ class Watch:
             links = first.links()
             self._open_or_close(links > 0)
             self._view.tick(links > 0, self.looking)
+            while self._left:
+                self._ask_why(self._left.popleft())
             with self._changed:
                 self._changed.wait_for(lambda: self._poked, TICK_S)
                 self._poked = False
@@ -130,6 +137,22 @@ class Watch:
             self._view.blind()
             self._log.info("not_looking")
 
+    def _ask_why(self, robot: str) -> None:
+        """Whether a robot that left was taken off duty; one that is lost does not answer."""
+
+        def answered(future: Future[Answer[RobotSteered]]) -> None:
+            if future.exception() is None:
+                self._view.on_duty(future.result().message)
+
+        with suppress(TransportError):
+            self.ask(CONTROLS["robot"], RobotSteering(duty="ask"), robot).add_done_callback(
+                answered
+            )
+
+    def _on_leave(self, robot: str) -> None:
+        self._view.on_leave(robot)
+        self._left.append(robot)
+
     def _open(self, timeout_s: float | None) -> Session:
         return Session(
             self._router, self._swarm, log=self._log, timeout_s=timeout_s, stop=self._stop
@@ -137,7 +160,7 @@ class Watch:
 
     def _hear_rare(self, session: Session) -> None:
         view, swarm = self._view, self._swarm
-        session.watch_alive(view.on_join, view.on_leave)
+        session.watch_alive(view.on_join, self._on_leave)
         session.watch_gateway(view.on_gateway)
         session.subscribe(keyspace.decision(swarm, self._ego), Decision, view.on_decision)
         session.subscribe(keyspace.net_demand(swarm), NetDemand, view.on_demand)

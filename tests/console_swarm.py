@@ -108,13 +108,17 @@ class Viewer:
             self.next()
 
     def shape(self, body: Any, **headers: str) -> Answer:
+        """What the page's control of links sends."""
+        return self.post("shape", body, **headers)
+
+    def post(self, what: str, body: Any, **headers: str) -> Answer:
         """What the page's controls send."""
         sent = {
             "Origin": f"http://127.0.0.1:{self.port}",
             "Content-Type": "application/json",
             "X-CoAdapt-CSRF": self.csrf,
         }
-        return ask(self.port, "POST", "/api/shape", body, **(sent | headers))
+        return ask(self.port, "POST", f"/api/{what}", body, **(sent | headers))
 
     def __enter__(self) -> Viewer:
         return self

@@ -19,7 +19,16 @@ from console.guard import Hosts
 from console.settings import ConsoleSettings, load_settings
 from swarm import keyspace
 from swarm.errors import NetworkError, SettingError
-from swarm.messages import ShapeInForce, ShapeReply, ShapeRequest
+from swarm.messages import (
+    EgoSteered,
+    EgoSteering,
+    EgoWish,
+    RobotSteered,
+    RobotSteering,
+    ShapeInForce,
+    ShapeReply,
+    ShapeRequest,
+)
 
 TOKEN = "open-sesame"
 
@@ -30,9 +39,16 @@ def port(shared_router: RouterProcess, swarm_name: str) -> Iterator[int]:
         yield port
 
 
-@pytest.fixture
-def guarded(shared_router: RouterProcess, swarm_name: str) -> Iterator[int]:
-    with console(shared_router.address, swarm_name, console_token=TOKEN) as port:
+@pytest.fixture(scope="module")
+def open_door(shared_router: RouterProcess) -> Iterator[int]:
+    """A console for tests that ask nothing of the swarm."""
+    with console(shared_router.address, "doors-open") as port:
+        yield port
+
+
+@pytest.fixture(scope="module")
+def guarded(shared_router: RouterProcess) -> Iterator[int]:
+    with console(shared_router.address, "doors-guarded", console_token=TOKEN) as port:
         yield port
 
 
@@ -84,6 +100,57 @@ def test_a_shape_reaches_the_network_controller(viewer: Viewer, asked: Inbox[Sha
 def test_so_do_the_other_wishes(viewer: Viewer, asked: Inbox[ShapeRequest], profile: str) -> None:
     assert viewer.shape({"profile": profile}).status == 200
     assert asked.next().profile == profile
+
+
+def test_policy_and_q_min_reach_the_ego_and_a_robots_duty_the_robot(
+    viewer: Viewer, shared_router: RouterProcess, open_session: SessionMaker, swarm_name: str
+) -> None:
+    inbox: Inbox[EgoSteering | RobotSteering] = Inbox()
+
+    def ego(request: EgoSteering) -> EgoSteered:
+        inbox.put(request)
+        return EgoSteered(request=0, ego="R1", policy="static-late", q_min=0.6, policies=("a",))
+
+    def robot(request: RobotSteering) -> RobotSteered:
+        inbox.put(request)
+        return RobotSteered(request=0, robot="R2", on_duty=False, operator=request.operator)
+
+    served = open_session(shared_router.address)
+    keys = keyspace.ego_steering(swarm_name, "R1"), keyspace.robot_steering(swarm_name, "R2")
+    served.serve(keys[0], EgoSteering, ego)
+    served.serve(keys[1], RobotSteering, robot)
+    asker = open_session(shared_router.address)
+    for key in keys:
+        wait_until_served(asker, key)
+    done = viewer.post("ego", {"wish": {"policy": "static-late", "q_min": 0.6}})
+    assert done.status == 200, done
+    assert inbox.next() == EgoSteering(
+        operator="console", wish=EgoWish(policy="static-late", q_min=0.6)
+    )
+    assert b'"policy":"static-late"' in done.body
+    assert viewer.post("robot/R2", {"duty": "off"}).status == 200
+    assert inbox.next() == RobotSteering(operator="console", duty="off")
+    assert viewer.post("robot/R*2", {"duty": "off"}).status == 400
+    assert viewer.post("ego", {"wish": {"q_min": 2}}).status == 400
+    assert viewer.post("nothing", {}).status == 404
+    assert inbox.empty()
+
+
+def test_a_robot_that_was_taken_off_duty_is_told_from_one_that_is_lost(
+    viewer: Viewer, shared_router: RouterProcess, open_session: SessionMaker, swarm_name: str
+) -> None:
+    def steered(request: RobotSteering) -> RobotSteered:
+        return RobotSteered(request=0, robot="R2", on_duty=False, operator="ada@desk")
+
+    served = open_session(shared_router.address)
+    key = keyspace.robot_steering(swarm_name, "R2")
+    served.serve(key, RobotSteering, steered)
+    wait_until_served(open_session(shared_router.address), key)
+    withdraw = served.declare_alive("R2")
+    viewer.until(lambda: viewer.state.get("robot/R2", {}).get("alive"), "R2 is there")
+    withdraw()
+    viewer.until(lambda: viewer.state["robot/R2"]["off_duty_by"] == "ada@desk", "why it left")
+    assert viewer.faults[-1]["text"] == "R2 was taken off duty by ada@desk"
 
 
 def test_a_page_may_not_speak_in_another_operators_name(
@@ -139,10 +206,10 @@ def test_a_control_from_elsewhere_is_refused(
     assert asked.empty()
 
 
-def test_the_token_of_a_page_that_is_closed_controls_nothing(port: int) -> None:
-    with Viewer(port) as closed:
+def test_the_token_of_a_page_that_is_closed_controls_nothing(open_door: int) -> None:
+    with Viewer(open_door) as closed:
         closed.next()
-    with Viewer(port) as other:
+    with Viewer(open_door) as other:
         other.next()
         assert other.csrf != closed.csrf
         other.until(lambda: closed.shape({"profile": "off"}).status == 403, "it is forgotten")
@@ -157,15 +224,15 @@ def test_without_a_controller_the_page_is_told(
     assert "does not answer" in refused.error
 
 
-def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(port: int) -> None:
-    page = ask(port, "GET", "/")
+def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(open_door: int) -> None:
+    page = ask(open_door, "GET", "/")
     assert page.status == 200
     policy = page.headers["content-security-policy"]
     assert "default-src 'none'; script-src 'self'" in policy
     assert "unsafe" not in policy
     for file in PAGE.iterdir():
         if file.suffix != ".html":
-            got = ask(port, "GET", f"/assets/{file.name}")
+            got = ask(open_door, "GET", f"/assets/{file.name}")
             assert (got.status, got.body) == (200, file.read_bytes())
             assert got.headers["x-content-type-options"] == "nosniff"
         for mark in ("https://", "<script>", "style=", "onclick"):
@@ -173,19 +240,19 @@ def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(port: int) -> Non
 
 
 @pytest.mark.parametrize("path", ["/assets/../app.py", "/assets/%2e%2e/app.py", "/nothing"])
-def test_nothing_else_is_served(port: int, path: str) -> None:
-    assert ask(port, "GET", path).status == 404
+def test_nothing_else_is_served(open_door: int, path: str) -> None:
+    assert ask(open_door, "GET", path).status == 404
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "10.0.0.1", "", "[::"])
-def test_a_name_that_somebody_had_lead_here_is_refused(port: int, host: str) -> None:
+def test_a_name_that_somebody_had_lead_here_is_refused(open_door: int, host: str) -> None:
     for path in ("/", "/api/events", "/api/floor"):
-        assert ask(port, "GET", path, Host=host).status == 421
+        assert ask(open_door, "GET", path, Host=host).status == 421
 
 
 @pytest.mark.parametrize("host", ["localhost", "LOCALHOST:9", "127.0.0.1:8080", "[::1]:8080"])
-def test_this_hosts_own_names_are_answered(port: int, host: str) -> None:
-    assert ask(port, "GET", "/api/floor", Host=host).status == 200
+def test_this_hosts_own_names_are_answered(open_door: int, host: str) -> None:
+    assert ask(open_door, "GET", "/api/floor", Host=host).status == 200
 
 
 def test_off_this_host_addresses_are_answered_and_names_that_were_set() -> None:

@@ -182,10 +182,10 @@ def test_a_viewer_who_reads_nothing_neither_blocks_the_others_nor_gets_old_state
                 speakers.scene(robot, 1.0, 1.0, VISIBLE, big)
             speakers.decision(sent, EGO)
 
-        hear(fast, say, lambda: fast.state.get("decision", {}).get("cycle", 0) > 150, "changes")
+        hear(fast, say, lambda: fast.state.get("decision", {}).get("cycle", 0) > 70, "changes")
         last = fast.state["decision"]["cycle"]
         events = fast.events
-        assert events > 100
+        assert events > 40
         # What waits for the slow one fits the buffers on the way; the rest was never kept.
         cycles: list[int] = []
         rest = b""

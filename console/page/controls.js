@@ -1,4 +1,4 @@
-// What an operator may do to links: the same requests that `coadapt net` sends.
+// What an operator may do: the same requests that `coadapt net` and `coadapt steer` send.
 
 import { byId, clock, rate } from "./words.js";
 
@@ -8,30 +8,47 @@ const SHOW_S = 5;
 export class Controls {
   constructor(stream) {
     this.stream = stream;
+    this.choices = new Map();
     $("shape").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.#send("rate", { rate_bps: this.#rate(), direction: $("shape-direction").value, ...this.#duration() });
+      this.#shape("rate", { rate_bps: this.#rate(), direction: $("shape-direction").value, ...this.#duration() });
     });
-    $("congest").addEventListener("click", () => this.#send("congest", this.#duration()));
+    $("congest").addEventListener("click", () => this.#shape("congest", this.#duration()));
     // Without a robot the controller would end what was made of all links.
     $("stop").addEventListener("click", () =>
-      this.#send("off", { direction: "both", robot: $("shape-robot").value || this.stream.get("swarm").ego }));
-    $("stop-all").addEventListener("click", () => this.#send("off", { direction: "both", robot: "" }));
-    setInterval(() => this.#show(), 1000 * SHOW_S);
+      this.#shape("off", { direction: "both", robot: $("shape-robot").value || this.stream.get("swarm").ego }));
+    $("stop-all").addEventListener("click", () => this.#shape("off", { direction: "both", robot: "" }));
+    $("ego").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#ego({ policy: $("ego-policy").value, q_min: Number($("ego-q-min").value) });
+    });
+    for (const input of ["ego-policy", "ego-q-min"]) {
+      $(input).addEventListener("input", () => (this.edited = true));
+    }
+    $("duty-off").addEventListener("click", () => this.#duty("off"));
+    $("duty-on").addEventListener("click", () => this.#duty("on"));
+    setInterval(() => this.#look(), 1000 * SHOW_S);
   }
 
   update() {
     const may = this.stream.csrf !== "" && this.stream.get("swarm")?.connected === true;
-    $("controls").disabled = !may;
-    if (may && !this.shown) this.#show();
+    for (const part of ["controls", "steering"]) $(part).disabled = !may;
+    if (may && !this.shown) this.#look();
     this.shown = may;
-    const robots = this.stream.all("robot/").filter((r) => r.alive).sort(byId).map((r) => r.robot);
-    const key = robots.join();
-    if (key === this.robots) return;
-    this.robots = key;
-    const select = $("shape-robot"), chosen = select.value;
-    select.replaceChildren(select.options[0], ...robots.map((robot) => new Option(robot, robot)));
-    select.value = robots.includes(chosen) ? chosen : "";
+    const robots = this.stream.all("robot/").sort(byId);
+    this.#choose("shape-robot", robots.filter((r) => r.alive).map((r) => r.robot), "the ego’s cell");
+    this.#choose("duty-robot", robots.filter((r) => r.alive || r.off_duty_by).map((r) => r.robot));
+  }
+
+  // The choices of a list, changed only when they are others.
+  #choose(id, values, none) {
+    const key = values.join();
+    if (key === this.choices.get(id)) return;
+    this.choices.set(id, key);
+    const list = $(id), chosen = list.value;
+    const options = values.map((value) => new Option(value, value));
+    list.replaceChildren(...(none ? [new Option(none, "")] : []), ...options);
+    if (values.includes(chosen)) list.value = chosen;
   }
 
   #rate() {
@@ -43,28 +60,50 @@ export class Controls {
     return seconds > 0 ? { duration_s: seconds } : {};
   }
 
-  async #send(profile, values) {
-    $("shape-result").textContent = "asking …";
-    try {
-      const reply = await this.#ask({ profile, robot: $("shape-robot").value, ...values });
+  async #shape(profile, values) {
+    await this.#tell("shape-result", async () => {
+      const reply = await this.#ask("shape", { profile, robot: $("shape-robot").value, ...values });
       this.#shapes(reply);
-      $("shape-result").textContent = ["done", ...reply.notes].join("; ");
-    } catch (error) {
-      $("shape-result").textContent = `refused: ${error.message}`;
-    }
+      return ["done", ...reply.notes].join("; ");
+    });
   }
 
-  async #show() {
-    if ($("controls").disabled || document.hidden) return;
+  async #ego(wish) {
+    await this.#tell("steer-result", async () => {
+      const reply = await this.#ask("ego", { wish });
+      this.edited = false;
+      this.#steered(reply);
+      return `${reply.ego} decides by ${reply.policy}, Q_min ${reply.q_min}`;
+    });
+  }
+
+  async #duty(duty) {
+    const robot = $("duty-robot").value;
+    if (!robot) return;
+    await this.#tell("steer-result", async () => {
+      const reply = await this.#ask(`robot/${robot}`, { duty });
+      return `${robot} is ${reply.on_duty ? "on" : "off"} duty`;
+    });
+  }
+
+  async #tell(id, action) {
+    $(id).textContent = "asking …";
     try {
-      this.#shapes(await this.#ask({ profile: "show" }));
-    } catch {
-      $("shapes").replaceChildren();
+      $(id).textContent = await action();
+    } catch (error) {
+      $(id).textContent = `refused: ${error.message}`;
     }
   }
 
-  async #ask(request) {
-    const answer = await fetch("/api/shape", {
+  // What is in force, whoever asked for it.
+  async #look() {
+    if ($("controls").disabled || document.hidden) return;
+    this.#ask("shape", { profile: "show" }).then((reply) => this.#shapes(reply), () => $("shapes").replaceChildren());
+    this.#ask("ego", { wish: {} }).then((reply) => this.#steered(reply), () => {});
+  }
+
+  async #ask(what, request) {
+    const answer = await fetch(`/api/${what}`, {
       method: "POST",
       headers: { "Content-Type": "application/json", "X-CoAdapt-CSRF": this.stream.csrf },
       body: JSON.stringify(request),
@@ -72,6 +111,14 @@ export class Controls {
     const reply = await answer.json();
     if (!answer.ok) throw new Error(reply.error);
     return reply;
+  }
+
+  // Never under the hands of who is changing it.
+  #steered(reply) {
+    if (this.edited) return;
+    this.#choose("ego-policy", reply.policies);
+    $("ego-policy").value = reply.policy;
+    $("ego-q-min").value = reply.q_min;
   }
 
   #shapes(reply) {

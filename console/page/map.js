@@ -5,6 +5,7 @@ import { OLD_S, ago, byId } from "./words.js";
 const CELL_M = 1; // As the ego counts seen ground.
 const ROOM_M = 3;
 const ROBOT_PX = 8;
+const UNSURE = 0.5; // Boxes with a lower score are drawn thin.
 const GONE_S = 60; // A robot that has left stays on the map for so long.
 
 export class FloorMap {
@@ -52,6 +53,7 @@ export class FloorMap {
         ...where,
         alive: robot.alive,
         since: robot.since,
+        off: Boolean(robot.off_duty_by),
         ego: robot.robot === ego,
         chosen: decision?.participants.includes(robot.robot) ?? false,
         old: now - where.at > OLD_S.beacon,
@@ -68,6 +70,8 @@ export class FloorMap {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
     }
+    // A finger scrolls the page until there is something to move.
+    canvas.style.touchAction = this.zoom > 1 ? "none" : "auto";
     const now = stream.now();
     const robots = this.robots(now);
     const c = canvas.getContext("2d");
@@ -92,7 +96,9 @@ export class FloorMap {
     if (this.layers.objects) this.#drawObjects(c, scenes, at, view.scale);
     if (this.layers.boxes) this.#drawBoxes(c, now, at, view.scale);
     this.#drawLinks(c, robots, now, at);
-    for (const robot of robots) this.#drawRobot(c, robot, now, at, robots.length);
+    // Participants over others, the ego over all.
+    const order = [...robots].sort((a, b) => a.ego - b.ego || a.chosen - b.chosen);
+    for (const robot of order) this.#drawRobot(c, robot, now, at, robots.length);
     if (!robots.length) {
       c.fillStyle = t("--quiet");
       c.font = "15px system-ui, sans-serif";
@@ -219,8 +225,8 @@ export class FloorMap {
 
   #drawObjects(c, scenes, at, scale) {
     c.fillStyle = this.theme("--object");
-    c.globalAlpha = 0.55;
-    const size = Math.max(1.5, Math.min(4, 0.12 * scale));
+    c.globalAlpha = 0.8;
+    const size = Math.max(2, Math.min(5, 0.25 * scale));
     for (const scene of scenes.values()) {
       for (const [x, y] of scene.objects) {
         const [px, py] = at(x, y);
@@ -239,8 +245,8 @@ export class FloorMap {
       c.save();
       c.translate(px, py);
       c.rotate(-heading);
-      c.lineWidth = 2;
-      c.globalAlpha = 0.35 + 0.65 * Math.min(1, Math.max(0, score));
+      c.lineWidth = score < UNSURE ? 1 : 2;
+      c.globalAlpha = score < UNSURE ? 0.45 : 1;
       c.strokeRect((-length / 2) * scale, (-wide / 2) * scale, length * scale, wide * scale);
       c.beginPath();
       c.moveTo((length / 2) * scale - 4, 0);
@@ -320,8 +326,8 @@ export class FloorMap {
       }
     }
     c.restore();
-    if (count > 30 && this.zoom < 2 && !robot.ego && robot.alive) return;
-    const old = !robot.alive ? ` lost ${ago(now - (robot.since ?? robot.at))}` : robot.old ? ` ${ago(now - robot.at)}` : "";
+    if (count > 30 && this.zoom < 2 && !robot.ego && robot.alive && !robot.old) return;
+    const old = !robot.alive ? ` ${robot.off ? "off duty" : "lost"} ${ago(now - (robot.since ?? robot.at))}` : robot.old ? ` ${ago(now - robot.at)}` : "";
     c.font = "600 12px system-ui, sans-serif";
     c.textAlign = "left";
     c.lineWidth = 3;
@@ -357,7 +363,7 @@ export class FloorMap {
       canvas.setPointerCapture(e.pointerId);
     });
     canvas.addEventListener("pointermove", (e) => {
-      if (!from) return;
+      if (!from || this.zoom === 1) return;
       this.#move(e.clientX - from[0], e.clientY - from[1]);
       from = [e.clientX, e.clientY];
     });

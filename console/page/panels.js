@@ -8,7 +8,7 @@ function text(id, words) {
   if ($(id).textContent !== words) $(id).textContent = words;
 }
 
-// Rows of a table or list, made anew only when their words differ.
+// Rows of a list, made anew only when their words differ.
 function fill(parent, rows, make) {
   const key = JSON.stringify(rows);
   if (parent.dataset.key === key) return;
@@ -16,14 +16,19 @@ function fill(parent, rows, make) {
   parent.replaceChildren(...rows.map(make));
 }
 
-function cells([className, first, ...others]) {
-  const row = document.createElement("tr");
-  row.className = className;
-  const head = document.createElement("th");
-  head.scope = "row";
-  head.textContent = first;
-  row.append(head, ...others.map((words) => Object.assign(document.createElement("td"), { textContent: words })));
-  return row;
+// Rows of a table: [class, head, cells ...]. Only words that differ are written, so that neither a
+// screen reader nor a selection loses its place.
+function table(body, rows) {
+  while (body.rows.length > rows.length) body.deleteRow(-1);
+  rows.forEach(([className, ...words], i) => {
+    const row = body.rows[i] ?? body.insertRow();
+    if (row.className !== className) row.className = className;
+    words.forEach((word, k) => {
+      const cell = row.cells[k] ?? row.appendChild(document.createElement(k ? "td" : "th"));
+      if (!k) cell.scope = "row";
+      if (cell.textContent !== String(word)) cell.textContent = word;
+    });
+  });
 }
 
 function age(id, seconds, old, words) {
@@ -117,20 +122,20 @@ export function showLinks(stream) {
   const now = stream.now();
   age("net-age", net ? now - net.at : null, OLD_S.net, "measured");
   const old = net && now - net.at > OLD_S.net;
-  fill($("links"), (net?.links ?? []).map((link) => [
+  table($("links"), (net?.links ?? []).map((link) => [
     old ? "old" : "",
     `${link.robot} ${link.direction}`,
     rate(link.capacity_bps),
     rate(link.used_bps),
     `${Math.round((100 * link.used_bps) / link.capacity_bps)} %` + (link.level ? `, level ${link.level}` : ""),
-  ]), cells);
+  ]));
 }
 
 export function showHistory(stream) {
-  fill($("history"), stream.history.slice(-20).reverse().map((p) => [
+  table($("history"), stream.history.slice(-20).reverse().map((p) => [
     "", clock(p.at), p.cycle, p.algorithm, p.participants.join(" "), p.valid ? p.source : "not valid",
     rate(p.capacity_bps), rate(p.used_bps), p.latency_ms === null ? "–" : `${p.latency_ms.toFixed(0)} ms`,
-  ]), cells);
+  ]));
 }
 
 export function showRobots(stream) {
@@ -138,10 +143,11 @@ export function showRobots(stream) {
   const swarm = stream.get("swarm");
   const decision = stream.get("decision");
   const traffic = stream.get("traffic");
+  const live = stream.status.kind === "live" && swarm?.connected;
   const robots = stream.all("robot/").sort(byId);
   const alive = robots.filter((r) => r.alive).length;
-  text("robots-count", `${alive} alive${robots.length > alive ? `, ${robots.length - alive} not` : ""}`);
-  fill($("robots"), robots.map((r) => {
+  text("robots-count", `${live ? "" : "last known: "}${alive} alive${robots.length > alive ? `, ${robots.length - alive} not` : ""}`);
+  table($("robots"), robots.map((r) => {
     const old = !r.at || now - r.at > OLD_S.beacon;
     const scene = stream.get(`scene/${r.robot}`);
     const seen = scene && now - scene.at <= OLD_S.scene;
@@ -150,7 +156,7 @@ export function showRobots(stream) {
     return [
       old || !r.alive ? "old" : "",
       r.robot,
-      r.alive ? (old ? "alive, silent" : "alive") : r.since ? `lost ${ago(now - r.since)}` : "not announced",
+      r.alive ? (!live ? "was alive" : old ? "alive, silent" : "alive") : r.off_duty_by ? `off duty, by ${r.off_duty_by}` : r.since ? `lost ${ago(now - r.since)}` : "not announced",
       r.alive ? part : "–",
       r.at ? `${r.x.toFixed(1)}, ${r.y.toFixed(1)}` : "–",
       r.at ? `${(((r.yaw * 180) / Math.PI + 360) % 360).toFixed(0)}°` : "–",
@@ -159,5 +165,5 @@ export function showRobots(stream) {
       fresh && traffic.bps[r.robot] !== undefined ? rate(traffic.bps[r.robot]) : "–",
       r.at ? (old ? ago(now - r.at) : "now") : "never",
     ];
-  }), cells);
+  }));
 }

@@ -80,6 +80,7 @@ export class Timeline {
     const most = Math.max(1, ...spans.map((s) => s.participants.length));
     const y = (n) => box.top + box.height * (1 - (0.85 * n) / most);
     let from = null;
+    const names = [];
     spans.forEach((s, i) => {
       c.fillStyle = this.theme(algorithmColour(s.algorithm));
       c.globalAlpha = 0.35;
@@ -88,13 +89,12 @@ export class Timeline {
       from ??= s;
       const next = spans[i + 1];
       if (next && next.algorithm === s.algorithm) return;
-      if (s.to - from.from > 8 * s.algorithm.length) {
-        c.fillStyle = this.theme("--text");
-        c.fillText(s.algorithm, from.from + 4, box.top + box.height - 9);
-      }
+      if (s.to - from.from > 8 * s.algorithm.length) names.push([s.algorithm, from.from + 4]);
       from = null;
     });
     this.#steps(c, spans, (s) => s.participants.length, y, "--chosen", 2);
+    c.fillStyle = this.theme("--text");
+    for (const [name, at] of names) c.fillText(name, at, box.top + box.height - 9);
     this.#label(c, box, `${spans.at(-1)?.participants.length ?? "–"} robots`, "--text", 0.5);
   }
 

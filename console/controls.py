@@ -1,0 +1,38 @@
+"""What operators may ask for here: the requests that `coadapt net` and `coadapt steer` send."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from swarm import keyspace
+from swarm.messages import (
+    EgoSteered,
+    EgoSteering,
+    Message,
+    RobotSteered,
+    RobotSteering,
+    ShapeReply,
+    ShapeRequest,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """One kind of request, and who answers it."""
+
+    request: type[Message]
+    reply: type[Message]
+    key: Callable[[str, str, str], str]
+    """From the swarm, its ego and the robot that is named."""
+
+
+CONTROLS = {
+    "shape": Control(ShapeRequest, ShapeReply, lambda swarm, ego, robot: keyspace.net_shape(swarm)),
+    "ego": Control(
+        EgoSteering, EgoSteered, lambda swarm, ego, robot: keyspace.ego_steering(swarm, ego)
+    ),
+    "robot": Control(
+        RobotSteering, RobotSteered, lambda swarm, ego, robot: keyspace.robot_steering(swarm, robot)
+    ),
+}
