@@ -100,7 +100,8 @@ def make_app(
         except KeyspaceError as error:
             return _refused(400, str(error))
         except CoAdaptError as error:
-            log.warning("console_unanswered", what=what, robot=robot, why=str(error)[:300])
+            # Pages ask every few seconds what is in force: the log is not to fill with it.
+            log.debug("console_unanswered", what=what, robot=robot, why=str(error)[:300])
             return _refused(504, f"{WHO[what]} does not answer: {error}")
         log.debug("console_asked", what=what, robot=robot)
         return Response(msgspec.json.encode(reply.message), media_type="application/json")

@@ -230,6 +230,8 @@ def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(open_door: int) -
     policy = page.headers["content-security-policy"]
     assert "default-src 'none'; script-src 'self'" in policy
     assert "unsafe" not in policy
+    # Without a referrer a browser sends the login form without its origin.
+    assert page.headers["referrer-policy"] == "same-origin"
     for file in PAGE.iterdir():
         if file.suffix != ".html":
             got = ask(open_door, "GET", f"/assets/{file.name}")

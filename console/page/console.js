@@ -6,7 +6,7 @@ import * as panels from "./panels.js";
 import { Stream } from "./stream.js";
 import { Timeline } from "./timeline.js";
 
-const WORDS_S = 0.2; // People read no faster; the map moves with every frame.
+const WORDS_S = 0.2; // People read no faster than this what is no news; the map moves with every frame.
 const $ = (id) => document.getElementById(id);
 
 const colours = new Map();
@@ -17,23 +17,21 @@ function theme(name) {
   return colours.get(name);
 }
 
-const stream = new Stream(() => update());
+const stream = new Stream((news) => update(news));
 const map = new FloorMap($("map"), stream, theme);
 const timeline = new Timeline($("timeline"), stream, theme);
 const controls = new Controls(stream);
-let pending = false;
+let pending = 0;
 
-function update() {
+function update(news = false) {
   map.changed();
-  if (pending) return;
-  pending = true;
-  setTimeout(() => {
-    pending = false;
-    words();
-  }, 1000 * WORDS_S);
+  if (news) words();
+  else pending ||= setTimeout(words, 1000 * WORDS_S);
 }
 
 function words() {
+  clearTimeout(pending);
+  pending = 0;
   panels.showConnection(stream);
   panels.showDecision(stream);
   panels.showFaults(stream);

@@ -55,8 +55,9 @@ export class Stream {
         if (done) throw new Error("the console ended the connection");
         const events = (rest + value).split("\n\n");
         rest = events.pop();
-        for (const event of events) this.#take(JSON.parse(event.slice("data: ".length)));
-        if (events.length) this.onChange();
+        let news = false;
+        for (const event of events) news = this.#take(JSON.parse(event.slice("data: ".length))) || news;
+        if (events.length) this.onChange(news);
       }
     } catch (error) {
       if (this.abort !== abort) return;
@@ -64,6 +65,7 @@ export class Stream {
     }
   }
 
+  // Whether the event holds what an operator should read at once.
   #take(event) {
     const here = performance.now() / 1000;
     if (event.full) {
@@ -86,6 +88,7 @@ export class Stream {
     this.faults = [...this.faults, ...event.faults].slice(-KEPT_EVENTS);
     this.attempts = 0;
     if (this.status.kind !== "live") this.status = { kind: "live", since: Date.now() };
+    return Boolean(event.full || event.state.decision || event.faults.length);
   }
 
   #lost(why) {
