@@ -150,7 +150,8 @@ def test_a_robot_that_was_taken_off_duty_is_told_from_one_that_is_lost(
     viewer.until(lambda: viewer.state.get("robot/R2", {}).get("alive"), "R2 is there")
     withdraw()
     viewer.until(lambda: viewer.state["robot/R2"]["off_duty_by"] == "ada@desk", "why it left")
-    assert viewer.faults[-1]["text"] == "R2 was taken off duty by ada@desk"
+    told = "R2 was taken off duty by ada@desk"
+    viewer.until(lambda: any(fault["text"] == told for fault in viewer.faults), "the event")
 
 
 def test_a_page_may_not_speak_in_another_operators_name(

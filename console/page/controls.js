@@ -1,9 +1,11 @@
 // What an operator may do: the same requests that `coadapt net` and `coadapt steer` send.
 
+import { rates } from "./mahimahi.js";
 import { byId, clock, rate } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 const SHOW_S = 5;
+const DAY_SCALE = 3600; // The working day of 24 h in 24 s.
 
 export class Controls {
   constructor(stream) {
@@ -11,8 +13,11 @@ export class Controls {
     this.choices = new Map();
     $("shape").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.#shape("rate", { rate_bps: this.#rate(), direction: $("shape-direction").value, ...this.#duration() });
+      this.#shape("rate", { rate_bps: this.#rate(), ...this.#where() });
     });
+    $("shift").addEventListener("click", () => this.#shape("shift", { ...this.#where(), time_scale: DAY_SCALE }));
+    $("trace").addEventListener("click", () => $("trace-file").click());
+    $("trace-file").addEventListener("change", () => this.#trace());
     $("congest").addEventListener("click", () => this.#shape("congest", this.#duration()));
     // Without a robot the controller would end what was made of all links.
     $("stop").addEventListener("click", () =>
@@ -58,6 +63,20 @@ export class Controls {
   #duration() {
     const seconds = Number($("shape-duration").value);
     return seconds > 0 ? { duration_s: seconds } : {};
+  }
+
+  #where() {
+    return { direction: $("shape-direction").value, ...this.#duration() };
+  }
+
+  async #trace() {
+    const file = $("trace-file").files[0];
+    $("trace-file").value = "";
+    try {
+      if (file) await this.#shape("trace", { ...this.#where(), rates_bps: rates(await file.text()) });
+    } catch (error) {
+      $("shape-result").textContent = `${file.name}: ${error.message}`;
+    }
   }
 
   async #shape(profile, values) {
