@@ -44,7 +44,7 @@ pytestmark = [
 
 def ports() -> tuple[str, ...]:
     """Options for ports that are free."""
-    options = ("--prometheus-port", "--ego-metrics-port", "--qod-port")
+    options = ("--prometheus-port", "--ego-metrics-port", "--qod-port", "--console-port")
     return tuple(word for option in options for word in (option, str(free_port())))
 
 
@@ -91,7 +91,8 @@ def test_every_process_runs_and_decisions_flow(swarm: State, cli: Cli) -> None:
     assert done.returncode == 0, done.stderr
     table = json.loads(done.stdout)
     assert [p["service"] for p in table["processes"]] == [
-        *("router", "controller", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "prometheus")
+        *("router", "controller", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "console"),
+        "prometheus",
     ]
     assert {p["state"] for p in table["processes"]} == {"running"}
     assert [r["robot"] for r in table["robots"] if r["alive"]] == ["R1", "R2", "R3"]
