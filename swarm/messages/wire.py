@@ -3,48 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from functools import cache
+from typing import TypeVar
 
 import msgspec
 
 from swarm.errors import MessageError
 from swarm.messages.base import MAX_MESSAGE_BYTES, Message
-from swarm.messages.ego import Decision, Detections
-from swarm.messages.llm import DecideAnswer, DecideRequest
-from swarm.messages.net import NetDemand, NetState, ShapeReply, ShapeRequest
-from swarm.messages.robot import (
-    Beacon,
-    Observation,
-    ObservationRequest,
-    Refusal,
-    SceneDescription,
-)
-from swarm.messages.steer import EgoSteered, EgoSteering, RobotSteered, RobotSteering
 
 M = TypeVar("M", bound=Message)
 _ENCODER = msgspec.msgpack.Encoder()
-_DECODERS: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {
-    kind: msgspec.msgpack.Decoder(kind)
-    for kind in (
-        EgoSteering,
-        EgoSteered,
-        RobotSteering,
-        RobotSteered,
-        Beacon,
-        SceneDescription,
-        ObservationRequest,
-        Observation,
-        Refusal,
-        Decision,
-        Detections,
-        NetState,
-        NetDemand,
-        ShapeRequest,
-        ShapeReply,
-        DecideRequest,
-        DecideAnswer,
-    )
-}
 
 
 def encode(message: Message) -> bytes:
@@ -63,13 +31,18 @@ def decode(data: bytes, kind: type[M]) -> M:
             f"{kind.__name__} of {len(data)} bytes is larger than {MAX_MESSAGE_BYTES}"
         )
     try:
-        message: M = _DECODERS[kind].decode(data)
+        message: M = _decoder(kind).decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MessageError(f"not a valid {kind.__name__}: {error}") from error
     for name in message.__struct_fields__:
         if not _is_finite(getattr(message, name)):
             raise MessageError(f"{kind.__name__}.{name} is not finite")
     return message
+
+
+@cache
+def _decoder(kind: type[M]) -> msgspec.msgpack.Decoder[M]:
+    return msgspec.msgpack.Decoder(kind)
 
 
 def _is_finite(value: object) -> bool:
