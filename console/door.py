@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
-from collections.abc import Generator
 from typing import Any
-
-import uvicorn
 
 from console.hub import MAX_VIEWERS
 from console.settings import ConsoleSettings
-from swarm.http_doors import bind, check_token, server_config
+from swarm.http_doors import HttpServer, bind, check_token, server_config
 
 MAX_CONNECTIONS = 4 * MAX_VIEWERS
 SEND_BUFFER = 64 * 1024
@@ -32,12 +28,12 @@ class Door:
         # Connections inherit it.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         self.port = int(self._socket.getsockname()[1])
-        self._server: _Server | None = None
+        self._server: HttpServer | None = None
 
     async def serve(self, app: Any) -> None:
         """Answers until `stop` is called."""
         config = server_config(app, connections=MAX_CONNECTIONS, grace_s=1)
-        self._server = _Server(config)
+        self._server = HttpServer(config)
         await self._server.serve([self._socket])
 
     def stop(self) -> None:
@@ -48,10 +44,3 @@ class Door:
     def close(self) -> None:
         """Lets go of the socket."""
         self._socket.close()
-
-
-class _Server(uvicorn.Server):
-    @contextlib.contextmanager
-    def capture_signals(self) -> Generator[None]:
-        """Leaves signals to the process."""
-        yield

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import Generator
 
-import uvicorn
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import Completer, make_app
-from swarm.http_doors import bind, check_token, server_config
+from swarm.http_doors import HttpServer, bind, check_token, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256
@@ -37,7 +34,7 @@ class HttpDoor:
         self.port = int(self._socket.getsockname()[1])
         self._log = log
         app = make_app(gateway, token, registry, log)
-        self._server = _Server(server_config(app, connections=MAX_CONNECTIONS, grace_s=1))
+        self._server = HttpServer(server_config(app, connections=MAX_CONNECTIONS, grace_s=1))
         self._serving: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
@@ -52,10 +49,3 @@ class HttpDoor:
         if serving is not None:
             await serving
         self._socket.close()
-
-
-class _Server(uvicorn.Server):
-    @contextlib.contextmanager
-    def capture_signals(self) -> Generator[None]:
-        """Leaves signals to the process."""
-        yield

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import ipaddress
 import re
 import socket
+from collections.abc import Generator
 from typing import Any
 
 import uvicorn
@@ -43,6 +45,15 @@ class Bearer:
         scheme, _, shown = authorization.partition(" ")
         given = f"{scheme.capitalize()} {shown.strip()}".encode()
         return hmac.compare_digest(given, self._expected)
+
+
+class HttpServer(uvicorn.Server):
+    """A server on a process's main thread that leaves signals to the process."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Generator[None]:
+        """Handles none."""
+        yield
 
 
 def check_token(setting: str, token: str) -> None:
