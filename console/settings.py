@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Annotated
 
 import msgspec
 
-from swarm.errors import SettingError
 from swarm.process import ProcessSettings
-from swarm.settings import Name, Port, load
+from swarm.settings import Name, Port, Secret, load, shown
 
 HostName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9.-]{1,253}(?!\n)$")]
 
@@ -26,17 +24,13 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     console_host: str = "127.0.0.1"
     console_port: Port = 8080
     """0 takes any free port."""
-    console_token: str = ""
+    console_token: Secret = ""
     """What viewers must show; needed to answer off this host."""
     console_names: Annotated[tuple[HostName, ...], msgspec.Meta(max_length=16)] = ()
     """Names, beside localhost and addresses, that browsers may ask for."""
 
     def __repr__(self) -> str:
-        shown = (
-            f"{name}={'***' if name == 'console_token' and value else repr(value)}"
-            for name, value in msgspec.structs.asdict(self).items()
-        )
-        return f"{type(self).__name__}({', '.join(shown)})"
+        return shown(self)
 
 
 def load_settings(environment: Mapping[str, str] | None = None) -> ConsoleSettings:
@@ -44,9 +38,4 @@ def load_settings(environment: Mapping[str, str] | None = None) -> ConsoleSettin
 
     Raises SettingError that names the variable, its value (never a token) and what is allowed.
     """
-    try:
-        return load(ConsoleSettings, environment)
-    except SettingError as error:
-        if re.match(r"(COADAPT_)?console_token = ", str(error), re.IGNORECASE):
-            raise SettingError("COADAPT_CONSOLE_TOKEN is not valid; it must be text") from None
-        raise
+    return load(ConsoleSettings, environment)

@@ -11,9 +11,8 @@ import msgspec
 
 from swarm.errors import SettingError
 from swarm.process import SwarmSettings
-from swarm.settings import Port, Seconds, load
+from swarm.settings import Port, Seconds, Secret, load, shown
 
-_SECRETS = ("llm_api_key", "llm_http_token")
 _KEY = re.compile(r"[\x21-\x7e]{1,4096}")
 
 
@@ -26,7 +25,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_model: str = ""
     """`openai`: the model's name at the server; `llamacpp`: path of a GGUF file, or the name of a
     model that a package carries. Empty takes the server's first, or the package's own."""
-    llm_api_key: str = ""
+    llm_api_key: Secret = ""
     llm_api_key_file: str = ""
     """A file that holds the key instead."""
     llm_parallel: Annotated[int, msgspec.Meta(ge=1, le=256)] = 8
@@ -49,7 +48,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_http_host: str = "127.0.0.1"
     llm_http_port: Port = 9106
     """Where the OpenAI-compatible door answers; 0 takes any free port."""
-    llm_http_token: str = ""
+    llm_http_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""
     llm_breaker_failures: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 5
     """Failed calls in a row after which the model is left alone ..."""
@@ -65,11 +64,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
         return 10.0 if self.llm_backend == "llamacpp" else 0.0
 
     def __repr__(self) -> str:
-        shown = (
-            f"{name}={'***' if name in _SECRETS and value else repr(value)}"
-            for name, value in msgspec.structs.asdict(self).items()
-        )
-        return f"{type(self).__name__}({', '.join(shown)})"
+        return shown(self)
 
 
 def load_settings(environment: Mapping[str, str] | None = None) -> GatewaySettings:
@@ -78,15 +73,7 @@ def load_settings(environment: Mapping[str, str] | None = None) -> GatewaySettin
     Raises SettingError that names the variable, its value (never a key or token) and what is
     allowed.
     """
-    try:
-        settings = load(GatewaySettings, environment)
-    except SettingError as error:
-        for name in _SECRETS:
-            if re.match(rf"(COADAPT_)?{name} = ", str(error), re.IGNORECASE):
-                raise SettingError(
-                    f"COADAPT_{name.upper()} is not valid; it must be text"
-                ) from None
-        raise
+    settings = load(GatewaySettings, environment)
     if settings.llm_api_key_file:
         if settings.llm_api_key:
             raise SettingError(

@@ -10,7 +10,7 @@ import msgspec
 from swarm.errors import SettingError
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
-from swarm.settings import Name, Port, load
+from swarm.settings import Name, Port, Secret, load, shown
 
 Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
 
@@ -38,10 +38,13 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     qod_host: str = "127.0.0.1"
     qod_port: Port = 9104
     """Where the Quality-on-Demand API answers; 0 takes any free port."""
-    qod_token: str = ""
+    qod_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""
     qod_socket: str = ""
     """Unix socket to answer on instead of the port."""
+
+    def __repr__(self) -> str:
+        return shown(self)
 
 
 def load_settings(environment: Mapping[str, str] | None = None) -> ControllerSettings:

@@ -22,6 +22,8 @@ PREFIX = "COADAPT_"
 
 Port = Annotated[int, msgspec.Meta(ge=0, le=65535)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
+Secret = Annotated[str, msgspec.Meta(extra={"secret": True})]
+"""A key or token: neither errors nor `shown` tell its value."""
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -48,6 +50,8 @@ def load(kind: type[S], environment: Mapping[str, str] | None = None) -> S:
         try:
             values[field.name] = msgspec.convert(raw, field.type, strict=False)
         except msgspec.ValidationError as error:
+            if field.type == Secret:
+                raise SettingError(f"{variable} is not valid; it must be text") from None
             raise SettingError(
                 f"{source} = {raw!r} is not valid: {error}; it must be {_allowed(field.type)}"
             ) from error
@@ -55,6 +59,16 @@ def load(kind: type[S], environment: Mapping[str, str] | None = None) -> S:
         if isinstance(values[field.name], float) and not math.isfinite(values[field.name]):
             raise SettingError(f"{source} = {raw!r} is not valid; it must be a finite number")
     return kind(**values)
+
+
+def shown(settings: msgspec.Struct) -> str:
+    """The settings as text, without secrets: what a class that has some says of itself."""
+    values = (
+        (field.name, field.type == Secret, getattr(settings, field.name))
+        for field in msgspec.structs.fields(settings)
+    )
+    told = (f"{n}={'***' if secret and value else repr(value)}" for n, secret, value in values)
+    return f"{type(settings).__name__}({', '.join(told)})"
 
 
 def _read_toml(path: str | None) -> dict[str, Any]:

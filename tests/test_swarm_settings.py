@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from swarm.errors import SettingError
 from swarm.process import ProcessSettings
-from swarm.settings import Name, Port, Seconds, load
+from swarm.settings import Name, Port, Seconds, Secret, load, shown
 
 
 class Example(ProcessSettings, frozen=True, kw_only=True):
@@ -87,3 +88,16 @@ def test_an_unreadable_file_is_named(tmp_path: Path, content: str | bytes | None
         file.write_text(content)
     with pytest.raises(SettingError, match=r"COADAPT_CONFIG = .*coadapt\.toml"):
         example(COADAPT_CONFIG=str(file))
+
+
+class Guarded(msgspec.Struct, kw_only=True):
+    token: Secret = ""
+    other: str = "seen"
+
+
+def test_a_secret_is_told_by_nobody(tmp_path: Path) -> None:
+    assert shown(load(Guarded, {"COADAPT_TOKEN": "hush"})) == "Guarded(token=***, other='seen')"
+    path = tmp_path / "settings.toml"
+    path.write_text('token = ["hush"]\n')
+    with pytest.raises(SettingError, match=r"^COADAPT_TOKEN is not valid; it must be text$"):
+        load(Guarded, {"COADAPT_CONFIG": str(path)})
