@@ -13,6 +13,7 @@ import msgspec
 
 from deploy.spec import RuntimeName, SwarmSpec, run_base, run_dir_of
 from swarm.errors import DeployError
+from swarm.files import write_whole
 from swarm.transport import MAX_UNIX_PATH
 
 STATE_FILE = "state.json"
@@ -76,9 +77,7 @@ def need_state(swarm: str) -> State:
 def write_state(state: State) -> None:
     """Writes the record in one step, so that a reader sees all of it or none."""
     path = Path(state.spec.run_dir) / STATE_FILE
-    draft = path.with_suffix(".new")
-    draft.write_bytes(msgspec.json.format(msgspec.json.encode(state)))
-    draft.replace(path)
+    write_whole(path, msgspec.json.format(msgspec.json.encode(state)))
 
 
 def make_run_dir(spec: SwarmSpec) -> Path:

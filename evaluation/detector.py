@@ -26,6 +26,7 @@ from perception.detector.weight_files import has_weights
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.errors import PerceptionError, WorldError
+from swarm.files import write_whole
 
 DETECTORS = {"factory": "factory", "road": "road", "opv2v": "road"}
 POSE_SIGMAS_M = (0.2, 0.4, 0.6)
@@ -237,4 +238,4 @@ def _write(
         "skipped": skipped,
         "machine": machine_facts(),
     }
-    path.write_text(json.dumps(report, indent=1) + "\n")
+    write_whole(path, json.dumps(report, indent=1) + "\n")

@@ -17,6 +17,7 @@ import msgspec
 from network_controller.model import Link
 from network_controller.profiles import Fixed, Profile, Series, Shift
 from swarm.errors import NetworkError
+from swarm.files import write_whole
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS, Direction
 
 Layer = Literal["start", "stays", "expires"]
@@ -163,11 +164,9 @@ class Wishes:
             for layer, wish in layers.items()
             if layer != "start"
         )
-        draft = self._path.with_suffix(".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_bytes(msgspec.json.encode(_Saved(self.revision + 1, kept)))
-            draft.replace(self._path)
+            write_whole(self._path, msgspec.json.encode(_Saved(self.revision + 1, kept)))
         except OSError as error:
             raise NetworkError(f"shapes cannot be kept in {str(self._path)!r}: {error}") from error
         self.revision += 1

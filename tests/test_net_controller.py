@@ -160,7 +160,8 @@ def test_a_request_for_both_directions_is_carried_out_whole_or_not_at_all(site: 
 
 def test_a_request_that_cannot_be_kept_is_undone(site: Site) -> None:
     site.ask(rate_bps=5_000_000)
-    (site.directory / "shapes.new").mkdir()
+    (site.directory / "shapes.json").unlink()
+    (site.directory / "shapes.json").mkdir()
     with pytest.raises(NetworkError, match="cannot be kept"):
         site.ask(rate_bps=1_000_000)
     assert site.driver.rate() == 5_000_000

@@ -4,7 +4,6 @@ lines. Nothing is pickled."""
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from swarm.errors import PerceptionError
+from swarm.files import whole_file
 
 Tensors = dict[str, Tensor]
 
@@ -25,9 +25,8 @@ def save(path: Path, step: int, parts: dict[str, Tensors], facts: dict[str, str]
         for part, tensors in parts.items()
         for name, tensor in tensors.items()
     }
-    scratch = path.with_suffix(".part")
-    save_file(flat, scratch, metadata={**facts, "step": str(step)})
-    os.replace(scratch, path)
+    with whole_file(path) as part:
+        save_file(flat, part, metadata={**facts, "step": str(step)})
 
 
 def load(path: Path) -> tuple[int, dict[str, Tensors], dict[str, str]]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import tempfile
 import zlib
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from swarm.files import write_whole
 
 MAX_FILES = 2000
 """About 1 GB at 32 rings."""
@@ -54,11 +55,4 @@ class ScanCache:
             target = self._directory / f"{name}.npy"
             if not target.exists() and len(os.listdir(self._directory)) >= self._max_files:
                 return
-            handle, temporary = tempfile.mkstemp(dir=self._directory, suffix=".part")
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    file.write(body + zlib.crc32(body).to_bytes(_CHECKSUM_BYTES, "little"))
-                os.replace(temporary, target)
-            except OSError:
-                os.unlink(temporary)
-                raise
+            write_whole(target, body + zlib.crc32(body).to_bytes(_CHECKSUM_BYTES, "little"))

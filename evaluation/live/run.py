@@ -9,7 +9,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from evaluation.kept import write_whole
 from evaluation.live.compare import LiveRow, compare_live
 from evaluation.live.swarm import record
 from evaluation.machine import machine_facts
@@ -19,6 +18,7 @@ from evaluation.tables import markdown
 from evaluation.windows.scenarios import Scenario, factory_suite
 from perception.fusion.registry import fusion_names
 from swarm.errors import EvaluationError
+from swarm.files import write_whole
 
 ROBOTS = (3, 4)
 """Of the scenarios that run live: as many as two cores can carry at the sensors' rate."""

@@ -14,10 +14,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from evaluation.kept import write_whole
 from evaluation.machine import machine_facts
 from evaluation.policies.results import Means, Row
 from evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
+from swarm.files import write_whole
 
 LLM = "llm-"
 OWN_SELECTION = (

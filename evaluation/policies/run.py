@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ego_agent.policies.base import Policy
 from ego_agent.surrogate.model import packaged_surrogate
-from evaluation.kept import Kept, write_whole
+from evaluation.kept import Kept
 from evaluation.policies import advice
 from evaluation.policies.advice import AdvisedAtOnce, Model
 from evaluation.policies.claims import claims_of
@@ -24,6 +24,7 @@ from evaluation.windows.choice import Choice
 from evaluation.windows.scenarios import Scenario
 from perception.fusion.registry import fusion_names
 from swarm.errors import EvaluationError
+from swarm.files import write_whole
 from swarm.messages import ALGORITHMS
 
 SURROGATE = "surrogate"

