@@ -29,7 +29,8 @@ def footprints(boxes: Boxes) -> Floats:
 
 def iou_bev(a: Boxes, b: Boxes) -> Floats:
     """Intersection over union of the footprints of N and M boxes: float64 (N, M)."""
-    return _iou(a, b, np.ones((len(a), len(b))), np.ones(len(a)), np.ones(len(b)))
+    near = _within_reach(a, b)
+    return _iou(a, b, near, np.ones(near.shape), np.ones(len(a)), np.ones(len(b)))
 
 
 def iou_3d(a: Boxes, b: Boxes) -> Floats:
@@ -37,14 +38,35 @@ def iou_3d(a: Boxes, b: Boxes) -> Floats:
     bottom_a, bottom_b = (x.centers[:, 2] - x.sizes[:, 2] / 2 for x in (a, b))
     top_a, top_b = (x.centers[:, 2] + x.sizes[:, 2] / 2 for x in (a, b))
     shared = np.minimum(top_a[:, None], top_b) - np.maximum(bottom_a[:, None], bottom_b)
-    return _iou(a, b, np.maximum(shared, 0.0), a.sizes[:, 2], b.sizes[:, 2])
+    near = _within_reach(a, b) & (shared > 0.0)
+    return _iou(a, b, near, shared, a.sizes[:, 2], b.sizes[:, 2])
 
 
-def _iou(a: Boxes, b: Boxes, shared_height: Floats, height_a: Floats, height_b: Floats) -> Floats:
-    iou = np.zeros((len(a), len(b)))
-    apart = np.hypot(*(a.centers[:, None, :2] - b.centers[None, :, :2]).transpose(2, 0, 1))
+def iou_among(boxes: Boxes) -> Floats:
+    """`iou_bev` of each of N boxes with those after it: float64 (N, N), else 0."""
+    ones = np.ones(len(boxes))
+    pairs = np.triu(_within_reach(boxes, boxes), 1)
+    return _iou(boxes, boxes, pairs, np.ones(pairs.shape), ones, ones)
+
+
+def _within_reach(a: Boxes, b: Boxes) -> NDArray[np.bool_]:
+    """(N, M): which pairs are near enough to overlap."""
+    apart = a.centers[:, None, :2] - b.centers[None, :, :2]
     reach = np.hypot(*a.sizes[:, :2].T)[:, None] + np.hypot(*b.sizes[:, :2].T)
-    pairs = np.argwhere(apart <= reach / 2)
+    near: NDArray[np.bool_] = (apart**2).sum(axis=-1) <= (reach / 2) ** 2
+    return near
+
+
+def _iou(
+    a: Boxes,
+    b: Boxes,
+    near: NDArray[np.bool_],
+    shared_height: Floats,
+    height_a: Floats,
+    height_b: Floats,
+) -> Floats:
+    iou = np.zeros((len(a), len(b)))
+    pairs = np.argwhere(near)
     corners_a, corners_b = footprints(a), footprints(b)
     volume_a = a.sizes[:, 0] * a.sizes[:, 1] * height_a
     volume_b = b.sizes[:, 0] * b.sizes[:, 1] * height_b
@@ -118,7 +140,7 @@ def nms(boxes: Boxes, max_iou: float = 0.1) -> Boxes:
     """Keeps the best-scored box of every group that overlaps by more than `max_iou` in BEV."""
     order = np.argsort(-boxes.scores, kind="stable")
     ranked = boxes.take(order)
-    iou = iou_bev(ranked, ranked)
+    iou = iou_among(ranked)
     alive = np.ones(len(ranked), dtype=np.bool_)
     for i in range(len(ranked)):
         if alive[i]:
@@ -135,7 +157,7 @@ def weighted_fusion(boxes: Boxes, min_iou: float = 0.15, *, independent: bool = 
     raise the score: 1 - product of (1 - score); where they are not, the best score stays.
     """
     ranked = boxes.take(np.argsort(-boxes.scores, kind="stable"))
-    iou = iou_bev(ranked, ranked)
+    iou = iou_among(ranked)
     free = np.ones(len(ranked), dtype=np.bool_)
     groups = []
     for i in range(len(ranked)):

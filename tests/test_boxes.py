@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.boxes import footprints, iou_3d, iou_bev, nms, weighted_fusion
+from perception.boxes import footprints, iou_3d, iou_among, iou_bev, nms, weighted_fusion
 from perception.types import Boxes
 
 
@@ -52,6 +52,14 @@ def test_volume_overlap_counts_the_shared_height() -> None:
 
 def test_overlap_with_no_boxes_has_no_entries() -> None:
     assert iou_bev(Boxes.empty(), make((0, 0, 0, 1, 1, 1, 0))).shape == (0, 1)
+
+
+@given(st.lists(box, max_size=5))
+def test_overlap_among_boxes_is_that_of_each_with_those_after_it(
+    rows: list[tuple[float, ...]],
+) -> None:
+    boxes = make(*rows)
+    assert np.array_equal(iou_among(boxes), np.triu(iou_bev(boxes, boxes), 1))
 
 
 def test_nms_keeps_the_best_of_each_group() -> None:

@@ -171,3 +171,14 @@ def test_the_grids_are_those_of_the_field() -> None:
     assert (factory.rows, factory.columns, factory.cells) == (256, 256, (128, 128))
     assert (road.rows, road.columns, road.cells) == (200, 704, (100, 352))
     assert road.cell_m == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("points", [0, 1, 400])
+def test_cells_computed_where_points_are_equal_those_computed_everywhere(points: int) -> None:
+    encoder = random_network().encoder
+    clouds = [cloud(), random_cloud(count=points)]
+    pillars = pillarise(clouds, TINY)
+    with torch.inference_mode():
+        encoded = encoder.points(pillars.features)
+        sparse = encoder._sparse(encoded, pillars, encoder._hit(pillars))
+        assert torch.allclose(sparse, encoder._dense(encoded, pillars), atol=1e-6)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from perception.boxes import nms
 from perception.detector.grid import BevConfig
+from perception.detector.maxima import largest_around
 from perception.types import Boxes
 from swarm.geometry import wrap_heading
 
@@ -28,8 +28,7 @@ def read_boxes(config: BevConfig, heat: Tensor, channels: Tensor) -> Boxes:
     heat: logits float32 (classes, rows, columns); channels: float32 (BOX_CHANNELS, rows, columns).
     """
     chance = heat.sigmoid()
-    highest = functional.max_pool2d(chance[None], 3, stride=1, padding=1)[0]
-    peaks = chance * (chance == highest)
+    peaks = chance * (chance == largest_around(chance, 1))
     rows, columns = config.cells
     scores, places = peaks.flatten().topk(min(MAX_PEAKS, peaks.numel()))
     kept = scores > MIN_SCORE**2

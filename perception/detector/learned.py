@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
 
 from perception.detector.grid import BevConfig
 from perception.detector.heads import read_boxes
+from perception.detector.maxima import largest_around
 from perception.detector.pillars import pillarise
 from perception.detector.weights import load_weights
 from perception.types import Boxes, clean_points
@@ -68,7 +68,7 @@ class Detector:
             one = fused[None].contiguous(memory_format=torch.channels_last)
             heat, channels = self._decoder(one)
             # Nobody has said anything there: no robot has a point near.
-            silent = functional.max_pool2d(one.amax(dim=1), 3, stride=1, padding=1) == 0.0
+            silent = largest_around(one.amax(dim=1), 1) == 0.0
             return read_boxes(self.config, heat[0].masked_fill(silent, -math.inf), channels[0])
 
     def detect(self, points: Points) -> Boxes:

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from perception.detector.grid import PILLARS_OF_CELL, BevConfig
+from perception.detector.maxima import largest_around
 from perception.detector.pillars import POINT_FEATURES, Pillars
 
 FEATURES = 32
@@ -50,24 +51,46 @@ class Encoder(nn.Module):
 
     def forward(self, pillars: Pillars) -> Tensor:
         """The feature maps of the pillars' clouds."""
-        rows, columns = self._cells
         encoded = self.points(pillars.features)
-        count = pillars.clouds * rows * columns * PILLARS_OF_CELL
-        canvas = _pillar_maxima(encoded, pillars.index, count)
-        image = canvas.view(pillars.clouds, rows, columns, -1).permute(0, 3, 1, 2)
-        near = self.near(self.down(image))
+        hit = self._hit(pillars)
+        if self.training:
+            image = self._dense(encoded, pillars)
+        else:
+            image = self._sparse(encoded, pillars, hit)
+        near = self.near(image)
         wide = self.wide_up(self.wide(self.wide_down(near)))
         wide = functional.interpolate(wide, size=near.shape[2:], mode="nearest")
         features: Tensor = self.shared(self.merge(near + wide))
-        return features.clamp(0.0, 1.0) * self._evidence(pillars)
+        return features.clamp(0.0, 1.0) * largest_around(hit, EVIDENCE)
 
-    def _evidence(self, pillars: Pillars) -> Tensor:
-        """1 where a point is at most EVIDENCE cells away, else 0: (clouds, 1, rows, columns)."""
+    def _dense(self, encoded: Tensor, pillars: Pillars) -> Tensor:
+        """Cells from their pillars' largest values: (clouds, channels, rows, columns)."""
+        rows, columns = self._cells
+        count = pillars.clouds * rows * columns * PILLARS_OF_CELL
+        canvas = _pillar_maxima(encoded, pillars.index, count)
+        image: Tensor = self.down(_image(canvas, pillars.clouds, self._cells))
+        return image
+
+    def _sparse(self, encoded: Tensor, pillars: Pillars, hit: Tensor) -> Tensor:
+        """The same, computed where there are points: a quarter of the cells, or fewer. Not for
+        training, whose batch norms count all cells."""
+        filled = hit.flatten() > 0.0
+        # Each cell's place among those with points; the first place is that of all without.
+        place = filled.cumsum(0) * filled
+        cell, which = pillars.index // PILLARS_OF_CELL, pillars.index % PILLARS_OF_CELL
+        known = 1 + int(filled.sum())
+        canvas = _pillar_maxima(
+            encoded, place[cell] * PILLARS_OF_CELL + which, known * PILLARS_OF_CELL
+        )
+        told = self.down(_image(canvas, 1, (known, 1))).permute(0, 2, 3, 1).flatten(0, 2)
+        return _image(told[place], pillars.clouds, self._cells)
+
+    def _hit(self, pillars: Pillars) -> Tensor:
+        """1 where a point is in the cell, else 0: (clouds, 1, rows, columns)."""
         rows, columns = self._cells
         hit = torch.zeros(pillars.clouds * rows * columns, device=pillars.features.device)
         hit[pillars.index // PILLARS_OF_CELL] = 1.0
-        hit = hit.view(pillars.clouds, 1, rows, columns)
-        return functional.max_pool2d(hit, 2 * EVIDENCE + 1, stride=1, padding=EVIDENCE)
+        return hit.view(pillars.clouds, 1, rows, columns)
 
     def look(self, features: Tensor) -> Tensor:
         """What feature maps show by themselves: (clouds, VIEW_CHANNELS, rows, columns); the first
@@ -130,6 +153,11 @@ class _PillarMaxima(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
         index, largest = ctx.saved_tensors
         return gradients[0][index] * largest, None, None
+
+
+def _image(values: Tensor, clouds: int, cells: tuple[int, int]) -> Tensor:
+    """Values (clouds * rows * columns * n, C) as (clouds, n * C, rows, columns)."""
+    return values.view(clouds, *cells, -1).permute(0, 3, 1, 2)
 
 
 def _pillar_maxima(encoded: Tensor, index: Tensor, pillars: int) -> Tensor:
