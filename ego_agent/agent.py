@@ -89,7 +89,10 @@ class EgoAgent:
         previous: Decision | None = None
         self._fusion.start()
         due = time.monotonic()
-        while not stop.is_set():
+        stopping = False
+        # A stop that comes while a line is written ends the cycle after it, whose line holds the
+        # frames since.
+        while not stopping:
             running = self._begin(number, previous)
             previous = running.decision
             number += 1
@@ -98,7 +101,8 @@ class EgoAgent:
             if late:
                 self._metrics.cycles_missed.inc(late)
                 due += late * period_s
-            if stop.wait(max(0.0, due - time.monotonic())):
+            stopping = stop.wait(max(0.0, due - time.monotonic()))
+            if stopping:
                 self._fusion.stop()  # the last line holds the last frame too
             try:
                 self._complete(running)

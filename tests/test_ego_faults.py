@@ -9,8 +9,10 @@ import random
 import secrets
 import shutil
 import signal
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,11 +29,15 @@ from ego_swarm import (
 )
 from free_ports import free_ports
 
-from ego_agent.journal import read_journal
+from ego_agent.__main__ import run
+from ego_agent.journal import CycleRecord, Journal, read_journal
+from ego_agent.settings import load_settings
+from ego_agent.tally import TallyKeeper
 from swarm import keyspace, transport
 from swarm.arrays import pack
 from swarm.messages import Beacon, Decision, Detections, SceneDescription, encode
 from swarm.session import Session
+from worlds.factory.world import FactoryWorld
 
 EGO, OTHER = "R1", "R2"
 EGO_ENV = {"ego": EGO, "comm_range_m": "500", "period_s": "0.25"}
@@ -303,6 +309,37 @@ def test_a_robot_that_stands_still_in_the_middle_does_not_hold_up_the_frames(
     finally:
         robot.send_signal(signal.SIGCONT)
     frames.until(lambda d: OTHER in d.participants)
+
+
+def test_a_stop_while_a_line_is_written_loses_no_frame(
+    journal: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopping, write, count, fused = threading.Event(), Journal.commit, TallyKeeper.fused, []
+
+    def slow_disk(self: Journal, record: CycleRecord) -> list[CycleRecord]:
+        before = len(fused)
+        if before and not stopping.is_set():
+            stopping.set()
+            until(lambda: len(fused) > before, "a frame while the line is written")
+        return write(self, record)
+
+    def counted(self: TallyKeeper, *about: Any) -> None:
+        count(self, *about)
+        fused.append(about)
+
+    monkeypatch.setattr(Journal, "commit", slow_disk)
+    monkeypatch.setattr(TallyKeeper, "fused", counted)
+    environment = {
+        "EGO": EGO,
+        "PERIOD_S": "0.25",
+        "ROUTER": f"tcp/127.0.0.1:{free_ports(1)}",
+        "METRICS_PORT": "0",
+        "JOURNAL": str(journal),
+    }
+    for name, value in environment.items():
+        monkeypatch.setenv(f"COADAPT_{name}", value)
+    run(load_settings(), FactoryWorld(robots=2, rings=16), stopping)
+    assert sum(record.frames.fused for record in read_journal(journal)) == len(fused) > 1
 
 
 def test_own_scans_that_cannot_be_read_leave_a_valid_decision_in_every_cycle(
