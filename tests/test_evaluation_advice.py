@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import csv
 import json
 from asyncio import StreamReader, StreamWriter
 from collections.abc import Iterator
@@ -158,3 +159,17 @@ def test_a_real_model_is_a_row_of_its_own(tmp_path: Path) -> None:
     assert advised["decision_ms_p50"] > rows["coverage"]["decision_ms_p50"]
     assert advised["answered_ratio"] == 1
     assert any(claim["what"].startswith("llm-") for claim in headline["claims"])
+    with (tmp_path / "eval.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    values = {(line["policy"], line["window"]): float(line["value"]) for line in lines}
+    gained = [
+        value - values["coverage", window]
+        for (policy, window), value in values.items()
+        if policy == advised["policy"]
+    ]
+    # The file's values are rounded.
+    assert advised["beats_coverage_ratio"] == pytest.approx(
+        sum(gain > 0 for gain in gained) / len(gained), abs=1e-5
+    )
+    assert rows["coverage"]["beats_coverage_ratio"] == 0
+    assert "## Language models beside `coverage`" in (tmp_path / "report.md").read_text()

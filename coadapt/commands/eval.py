@@ -99,8 +99,8 @@ def _add_surrogate(experiments: Any) -> None:
         "that predicts what a choice brings.",
     )
     parser.add_argument(
-        "--windows", type=at_least_one, default=300, metavar="N",
-        help="control windows to measure (default: 300)",
+        "--windows", type=at_least_one, default=240, metavar="N",
+        help="control windows to measure (default: 240)",
     )  # fmt: skip
     _add_workers(parser)
     parser.add_argument(

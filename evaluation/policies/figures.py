@@ -161,13 +161,20 @@ def _share(rows: Sequence[Row], algorithm: str) -> float:
 
 
 def _bytes_precision(figure: Figure, means: Sequence[Means], published: Sequence[Summary]) -> None:
-    """Every policy's precision against its bytes, with the published ones."""
+    """Every policy's precision against its bytes, and what of it comes in time, with the published
+    ones."""
     axes: Axes = figure.subplots()
     for index, one in enumerate(means):
-        marker = MARKERS[index % len(MARKERS)]
+        marker, color = MARKERS[index % len(MARKERS)], f"C{index % 10}"
+        size = max(one.bytes_per_frame, 100.0)
+        axes.plot([size, size], [one.ap_70, one.delivered_ap_70], color=color, linewidth=1)
         axes.plot(
-            max(one.bytes_per_frame, 100.0), one.ap_70, marker, color=f"C{index % 10}",
-            markersize=8, label=one.policy, linestyle="none",
+            size, one.ap_70, marker, color=color, markersize=8, markerfacecolor="white",
+            linestyle="none",
+        )  # fmt: skip
+        axes.plot(
+            size, one.delivered_ap_70, marker, color=color, markersize=8, label=one.policy,
+            linestyle="none",
         )  # fmt: skip
     for summary in published:
         for size, ap_70, label in _published_points(summary):
@@ -176,8 +183,11 @@ def _bytes_precision(figure: Figure, means: Sequence[Means], published: Sequence
     axes.set_xscale("log")
     axes.set_xlabel("bytes a fused frame")
     axes.set_ylabel("AP@0.7")
+    axes.margins(x=0.12)
+    title = "filled: what the link delivers; hollow: if all came in time"
     if published:
-        axes.set_title("black: CoAdapt as published (OPV2V, counted bytes)", fontsize=8)
+        title += "\nblack: CoAdapt as published (OPV2V, counted bytes)"
+    axes.set_title(title, fontsize=8)
     figure.legend(loc="outside right upper", fontsize=8)
     axes.grid(alpha=0.3)
 

@@ -15,7 +15,8 @@ def report(means: Sequence[Means], claims: Sequence[Mapping[str, Any]], rows: Se
         "# Policies on the same control windows",
         f"{means[0].windows} windows. AP: mean of the windows. Regret: in AP@0.7 - lambda C, "
         "against the best choice that was measured; held out: the best on one half of the frames, "
-        "judged by the other. Infeasible: needs more than all of C(t).",
+        "judged by the other. Infeasible: needs more than all of C(t). Delivered: AP@0.7, with the "
+        "ego alone where the choice is infeasible.",
         table(means),
         "## Claims",
         markdown(
@@ -26,6 +27,9 @@ def report(means: Sequence[Means], claims: Sequence[Mapping[str, Any]], rows: Se
             ],
         ),
     ]
+    advised = [one for one in means if one.answered_ratio is not None]
+    if advised:
+        parts += ["## Language models beside `coverage`", _advised(advised)]
     named = [row for row in rows if row.scenario.expectation is not None]
     if named:
         parts += ["## The paper's motivating snapshots", _answers(named)]
@@ -36,13 +40,14 @@ def table(means: Sequence[Means]) -> str:
     """A line a policy."""
     return markdown(
         (
-            "policy", "AP@0.3", "AP@0.5", "AP@0.7", "kB/frame", "robots", "infeasible", "regret",
-            "held out", "decision ms p50", "p99",
+            "policy", "AP@0.3", "AP@0.5", "AP@0.7", "delivered", "kB/frame", "robots",
+            "infeasible", "regret", "held out", "decision ms p50", "p99",
         ),
         [
             (
                 one.policy, f"{one.ap_30:.3f}", f"{one.ap_50:.3f}", f"{one.ap_70:.3f}",
-                f"{one.bytes_per_frame / 1e3:.1f}", f"{one.participants_mean:.1f}",
+                f"{one.delivered_ap_70:.3f}", f"{one.bytes_per_frame / 1e3:.1f}",
+                f"{one.participants_mean:.1f}",
                 f"{one.infeasible_ratio:.0%}", f"{one.regret_mean:.3f}",
                 f"{one.held_out_regret_mean:.3f}",
                 _milliseconds(one.decision_ms_p50), _milliseconds(one.decision_ms_p99),
@@ -50,6 +55,24 @@ def table(means: Sequence[Means]) -> str:
             for one in means
         ],
     )  # fmt: skip
+
+
+def _advised(means: Sequence[Means]) -> str:
+    """How often language models' choices, checked and repaired, bring more or less."""
+    return markdown(
+        ("policy", "answered", "better", "equal", "worse", "AP@0.7, paired difference"),
+        [
+            (
+                one.policy,
+                f"{one.answered_ratio or 0:.0%}",
+                f"{one.beats_coverage_ratio:.0%}",
+                f"{1 - one.beats_coverage_ratio - one.loses_to_coverage_ratio:.0%}",
+                f"{one.loses_to_coverage_ratio:.0%}",
+                str(one.lost_to_coverage),
+            )
+            for one in means
+        ],
+    )
 
 
 def _milliseconds(value: float | None) -> str:
