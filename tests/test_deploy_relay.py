@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 import sys
 from pathlib import Path
 
@@ -77,5 +79,27 @@ def test_a_connection_to_nothing_is_closed(tmp_path: Path) -> None:
         )
         async with near:
             return await asyncio.wait_for(_ask(tmp_path / "near.sock", b""), 30)
+
+    assert asyncio.run(run()) == b""
+
+
+def test_a_connection_that_breaks_beyond_ends_on_this_side_too(tmp_path: Path) -> None:
+    async def breaks(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        # Closed with what was asked unread, as a server does that was held up for long: a reset.
+        link = writer.get_extra_info("socket")
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        await reader.read(1)
+        writer.transport.abort()
+
+    async def run() -> bytes:
+        far = await asyncio.start_server(breaks, "127.0.0.1", 0)
+        port = far.sockets[0].getsockname()[1]
+        near = await serve_unix(tmp_path / "near.sock", "127.0.0.1", port)
+        async with far, near, asyncio.timeout(30):
+            reader, writer = await asyncio.open_unix_connection(tmp_path / "near.sock")
+            writer.write(b"still here")
+            end = await reader.read()
+            writer.close()
+            return end
 
     assert asyncio.run(run()) == b""

@@ -10,7 +10,6 @@ control socket it holds a connection to.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import socket
 import sys
 from collections.abc import Awaitable, Callable
@@ -44,12 +43,14 @@ def forwarder(
 
 
 async def _copy(source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
-    with contextlib.suppress(OSError):
+    try:
         while data := await source.read(CHUNK):
             target.write(data)
             await target.drain()
         if target.can_write_eof():
             target.write_eof()
+    except OSError:
+        target.close()  # Who waits there for an answer learns that none will come.
 
 
 async def serve_unix(path: Path, host: str, port: int) -> asyncio.Server:
