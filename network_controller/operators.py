@@ -83,6 +83,8 @@ class Operators:
             )
         if request.profile == "congest":
             return self._congest(request)
+        if request.profile == "relieve":
+            return self._relieve(request)
         if request.profile == "off":
             return self._off(request)
         return self._shape(request)
@@ -181,6 +183,17 @@ class Operators:
         why = f"asked for by {request.operator or 'unknown'}"
         self._notes.note("congested", why, link, rate_bps=rate_bps, seconds=seconds)
         return (f"{rate_bps / 1e6:.2f} Mbit/s of telemetry towards {robot} for {seconds:g} s",)
+
+    def _relieve(self, request: ShapeRequest) -> tuple[str, ...]:
+        running = self._flows.running()
+        if request.robot and request.robot not in running:
+            self._links(request)
+        ended = sorted(robot for robot in running if request.robot in ("", robot))
+        for robot in ended:
+            self._flows.stop(robot)
+            why = f"asked for by {request.operator or 'unknown'}"
+            self._notes.note("relieved", why, Link(robot, "down"))
+        return () if ended else ("no telemetry was running there",)
 
     def _links(self, request: ShapeRequest) -> tuple[Link, ...]:
         return links_of(request, self._ego, frozenset(self._driver.robots()))

@@ -156,6 +156,8 @@ def net(controller: Controller, *argv: str) -> int:
             "congest --rate 4mbit --for 30s --protocol udp --robot R2",
             {"rate_bps": 4_000_000, "duration_s": 30.0, "protocol": "udp", "robot": "R2"},
         ),
+        ("congest --stop", {"profile": "relieve", "robot": ""}),
+        ("congest --stop --robot R2", {"profile": "relieve", "robot": "R2"}),
     ],
 )
 def test_a_command_asks_for_what_was_said(
@@ -306,6 +308,8 @@ def test_a_wrong_value_is_an_error_that_says_what_is_allowed(
         "shape --profile off --delay 10ms",
         "shape --rate 5mbit --direction sideways",
         "congest --protocol sctp",
+        "congest --stop --rate 4mbit",
+        "congest --stop --for 30s",
         "show --rate 5mbit",
     ],
 )
@@ -373,6 +377,7 @@ def test_without_a_swarm_the_command_says_so(
             "congest RATE=4mbit DURATION=30s ROBOT=R2",
             "congest --swarm local --rate 4mbit --robot R2 --for 30s",
         ),
+        ("congest ARGS=--stop", "congest --swarm local --stop"),
         ("net ARGS=--json", "show --swarm local --json"),
     ],
 )

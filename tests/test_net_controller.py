@@ -393,6 +393,15 @@ def test_off_ends_the_shapes_of_its_direction_and_of_robots_that_have_left(site:
         site.ask("off", robot="R2")
 
 
+def test_ending_telemetry_where_none_runs_says_so_and_keeps_the_shape(site: Site) -> None:
+    site.ask(rate_bps=5_000_000)
+    reply = site.ask("relieve")
+    assert reply.notes == ("no telemetry was running there",)
+    assert [shape.rate_bps for shape in reply.shapes] == [5_000_000]
+    with pytest.raises(NetworkError, match="'R9' has no link"):
+        site.ask("relieve", robot="R9")
+
+
 def test_a_controller_that_has_closed_shapes_nothing_more(site: Site) -> None:
     site.ask(rate_bps=5_000_000)
     site.controller.close()

@@ -172,8 +172,9 @@ def test_telemetry_that_fills_the_link_makes_the_controller_act_once_and_give_ba
     assert state["level"] == 1
     assert state["classes"]["fusion"]["priority"] < state["classes"]["background"]["priority"]
     assert state["classes"]["background"]["throughput_bps"] > 300_000
-    net("shape", "--profile", "off")
-    net("shape", "--rate", "3mbit")
+    after = net("congest", "--stop")
+    assert after["congested"] == []
+    assert [shape["rate_bps"] for shape in after["shapes"]] == [3_000_000]
     done = actions(swarm.spec, "raised", "lowered")[before:]
     assert [line["action"] for line in done] == ["raised"]
     assert "Q_min 0.95" in done[0]["reason"]

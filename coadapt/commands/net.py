@@ -55,6 +55,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     congest = commands.add_parser("congest", help="send competing telemetry for a while")
     congest.add_argument("--rate", help="like 4mbit (default: 85%% of the link)")
     congest.add_argument("--protocol", choices=("udp", "tcp", "both"), default="both")
+    congest.add_argument(
+        "--stop", action="store_true", help="end it; without --robot towards everybody"
+    )
     congest.set_defaults(request=_congest)
     show = commands.add_parser("show", help="shapes in force, and what links carry")
     show.set_defaults(request=_show)
@@ -133,6 +136,11 @@ def _check_usage(args: argparse.Namespace) -> None:
 
 
 def _congest(args: argparse.Namespace) -> ShapeRequest:
+    if args.stop:
+        for option, value in (("--rate", args.rate), ("--for", args.duration)):
+            if value is not None:
+                args.parser.error(f"{option} does not go with --stop")
+        return _request(args, profile="relieve")
     return _request(
         args,
         profile="congest",

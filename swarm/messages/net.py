@@ -11,7 +11,8 @@ from swarm.messages.base import Count, Message, Ns, RobotId
 Direction = Literal["down", "up"]
 """`down` goes to the robot, `up` comes from it."""
 Directions = Literal["down", "up", "both"]
-Profile = Literal["rate", "shift", "trace", "congest", "off", "show"]
+Profile = Literal["rate", "shift", "trace", "congest", "relieve", "off", "show"]
+"""`relieve` ends what `congest` began; `off` ends shapes as well."""
 ClassName = Literal["control", "fusion", "background"]
 
 MIN_RATE_BPS = 100_000
@@ -105,7 +106,7 @@ class ShapeRequest(Message, frozen=True, kw_only=True):
     operator: Annotated[str, msgspec.Meta(max_length=64)] = ""
     """Who asks; it stands in the controller's journal."""
     robot: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{0,32}(?!\n)$")] = ""
-    """Whose link; empty is the cell towards the ego."""
+    """Whose link; empty is the cell towards the ego, of `relieve` and `off` every link."""
     direction: Directions = "down"
     profile: Profile
     rate_bps: Rate | None = None
