@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 
 from robot_agent.agent import RobotAgent
+from robot_agent.metrics import RobotMetrics
 from swarm import keyspace
 from swarm.errors import DutyError
 from swarm.log import Logger
@@ -16,13 +17,17 @@ from swarm.session import Session
 class Duty:
     """One robot's duty. Off duty it is alive for nobody and answers nothing but steering."""
 
-    def __init__(self, agent: RobotAgent, session: Session, log: Logger) -> None:
+    def __init__(
+        self, agent: RobotAgent, session: Session, metrics: RobotMetrics, log: Logger
+    ) -> None:
         """Serves the robot's queries and shows it as alive."""
         self.on = True
         """Read by the robot's loops."""
         self._agent = agent
         self._session = session
         self._log = log
+        self._shown = metrics.on_duty.labels(agent.robot)
+        self._shown.set(1)
         self._lock = threading.Lock()
         self._operator = ""
         self._since_ns = 0
@@ -59,4 +64,5 @@ class Duty:
         else:
             self.on = False
             self._withdraw()
+        self._shown.set(on)
         self._log.info("duty", robot=self._agent.robot, on=on, operator=self._operator)

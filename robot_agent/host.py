@@ -49,7 +49,7 @@ class RobotHost:
         for thread in self._threads:
             thread.start()
         for agent in agents:
-            self._duties[agent.robot] = Duty(agent, session, log)
+            self._duties[agent.robot] = Duty(agent, session, metrics, log)
 
     def close(self) -> None:
         """Stops the loops. Does not wait for one that is stuck in a scan."""

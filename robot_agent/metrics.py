@@ -63,6 +63,12 @@ class RobotMetrics:
             ["robot", "algorithm", "outcome"],
             registry=registry,
         )
+        self.on_duty = Gauge(
+            "coadapt_robot_on_duty",
+            "1 while the robot is part of the swarm, 0 while an operator keeps it out.",
+            ["robot"],
+            registry=registry,
+        )
         self.faults = Counter(
             "coadapt_robot_faults_total",
             "Failures within a loop, which went on.",

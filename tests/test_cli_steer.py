@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ego_swarm import Swarm, factory, swarm_of
+from ego_swarm import Swarm, factory, metrics_of, swarm_of
+from free_ports import free_port
 
 from coadapt.main import main
 from deploy.spec import make_spec
@@ -17,6 +18,7 @@ from swarm.errors import RefusedError
 from swarm.messages import Decision, Observation, ObservationRequest
 
 EGO, OTHER = "R1", "R2"
+PORT = free_port()
 WAIT_S = 20.0
 
 
@@ -31,7 +33,7 @@ def swarm(
         make_run_dir(spec)
         write_state(State(runtime="netns", spec=spec, router=found.address))
         found.router()
-        found.robot(OTHER)
+        found.robot(OTHER, metrics_port=str(PORT))
         found.ego(ego=EGO, comm_range_m="500", period_s="0.25")
         yield found
 
@@ -69,6 +71,7 @@ def test_an_operator_steers_a_running_swarm(
     assert "R2 is off duty, by " in capsys.readouterr().out
     decisions.until(lambda d: not together(d))
     assert session.alive() == ()
+    assert metrics_of(PORT)['coadapt_robot_on_duty{robot="R2"}'] == 0
     request = ObservationRequest(ego=EGO, request=1, algorithm="early", capture_ns=0)
     asked = session.ask(keyspace.observation("test", OTHER), request, Observation, timeout_s=WAIT_S)
     with pytest.raises(RefusedError, match="robot R2 is off duty"):
@@ -78,6 +81,7 @@ def test_an_operator_steers_a_running_swarm(
     assert (ego["policy"], robot["robot"], robot["on_duty"]) == ("coverage", OTHER, True)
     decisions.until(together)
     assert session.alive() == (OTHER,)
+    assert metrics_of(PORT)['coadapt_robot_on_duty{robot="R2"}'] == 1
 
 
 def test_what_cannot_be_done_is_named_and_nothing_is_changed(
