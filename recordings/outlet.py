@@ -42,7 +42,7 @@ class Outlet:
                 self._server = foxglove.start_server(
                     name=name, host=LIVE_HOST, port=live_port, context=self._context
                 )
-            except RuntimeError as error:
+            except (RuntimeError, OverflowError) as error:
                 raise RecordingError(
                     f"port {live_port} on {LIVE_HOST}, for Foxglove (--live), cannot be taken: "
                     f"{error}"

@@ -22,6 +22,7 @@ LOOK_S = 0.25
 PROGRESS_S = 5.0
 FINISH_S = 5.0
 """For scans of what had come by the end."""
+_UNWRITABLE = "the file cannot be written"
 BUSY = 400
 """Messages waiting, above which scans are left out: what is said matters more than what is seen."""
 
@@ -135,21 +136,15 @@ def _listen(
     gone: Callable[[], bool],
 ) -> str:
     """Records until something ends it; returns what."""
-    begun = looked = told = ended_at = time.monotonic()
+    begun = looked = told = time.monotonic()
     ended = ""
-    while True:
-        heard = ears.next(0.0 if ended else LOOK_S)
+    while not ended:
+        heard = ears.next(LOOK_S)
         now = time.monotonic()
         if heard is not None:
-            late = ended != "" and now - ended_at > FINISH_S
-            recorder.take(heard, hurry=late or ears.waiting() > BUSY)
+            recorder.take(heard, hurry=ears.waiting() > BUSY)
         if sink is not None and sink.error:
-            return "the file cannot be written"
-        if ended:
-            # What has come so far still belongs to the recording.
-            if heard is None or not ears.waiting():
-                return ended
-            continue
+            return _UNWRITABLE
         if now - told >= PROGRESS_S:
             told = now
             recorder.flush()
@@ -161,7 +156,20 @@ def _listen(
         elif now - looked >= LOOK_S:
             looked = now
             ended = _trouble(ears, sink, gone)
-        ended_at = now
+    return _finish(ears, recorder, sink) or ended
+
+
+def _finish(ears: Ears, recorder: Recorder, sink: Sink | None) -> str:
+    """Writes what has come so far, but not what comes meanwhile; returns why it could not."""
+    ended_at = time.monotonic()
+    for waiting in range(ears.waiting(), 0, -1):
+        heard = ears.next(0.0)
+        if heard is not None:
+            late = time.monotonic() - ended_at > FINISH_S
+            recorder.take(heard, hurry=late or waiting > BUSY)
+        if sink is not None and sink.error:
+            return _UNWRITABLE
+    return ""
 
 
 def _trouble(ears: Ears, sink: Sink | None, gone: Callable[[], bool]) -> str:

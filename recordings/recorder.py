@@ -18,6 +18,8 @@ from swarm.messages import Beacon, Decision, Detections, NetState, SceneDescript
 from worlds.recording import format as layout
 
 SECOND_NS = 1_000_000_000
+MAX_DONE = 256
+"""Frames of which a second word is recognised."""
 
 
 class Recorder:
@@ -46,7 +48,7 @@ class Recorder:
         """Why the last scan could not be had."""
         self._capacity_bps: float | None = None
         self._recent: deque[tuple[int, int]] = deque()
-        self._last_frame = -1
+        self._done: deque[int] = deque(maxlen=MAX_DONE)
         self._alive: dict[str, bool] = {}
         self._missing: dict[str, str] = {}
         self._write: dict[type, Callable[..., None]] = {
@@ -131,11 +133,12 @@ class Recorder:
         self._log(f"{presence.robot} {word}", level, "swarm", came_ns)
 
     def _detections(self, message: Detections, hurry: bool) -> None:
-        # A session that replaces a broken one may bring a message twice.
-        if message.frame <= self._last_frame:
+        # A session that replaces a broken one may bring a message twice; a smaller number does not
+        # say so, for the ego's clock may have been set back.
+        if message.frame in self._done:
             return
         fused = _fused(message)
-        self._last_frame = message.frame
+        self._done.append(message.frame)
         self.fused += 1
         time_ns = message.capture_ns
         if self._scans is not None and self._scans.wants(message.frame):
@@ -166,6 +169,8 @@ class Recorder:
 
     def _budget(self, message: Detections) -> None:
         now_ns, size = message.capture_ns, sum(message.bytes.values())
+        if self._recent and self._recent[-1][0] > now_ns:
+            self._recent.clear()
         self._recent.append((now_ns, size))
         while self._recent[0][0] <= now_ns - SECOND_NS:
             self._recent.popleft()
@@ -189,6 +194,11 @@ def _fused(message: Detections) -> layout.Fused:
         raise MessageError(
             f"detections of frame {message.frame} have {len(table)} boxes, {len(scores)} scores "
             f"and {len(message.labels)} labels"
+        )
+    if message.capture_ns > shapes.LATEST_NS:
+        raise MessageError(
+            f"detections of frame {message.frame} are of {message.capture_ns} ns; a recording's "
+            f"times end at {shapes.LATEST_NS} ns"
         )
     return layout.Fused(
         ego=message.ego,

@@ -9,6 +9,7 @@ import numpy as np
 from foxglove.messages import (
     Color,
     CubePrimitive,
+    Duration,
     FrameTransform,
     FrameTransforms,
     Log,
@@ -45,6 +46,10 @@ OBJECT_COLORS = (
 """Robots take turns; told apart also with the usual colour blindnesses, and by their topics."""
 _FLOAT32 = PackedElementFieldNumericType.Float32
 _NS = 1_000_000_000
+LATEST_NS = 2**32 * _NS - 1
+"""The last moment that Foxglove's timestamps can name, in the year 2106."""
+SHOWN_S = 3
+"""Seconds after which what nobody has said again is no longer shown."""
 LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
 
 
@@ -155,7 +160,12 @@ def log(text: str, level: str, name: str, time_ns: int) -> Log:
 
 def _scene(time_ns: int, cubes: list[CubePrimitive], texts: list[TextPrimitive]) -> SceneUpdate:
     entity = SceneEntity(
-        timestamp=timestamp(time_ns), frame_id=WORLD_FRAME, id="all", cubes=cubes, texts=texts
+        timestamp=timestamp(time_ns),
+        frame_id=WORLD_FRAME,
+        id="all",
+        lifetime=Duration(SHOWN_S),
+        cubes=cubes,
+        texts=texts,
     )
     if cubes:
         return SceneUpdate(entities=[entity])

@@ -40,7 +40,10 @@ class Sink:
 
     def nearly_full(self) -> str | None:
         """Why nothing more should be written; None while there is room."""
-        free = shutil.disk_usage(self.path.parent).free
+        try:
+            free = shutil.disk_usage(self.path.parent).free
+        except OSError as error:
+            return f"its folder is gone: {error}"
         if free >= MIN_FREE_BYTES:
             return None
         return f"the disk has {free >> 20} MB left, {MIN_FREE_BYTES >> 20} MB are kept free"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+import time
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -21,6 +22,7 @@ from coadapt.main import main
 from deploy.spec import make_spec
 from deploy.state import State
 from recordings.check import check
+from recordings.listen import Ears, Heard, Presence
 from recordings.record import Result, Wanted, record
 from recordings.sink import Sink
 from swarm.errors import RecordingError, TransportError
@@ -155,6 +157,18 @@ def test_stopping_ends_the_recording_whole(running: Running, tmp_path: Path) -> 
     result = running.record(Wanted(tmp_path / "stopped.mcap"), stop)
     assert result.ended == "stopped"
     assert RecordingFile(tmp_path / "stopped.mcap").header.robots == ROBOTS
+
+
+def test_a_recording_ends_although_more_comes_than_can_be_written(
+    running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def another(ears: Ears, timeout_s: float) -> Heard:
+        return Heard(Presence("R9", alive=True), time.time_ns())
+
+    monkeypatch.setattr(Ears, "next", another)
+    monkeypatch.setattr(Ears, "waiting", lambda ears: 3)
+    made = running.record(Wanted(tmp_path / "flood.mcap", points="none", seconds=0.3))
+    assert made.ended == "0.3 s are over"
 
 
 def test_a_rate_and_no_truth_make_a_recording_smaller(running: Running, tmp_path: Path) -> None:

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
-from recording_files import write_recording
+from recording_files import EPOCH_NS, detections, write_recording
 
 from coadapt.main import main
+from deploy.spec import make_spec
+from recordings import shapes
 from recordings.check import check
+from recordings.listen import Heard
+from recordings.outlet import Outlet
+from recordings.recorder import Recorder
 from recordings.sink import Sink
 from swarm.errors import RecordingError, WorldError
 from worlds.factory import FactoryWorld
 from worlds.recording.clouds import read_points
 from worlds.recording.file import RecordingFile
+from worlds.recording.format import BUDGET, FUSED, LOG, Box, Budget, Fused
 from worlds.recording.world import RecordingWorld
 from worlds.registry import open_world
 
@@ -53,6 +60,16 @@ def test_a_recording_gives_the_scans_and_truth_that_were_there(recorded: Path) -
         world.scan("R9", 0)
 
 
+def test_nothing_is_seen_while_the_ego_was_down(tmp_path: Path) -> None:
+    """Frames 42 and 62 are 2 s apart; the first stands in for those within 1 s."""
+    world = RecordingWorld(write_recording(tmp_path / "down.mcap", (40, 42, 62)))
+    assert (world.rate_hz, world.frame_count) == (5.0, 12)
+    seen = [len(world.scan("R1", frame).points) > 0 for frame in range(12)]
+    assert seen == [True] * 7 + [False] * 4 + [True]
+    assert seen == [len(world.ground_truth(frame).boxes) > 0 for frame in range(12)]
+    assert world.pose("R1", 10) == world.pose("R1", 1)
+
+
 def test_every_frame_fuses_again_to_the_recorded_boxes(recorded: Path) -> None:
     result = check(RecordingWorld(recorded))
     assert (result.compared, result.equal, result.different) == (3, 3, ())
@@ -78,6 +95,50 @@ def test_foxglove_finds_its_own_schemas_and_json_with_schemas(recorded: Path) ->
     for encoding, schema in kinds.values():
         if encoding == "json":
             assert b'"type": "object"' in schema.data or b'"type":"object"' in schema.data
+
+
+def test_a_clock_that_is_set_back_loses_no_frame_and_adds_no_bytes(tmp_path: Path) -> None:
+    file = RecordingFile(write_recording(tmp_path / "back.mcap", (40, 10, 11)))
+    assert [one.frame for one in file.messages(FUSED, Fused)] == [10, 11, 40]
+    first, second, late = file.messages(BUDGET, Budget)
+    assert first.used_bps == 8 * first.bytes > 0
+    assert second.used_bps == 8 * (first.bytes + second.bytes)
+    assert late.used_bps == 8 * late.bytes
+
+
+def test_detections_of_a_time_that_a_recording_cannot_name_are_left_out(tmp_path: Path) -> None:
+    spec = make_spec(robots=("R1", "R2"), run_dir=str(tmp_path))
+    outlet = Outlet(Sink(tmp_path / "far.mcap"))
+    recorder = Recorder(spec, outlet, None, "none", EPOCH_NS)
+    found = detections(FactoryWorld(robots=2, rings=16), 3)
+    far = msgspec.structs.replace(found, frame=4, capture_ns=2**32 * 10**9)
+    for message in (far, found):
+        recorder.take(Heard(message, EPOCH_NS))
+    outlet.close()
+    file = RecordingFile(tmp_path / "far.mcap")
+    assert [one.frame for one in file.messages(FUSED, Fused)] == [3]
+    assert file.count(LOG) == 2  # Why the first is not in it, and who is missing in the second.
+
+
+def test_what_is_not_said_again_is_shown_for_three_seconds() -> None:
+    box = Box(center=(1, 2, 3), size=(1, 1, 1), heading=0, label="box")
+    found = shapes.boxes([box], EPOCH_NS, shapes.FUSED_COLOR, 0.4)
+    of_its_entity = bytes([4 << 3 | 2, 2, 1 << 3, 3])  # Field 4, lifetime: field 1, seconds, is 3.
+    assert of_its_entity in found.encode()
+
+
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_a_port_that_there_is_not_is_named(port: int) -> None:
+    with pytest.raises(RecordingError, match=rf"port {port} on 127.0.0.1, for Foxglove"):
+        Outlet(None, port)
+
+
+def test_a_recording_ends_when_its_folder_is_gone(tmp_path: Path) -> None:
+    sink = Sink(tmp_path / "folder" / "gone.mcap")
+    assert sink.nearly_full() is None
+    sink.discard()
+    sink.path.parent.rmdir()
+    assert "its folder is gone" in (sink.nearly_full() or "")
 
 
 def test_a_file_cut_off_is_used_up_to_the_cut(recorded: Path, tmp_path: Path) -> None:

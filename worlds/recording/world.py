@@ -19,14 +19,17 @@ from worlds.recording.format import TRUTH, Frame, RobotInFrame, Truth, points_to
 
 MAX_KEPT = 64
 """Scans and frames in memory; a scan of 32 rings takes 400 kB."""
+HELD_S = 1.0
+"""Seconds for which a frame stands in for those after it that were not recorded."""
 
 
 class RecordingWorld:
     """A file of `coadapt record`. No scan is read before it is asked for.
 
     Frame 0 is the first recorded one. Frames are as far apart as the recorded ones; one that the
-    ego left out shows the frame before it. A robot whose scan was not recorded in a frame
-    (`--points selected`) sees nothing in it.
+    ego left out shows the frame before it, for HELD_S. In later ones, as while the ego was down,
+    nobody sees anything; nor does a robot in a frame in which its scan was not recorded
+    (`--points selected`).
     """
 
     name = "recording"
@@ -49,6 +52,7 @@ class RecordingWorld:
             round((time_ns - header.epoch_ns) * header.rate_hz / 1e9) for time_ns in self._times
         ]
         self._stride = gcd(*(after - before for before, after in pairwise(self._numbers))) or 1
+        self._held = int(HELD_S * header.rate_hz)
         self.rate_hz: float = header.rate_hz / self._stride
         self.frame_count = 1 + (self._numbers[-1] - self._numbers[0]) // self._stride
         self._recent = Recent(MAX_KEPT)
@@ -66,19 +70,20 @@ class RecordingWorld:
 
     def scan(self, robot: str, frame: int) -> Scan:
         """See `worlds.base.World`."""
-        found = self._robot(robot, frame)
+        found, (time_ns, fresh) = self._robot(robot, frame), self._shown(frame)
+        there = fresh and found.points is not None
         return Scan(
             robot=robot,
             frame=frame % self.frame_count,
-            points=self._points(robot, self._shown(frame), found),
+            points=self._points(robot, time_ns) if there else np.zeros((0, 3), dtype=np.float32),
             pose=Pose(*found.pose),
             velocity=found.velocity,
         )
 
     def ground_truth(self, frame: int) -> GroundTruth:
         """As the recorded world had it; no boxes where it had none."""
-        time_ns = self._shown(frame)
-        if not self.file.has(TRUTH, time_ns):
+        time_ns, fresh = self._shown(frame)
+        if not fresh or not self.file.has(TRUTH, time_ns):
             return GroundTruth(Boxes.empty(), (), np.zeros(0, dtype=np.int64))
         boxes = self.file.message(TRUTH, time_ns, Truth).boxes
         return GroundTruth(
@@ -93,9 +98,7 @@ class RecordingWorld:
             visible_points=np.array([box.visible_points for box in boxes], dtype=np.int64),
         )
 
-    def _points(self, robot: str, time_ns: int, found: RobotInFrame) -> Points:
-        if found.points is None:
-            return np.zeros((0, 3), dtype=np.float32)
+    def _points(self, robot: str, time_ns: int) -> Points:
         topic = points_topic(robot)
         points: Points = self._recent.get(
             (robot, time_ns), lambda: self.file.points(topic, time_ns)
@@ -103,7 +106,7 @@ class RecordingWorld:
         return points
 
     def _robot(self, robot: str, frame: int) -> RobotInFrame:
-        time_ns = self._shown(frame)
+        time_ns, _ = self._shown(frame)
         shown: Frame = self._recent.get(time_ns, lambda: self.file.frame(time_ns))
         if robot not in self.robots or robot not in shown.robots:
             raise WorldError(
@@ -112,7 +115,9 @@ class RecordingWorld:
             )
         return shown.robots[robot]
 
-    def _shown(self, frame: int) -> int:
-        """The capture time of the newest recorded frame at or before one."""
+    def _shown(self, frame: int) -> tuple[int, bool]:
+        """The capture time of the newest recorded frame at or before one, and whether it is near
+        enough to stand in for it."""
         number = self._numbers[0] + frame % self.frame_count * self._stride
-        return self._times[bisect_right(self._numbers, number) - 1]
+        at = bisect_right(self._numbers, number) - 1
+        return self._times[at], number - self._numbers[at] <= self._held
