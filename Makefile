@@ -23,11 +23,11 @@ ARGS ?=
 
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec detector roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline
+BENCHMARKS = sam codec detector roundtrip cycle shaping priority trace adapt controller gateway embedded reaction deadline console
 
 .DEFAULT_GOAL := help
 .PHONY: help setup up down status logs metrics shape congest net record test check lint types bench train eval-detector eval \
-	lock clean
+	pictures lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -100,6 +100,15 @@ eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
 
 eval: setup ## Compare all policies (DATA=dir: on a recorded world; LIVE=1: in a swarm): build/eval/
 	@$(COADAPT) eval $(if $(LIVE),live,policies $(if $(DATA),--data $(DATA))) $(ARGS)
+
+pictures: setup ## Make the documents' pictures anew (DATA=dir: that of OPV2V, too)
+	@$(PYTHON_ENV) -m benchmarks.pictures
+	@$(COADAPT) picture factory --seed 1000008 --frame 700 --ego R3 --algorithm intermediate-sparse \
+		--output docs/pictures/factory.svg
+	@$(COADAPT) picture road --seed 1000001 --frame 10 --algorithm intermediate-codebook \
+		--output docs/pictures/road.svg
+	@$(if $(DATA),$(COADAPT) picture opv2v --data $(DATA) --frame 4 --ego 311 --only-found \
+		--algorithm intermediate-codebook --output docs/pictures/opv2v.svg)
 
 lock: setup ## Pin the newest versions that pyproject.toml allows
 	@sh deploy/lock.sh

@@ -6,12 +6,15 @@ import asyncio
 import sys
 import threading
 
+from prometheus_client import CollectorRegistry
+
 from console.app import make_app
 from console.board import Board
 from console.door import Door
 from console.floor import plan
 from console.guard import Hosts
 from console.hub import Hub
+from console.metrics import ConsoleMetrics
 from console.settings import ConsoleSettings, load_settings
 from console.view import View
 from console.watch import Watch
@@ -19,6 +22,7 @@ from swarm import transport
 from swarm.errors import CoAdaptError
 from swarm.http_doors import is_loopback
 from swarm.log import make_logger
+from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 
 
@@ -29,18 +33,26 @@ def main() -> int:
         settings = load_settings()
         transport.client_config(settings.router)  # a malformed address ends the process here
         door = Door(settings)
-        asyncio.run(serve(settings, door, stop))
+        registry = CollectorRegistry()
+        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+        try:
+            asyncio.run(serve(settings, door, registry, stop))
+        finally:
+            server.close()
     except CoAdaptError as error:
         print(f"console: {error}", file=sys.stderr)
         return 1
     return 0
 
 
-async def serve(settings: ConsoleSettings, door: Door, stop: threading.Event) -> None:
-    """Runs one console until `stop` is set."""
+async def serve(
+    settings: ConsoleSettings, door: Door, registry: CollectorRegistry, stop: threading.Event
+) -> None:
+    """Runs one console until `stop` is set; its metrics go to `registry`."""
     log = make_logger("console", level=settings.log_level, swarm=settings.swarm)
+    metrics = ConsoleMetrics(registry)
     board = Board()
-    view = View(board, settings.swarm, settings.ego)
+    view = View(board, settings.swarm, settings.ego, settings.comm_range_m)
     watch = Watch(view, settings.router, settings.swarm, settings.ego, log)
     hub = Hub(board, watch.look)
     app = make_app(
@@ -49,8 +61,10 @@ async def serve(settings: ConsoleSettings, door: Door, stop: threading.Event) ->
         plan(settings.world, settings.world_robots, settings.world_seed),
         Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
         settings.console_token,
+        metrics,
         log,
     )
+    metrics.show(hub, view)
     serving = asyncio.create_task(door.serve(app))
     log.info("console_up", port=door.port)
     try:

@@ -19,6 +19,7 @@ from starlette.types import Receive, Scope, Send
 from console.controls import CONTROLS
 from console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, Hosts, same_origin
 from console.hub import Hub
+from console.metrics import ConsoleMetrics
 from console.watch import Watch
 from swarm.errors import CoAdaptError, KeyspaceError, RefusedError
 from swarm.log import Logger
@@ -36,7 +37,13 @@ WRONG_TOKEN_S = 1.0
 
 
 def make_app(
-    hub: Hub, watch: Watch, floor: Mapping[str, Any], hosts: Hosts, token: str, log: Logger
+    hub: Hub,
+    watch: Watch,
+    floor: Mapping[str, Any],
+    hosts: Hosts,
+    token: str,
+    metrics: ConsoleMetrics,
+    log: Logger,
 ) -> Guard:
     """The application; with a token, viewers must show it, as a header or in the login form."""
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
@@ -70,7 +77,7 @@ def make_app(
     async def events(request: Request) -> Response:
         if hub.full():
             return _refused(503, "too many pages look at this swarm")
-        return _Stream(hub)
+        return _Stream(hub, metrics)
 
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
@@ -95,14 +102,18 @@ def make_app(
         try:
             reply = await asyncio.wrap_future(watch.ask(CONTROLS[what], asked, robot))
         except RefusedError as error:
+            metrics.requests.labels(what, "refused").inc()
             log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
             return _refused(409, str(error).partition(" refused: ")[2])
         except KeyspaceError as error:
+            metrics.requests.labels(what, "refused").inc()
             return _refused(400, str(error))
         except CoAdaptError as error:
             # Pages ask every few seconds what is in force: the log is not to fill with it.
+            metrics.requests.labels(what, "unanswered").inc()
             log.debug("console_unanswered", what=what, robot=robot, why=str(error)[:300])
             return _refused(504, f"{WHO[what]} does not answer: {error}")
+        metrics.requests.labels(what, "done").inc()
         log.debug("console_asked", what=what, robot=robot)
         return Response(msgspec.json.encode(reply.message), media_type="application/json")
 
@@ -126,9 +137,10 @@ def make_app(
 class _Stream(Response):
     """Server-sent events until the viewer leaves, stalls, or the console ends."""
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(self, hub: Hub, metrics: ConsoleMetrics) -> None:
         super().__init__(media_type="text/event-stream")
         self._hub = hub
+        self._metrics = metrics
         # Without a length, so that the body is sent in chunks.
         self.raw_headers = [h for h in self.raw_headers if h[0] != b"content-length"]
 
@@ -150,9 +162,11 @@ class _Stream(Response):
                 async for event in stream:
                     async with asyncio.timeout(STALLED_S):
                         await send({"type": "http.response.body", "body": event, "more_body": True})
+                    self._metrics.events.inc()
+                    self._metrics.sent.inc(len(event))
                 await send({"type": "http.response.body", "body": b"", "more_body": False})
             except TimeoutError:
-                return
+                self._metrics.stalled.inc()
             finally:
                 await stream.aclose()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
@@ -32,7 +33,8 @@ class Faults:
         self._connected_at: float | None = None
         self._decided_at: float | None = None
         self._cycle = 0
-        self._period_s = 0.0
+        self._gaps: deque[float] = deque(maxlen=4)
+        """Between the last decisions, seconds."""
         self._net_at: float | None = None
 
     def tick(self, now: float, connected: bool, heard: Mapping[str, float]) -> None:
@@ -50,7 +52,8 @@ class Faults:
                 self._tell(now, "fault", f"{robot} is alive but sends no beacons", robot)
             elif self._ends(f"silent {robot}", now - at <= SILENT_S):
                 self._tell(now, "good", f"{robot} sends beacons again", robot)
-        patience_s = max(EGO_SILENT_S, PERIODS * self._period_s)
+        # The least gap is the ego's period; a longer one may have been an outage.
+        patience_s = max(EGO_SILENT_S, PERIODS * min(self._gaps, default=0.0))
         if self._decided_at is not None and self._holds("ego", now - self._decided_at > patience_s):
             self._tell(now, "fault", f"ego {self._ego} decides no more", self._ego)
         if self._net_at is not None and self._holds("net", now - self._net_at > STALE_S):
@@ -85,7 +88,7 @@ class Faults:
         if decision.cycle < self._cycle:
             self._tell(now, "note", f"ego {self._ego} has started anew", self._ego)
         elif self._decided_at is not None:
-            self._period_s = now - self._decided_at
+            self._gaps.append(now - self._decided_at)
         self._decided_at, self._cycle = now, decision.cycle
         if self._holds("valid", not decision.valid):
             self._tell(now, "fault", f"no valid decision: {decision.reason}")

@@ -40,6 +40,11 @@ class Hub:
         self._closed = False
         board.on_change = self._changed
 
+    @property
+    def viewers(self) -> int:
+        """How many look."""
+        return len(self._viewers)
+
     def full(self) -> bool:
         """Whether nobody else may look."""
         return len(self._viewers) >= MAX_VIEWERS

@@ -21,6 +21,8 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
 
     ego: Name
     """Whose decisions are shown."""
+    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] = 45.0
+    """How far from the ego a robot may take part: the ego's own setting, shown as a reason."""
     console_host: str = "127.0.0.1"
     console_port: Port = 8080
     """0 takes any free port."""

@@ -30,7 +30,7 @@ TRAFFIC_S = 1.0
 class View:
     """One swarm as one ego sees it. Zenoh's threads call `on_...`, one other calls `tick`."""
 
-    def __init__(self, board: Board, swarm: str, ego: str) -> None:
+    def __init__(self, board: Board, swarm: str, ego: str, comm_range_m: float) -> None:
         self._board = board
         self._lock = threading.Lock()
         self._faults = Faults(ego, lambda fault: board.append(FAULTS, fault))
@@ -38,6 +38,7 @@ class View:
         self._swarm: dict[str, Any] = {
             "swarm": swarm,
             "ego": ego,
+            "comm_range_m": comm_range_m,
             "connected": False,
             "since": now_s(),
             "gateway": None,
@@ -45,7 +46,14 @@ class View:
         self._tally = _Tally()
         self._traffic = _Tally()
         self._looking_at: float | None = None
+        self.decided_at: float | None = None
+        """When the newest decision came, seconds since the epoch."""
         board.put("swarm", self._swarm)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the router is reached."""
+        return bool(self._swarm["connected"])
 
     def tick(self, connected: bool, looking: bool) -> None:
         """Once a second or so: rates, and what is missing.
@@ -177,6 +185,7 @@ class View:
             "advice": None if advice is None else [advice.state, advice.refusal],
         }
         with self._lock:
+            self.decided_at = now
             self._board.put("decision", value)
             shared = ("at", "cycle", "participants", "algorithm", "source", "valid")
             past = {name: value[name] for name in (*shared, "capacity_bps", "cost_bps")}

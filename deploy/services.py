@@ -63,7 +63,7 @@ class Place:
     site_router_host: str = ""
     """Address by which controller and gateway reach the router, where that is another one."""
     site_metrics_host: str = "0.0.0.0"
-    """Address that the metrics of controller and gateway listen on."""
+    """Address that the metrics of controller, gateway and console listen on."""
     unix_socket: str = ""
     """Socket that the router listens on as well, for tools on the host; empty for none."""
     data: str = ""
@@ -146,7 +146,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             "COADAPT_PERIOD_S": str(spec.period_s),
             "COADAPT_Q_MIN": str(spec.q_min),
             "COADAPT_JOURNAL": journal_path(spec, place.var_dir),
-            **({"COADAPT_COMM_RANGE_M": str(spec.comm_range_m)} if spec.comm_range_m else {}),
+            **_range_environment(spec),
             # What the operator sets is known before anything has been measured.
             **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
         },
@@ -159,6 +159,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         host=INFRA,
         argv=(place.python, "-m", "console"),
         env=_console_environment(spec, place),
+        metrics_port=spec.console_metrics_port,
     )
     prometheus = Service(
         name="prometheus",
@@ -246,9 +247,9 @@ def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
 def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     """The console's settings (`console.settings`)."""
     return {
-        "COADAPT_SWARM": spec.swarm,
-        "COADAPT_ROUTER": _router(spec, place.site_router_host or place.router_host),
+        **_site_environment(spec, place, spec.console_metrics_port),
         "COADAPT_EGO": spec.ego,
+        **_range_environment(spec),
         "COADAPT_CONSOLE_PORT": str(spec.console_port),
         "COADAPT_WORLD": spec.world,
         "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),
@@ -256,6 +257,10 @@ def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
     }
+
+
+def _range_environment(spec: SwarmSpec) -> dict[str, str]:
+    return {"COADAPT_COMM_RANGE_M": str(spec.comm_range_m)} if spec.comm_range_m else {}
 
 
 def _site_environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:

@@ -52,6 +52,7 @@ _ALLOWED = {
     "gateway_metrics_port": _PORT_RULE,
     "grafana_port": _PORT_RULE,
     "console_port": _PORT_RULE,
+    "console_metrics_port": _PORT_RULE,
 }
 
 
@@ -109,6 +110,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the operator's console runs."""
     console_port: HostPort = 8080
     """Where it answers on the host's 127.0.0.1."""
+    console_metrics_port: HostPort = 9107
+    """Where Prometheus scrapes the console; in Docker, a port of the host's bridge."""
     run_dir: str
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
+from prometheus_client import CollectorRegistry
 
 from console.__main__ import serve
 from console.door import Door
@@ -30,12 +31,12 @@ EGO = "R1"
 @contextmanager
 def console(router: str, swarm: str, **values: Any) -> Iterator[int]:
     """A running console; gives its port."""
-    settings = ConsoleSettings(
-        router=router, swarm=swarm, ego=EGO, console_port=0, log_level="error", **values
-    )
+    common: dict[str, Any] = {"ego": EGO, "console_port": 0, "log_level": "error"}
+    settings = ConsoleSettings(router=router, swarm=swarm, **(common | values))
     door = Door(settings)
     stop = threading.Event()
-    thread = threading.Thread(target=lambda: asyncio.run(serve(settings, door, stop)))
+    registry = CollectorRegistry()
+    thread = threading.Thread(target=lambda: asyncio.run(serve(settings, door, registry, stop)))
     thread.start()
     try:
         yield door.port

@@ -53,6 +53,11 @@ def test_in_docker_it_answers_on_the_hosts_loopback_and_its_token_stands_in_no_f
     assert container["environment"]["COADAPT_ROUTER"] == "tcp/127.0.0.1:7447"
     assert container["environment"]["COADAPT_CONSOLE_TOKEN"] is None
     assert "open-sesame" not in text
+    # Prometheus, in a container, reaches its metrics on the bridge: not its page, nor the world.
+    assert container["environment"]["COADAPT_METRICS_HOST"] == "172.17.0.1"
+    prometheus = yaml.safe_load(text)["services"]["prometheus"]
+    assert "console:host-gateway" in prometheus["extra_hosts"]
+    assert "console:9107" in compose.prometheus_file(spec_of(runtime="docker"))
 
 
 def test_no_other_process_learns_its_token() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -12,7 +13,8 @@ from pathlib import Path
 import pytest
 from console_swarm import WAIT_S, Viewer, ask, console
 from free_ports import free_port
-from zenoh_fixtures import Inbox, RouterProcess, SessionMaker, wait_until_served
+from prometheus_client.parser import text_string_to_metric_families
+from zenoh_fixtures import Inbox, RouterProcess, SessionMaker, until, wait_until_served
 
 from console.app import PAGE
 from console.guard import Hosts
@@ -96,7 +98,7 @@ def test_a_shape_reaches_the_network_controller(viewer: Viewer, asked: Inbox[Sha
     assert b'"rate_bps":2000000' in done.body
 
 
-@pytest.mark.parametrize("profile", ["congest", "off", "shift", "show"])
+@pytest.mark.parametrize("profile", ["congest", "relieve", "off", "shift", "show"])
 def test_so_do_the_other_wishes(viewer: Viewer, asked: Inbox[ShapeRequest], profile: str) -> None:
     assert viewer.shape({"profile": profile}).status == 200
     assert asked.next().profile == profile
@@ -317,16 +319,26 @@ def test_the_token_stands_in_no_message_about_settings() -> None:
     assert TOKEN not in repr(settings)
 
 
+def metrics(port: int) -> dict[str, float]:
+    text = ask(port, "GET", "/metrics").body.decode()
+    return {
+        sample.name: sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+
+
 def test_the_process_serves_and_ends_on_a_signal_with_a_page_open(
     shared_router: RouterProcess, swarm_name: str, tmp_path: Path
 ) -> None:
-    port = free_port()
+    port, metrics_port = free_port(), free_port()
     environment = os.environ | {
         "COADAPT_ROUTER": shared_router.address,
         "COADAPT_SWARM": swarm_name,
         "COADAPT_EGO": "R1",
         "COADAPT_CONSOLE_PORT": str(port),
         "COADAPT_CONSOLE_TOKEN": TOKEN,
+        "COADAPT_METRICS_PORT": str(metrics_port),
     }
     with subprocess.Popen(
         [sys.executable, "-m", "console"], env=environment, stderr=subprocess.PIPE, text=True
@@ -337,6 +349,14 @@ def test_the_process_serves_and_ends_on_a_signal_with_a_page_open(
         try:
             with Viewer(port, Authorization=f"Bearer {TOKEN}") as viewer:
                 viewer.until(lambda: viewer.state["swarm"]["connected"], "the swarm is there")
+                # Events count once they are sent: a viewer may have one before that.
+                until(lambda: metrics(metrics_port)["coadapt_console_events_total"] >= 1, "counts")
+                shown = metrics(metrics_port)
+                assert shown["coadapt_console_viewers"] == 1
+                assert shown["coadapt_console_connected"] == 1
+                assert math.isnan(shown["coadapt_console_decision_age_seconds"])
+                # Prometheus has a door of its own: the page's shows nothing without the token.
+                assert ask(port, "GET", "/metrics").status == 401
                 process.send_signal(signal.SIGTERM)
                 log = first + process.stderr.read()
                 assert process.wait(WAIT_S) == 0, log

@@ -348,3 +348,14 @@ def test_an_ego_that_decides_rarely_is_not_silent_between_two_decisions() -> Non
     said.clear()
     faults.tick(30.0 + 30.0 * PERIODS - 1, True, {})
     assert said == []
+
+
+def test_an_outage_does_not_make_an_ego_rare() -> None:
+    said: list[str] = []
+    faults = Faults(EGO, lambda fault: said.append(fault["text"]))
+    faults.tick(0.0, True, {})
+    for cycle, now in enumerate((0.0, 1.0, 2.0, 600.0), 1):
+        faults.decision(now, decision(cycle))
+    said.clear()
+    faults.tick(610.0, True, {})
+    assert said == [f"ego {EGO} decides no more"]

@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
+import base64
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from benchmarks import browser as chromium
 from console.app import PAGE
 from network_controller.mahimahi import read_trace
 
-READ = """
-import { readFileSync } from "node:fs";
-import { rates } from "MODULE";
-try { console.log(JSON.stringify(rates(readFileSync(0, "utf8")))); }
-catch (error) { console.log(JSON.stringify(error.message)); }
-"""
+Read = Callable[[str], object]
+READ = """async ([module, text]) => {
+  const { rates } = await import(module);
+  try { return rates(text); }
+  catch (error) { return error.message; }
+}"""
 
 
-def read(text: str, tmp_path: Path) -> object:
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("Node.js is not here: the page's modules cannot be run outside a browser")
-    module = tmp_path / "mahimahi.mjs"
-    shutil.copy(PAGE / "mahimahi.js", module)
-    script = tmp_path / "read.mjs"
-    script.write_text(READ.replace("MODULE", module.as_uri()))
-    done = subprocess.run([node, script], input=text, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+@pytest.fixture(scope="module")
+def read() -> Iterator[Read]:
+    """What the page's own module makes of a trace: rates, or the words of its refusal."""
+    if (missing := chromium.why_not()) is not None:
+        pytest.skip(missing)
+    module = base64.b64encode((PAGE / "mahimahi.js").read_bytes()).decode()
+    with chromium.browser() as browser:
+        page = browser.new_page()
+        yield lambda text: page.evaluate(READ, [f"data:text/javascript;base64,{module}", text])
 
 
 @pytest.mark.parametrize(
@@ -44,11 +43,13 @@ def read(text: str, tmp_path: Path) -> object:
         [0, 9000],
     ],
 )
-def test_the_rates_are_those_of_the_command_line(times: list[int], tmp_path: Path) -> None:
+def test_the_rates_are_those_of_the_command_line(
+    times: list[int], read: Read, tmp_path: Path
+) -> None:
     text = "".join(f"{time}\n" for time in times)
     file = tmp_path / "trace"
     file.write_text(text)
-    found = read(text, tmp_path)
+    found = read(text)
     assert isinstance(found, list)
     assert found == pytest.approx(list(read_trace(file)), abs=1)
 
@@ -62,5 +63,5 @@ def test_the_rates_are_those_of_the_command_line(times: list[int], tmp_path: Pat
         ("1\nfast\n", 'line 2 is "fast"'),
     ],
 )
-def test_what_is_no_trace_is_named(text: str, words: str, tmp_path: Path) -> None:
-    assert words in str(read(text, tmp_path))
+def test_what_is_no_trace_is_named(text: str, words: str, read: Read) -> None:
+    assert words in str(read(text))

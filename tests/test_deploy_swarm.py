@@ -106,12 +106,12 @@ def test_every_process_runs_and_decisions_flow(swarm: State, cli: Cli) -> None:
 def test_prometheus_says_that_every_target_is_up(swarm: State, cli: Cli) -> None:
     server = Prometheus(swarm.prometheus_url)
     await_(lambda: {t.health for t in server.targets()} == {"up"}, "every target is up", WAIT_S)
-    assert len(server.targets()) == 7
+    assert len(server.targets()) == 8
     robots = {s.labels["robot"] for s in server.query('up{role="robot"}')}
     assert robots == {"R1", "R2", "R3"}
     shown = cli("metrics", *NAME)
     assert shown.returncode == 0, shown.stderr
-    assert "7 of 7 up" in shown.stdout
+    assert "8 of 8 up" in shown.stdout
 
 
 def test_the_second_up_finds_the_swarm_running(swarm: State, cli: Cli, up: tuple[str, ...]) -> None:

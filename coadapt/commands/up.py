@@ -69,6 +69,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--grafana-port", type=int, default=3000, help="on 127.0.0.1")
     parser.add_argument("--no-console", action="store_true", help="go without the console")
     parser.add_argument("--console-port", type=int, default=8080, help="on 127.0.0.1")
+    parser.add_argument(
+        "--console-metrics-port", type=int, default=9107, help="on Docker's bridge, in Docker"
+    )
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
 
@@ -145,6 +148,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         grafana_port=args.grafana_port,
         console=not args.no_console,
         console_port=args.console_port,
+        console_metrics_port=args.console_metrics_port,
         comm_range_m=comm_range_m,
         link_bps=parse_link_rate(args.link) if args.link else None,
         **optional,

@@ -6,7 +6,7 @@ import * as panels from "./panels.js";
 import { Stream } from "./stream.js";
 import { Timeline } from "./timeline.js";
 
-const WORDS_S = 0.2; // People read no faster than this what is no news; the map moves with every frame.
+const WORDS_S = 0.4; // People read no faster than this what is no news; the map moves with every frame.
 const $ = (id) => document.getElementById(id);
 
 const colours = new Map();
@@ -22,19 +22,28 @@ const map = new FloorMap($("map"), stream, theme);
 const timeline = new Timeline($("timeline"), stream, theme);
 const controls = new Controls(stream);
 let pending = 0;
+let floorOf = ""; // The connection that the floor plan was asked over.
 
 function update(news = false) {
   map.changed();
-  if (news) words();
-  else pending ||= setTimeout(words, 1000 * WORDS_S);
+  // A console that has been started anew may show another world.
+  if (stream.csrf && stream.csrf !== floorOf) {
+    floorOf = stream.csrf;
+    loadFloor(floorOf);
+  }
+  if (news) headlines();
+  pending ||= setTimeout(words, 1000 * WORDS_S);
 }
 
-function words() {
-  clearTimeout(pending);
-  pending = 0;
+function headlines() {
   panels.showConnection(stream);
   panels.showDecision(stream);
   panels.showFaults(stream);
+}
+
+function words() {
+  pending = 0;
+  headlines();
   panels.showLinks(stream);
   panels.showHistory(stream);
   panels.showRobots(stream);
@@ -56,11 +65,14 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   update();
 });
 
-async function loadFloor() {
-  const answer = await fetch("/api/floor");
-  if (!answer.ok) throw new Error(answer.statusText);
-  map.floor = await answer.json();
-  update();
+async function loadFloor(connection) {
+  try {
+    const answer = await fetch("/api/floor");
+    if (!answer.ok) throw new Error(answer.statusText);
+    map.floor = await answer.json();
+    map.changed();
+  } catch {
+    setTimeout(() => stream.csrf === connection && loadFloor(connection), 3000);
+  }
 }
-loadFloor().catch(() => setTimeout(loadFloor, 3000));
 words();

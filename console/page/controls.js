@@ -20,6 +20,8 @@ export class Controls {
     $("trace-file").addEventListener("change", () => this.#trace());
     $("congest").addEventListener("click", () => this.#shape("congest", this.#duration()));
     // Without a robot the controller would end what was made of all links.
+    $("relieve").addEventListener("click", () =>
+      this.#shape("relieve", { robot: $("shape-robot").value || this.stream.get("swarm").ego }));
     $("stop").addEventListener("click", () =>
       this.#shape("off", { direction: "both", robot: $("shape-robot").value || this.stream.get("swarm").ego }));
     $("stop-all").addEventListener("click", () => this.#shape("off", { direction: "both", robot: "" }));
@@ -39,18 +41,21 @@ export class Controls {
     const may = this.stream.csrf !== "" && this.stream.get("swarm")?.connected === true;
     for (const part of ["controls", "steering"]) $(part).disabled = !may;
     if (may && !this.shown) this.#look();
+    if (!may) $("shapes").replaceChildren(); // Nobody knows what is in force.
     this.shown = may;
     const robots = this.stream.all("robot/").sort(byId);
     this.#choose("shape-robot", robots.filter((r) => r.alive).map((r) => r.robot), "the ego’s cell");
-    this.#choose("duty-robot", robots.filter((r) => r.alive || r.off_duty_by).map((r) => r.robot));
+    this.#choose("duty-robot", robots.filter((r) => r.alive || r.off_duty_by).map((r) => r.robot), "choose …");
   }
 
-  // The choices of a list, changed only when they are others.
+  // The choices of a list, changed only when they are others. What is chosen stays, also when it has
+  // left: nobody is to shape another link than the one that he chose.
   #choose(id, values, none) {
+    const list = $(id), chosen = list.value;
+    if (chosen && !values.includes(chosen)) values = [...values, chosen];
     const key = values.join();
     if (key === this.choices.get(id)) return;
     this.choices.set(id, key);
-    const list = $(id), chosen = list.value;
     const options = values.map((value) => new Option(value, value));
     list.replaceChildren(...(none ? [new Option(none, "")] : []), ...options);
     if (values.includes(chosen)) list.value = chosen;
@@ -98,7 +103,10 @@ export class Controls {
 
   async #duty(duty) {
     const robot = $("duty-robot").value;
-    if (!robot) return;
+    if (!robot) {
+      $("steer-result").textContent = "choose a robot first";
+      return;
+    }
     await this.#tell("steer-result", async () => {
       const reply = await this.#ask(`robot/${robot}`, { duty });
       return `${robot} is ${reply.on_duty ? "on" : "off"} duty`;
@@ -107,11 +115,8 @@ export class Controls {
 
   async #tell(id, action) {
     $(id).textContent = "asking …";
-    try {
-      $(id).textContent = await action();
-    } catch (error) {
-      $(id).textContent = `refused: ${error.message}`;
-    }
+    const words = await action().catch((error) => `not done: ${error.message}`);
+    $(id).textContent = `${clock(Date.now() / 1000)} ${words}`;
   }
 
   // What is in force, whoever asked for it.
@@ -127,7 +132,7 @@ export class Controls {
       headers: { "Content-Type": "application/json", "X-CoAdapt-CSRF": this.stream.csrf },
       body: JSON.stringify(request),
     });
-    const reply = await answer.json();
+    const reply = await answer.json().catch(() => ({ error: answer.statusText }));
     if (!answer.ok) throw new Error(reply.error);
     return reply;
   }

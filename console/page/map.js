@@ -1,8 +1,10 @@
 // The live map: floor, robots, links, objects, boxes, and the ground that nobody sees.
 
+import { decided, part } from "./part.js";
 import { OLD_S, ago, byId } from "./words.js";
 
 const CELL_M = 1; // As the ego counts seen ground.
+const SEEN_S = 0.25; // Seen ground is counted no more often: a hundred robots describe much.
 const ROOM_M = 3;
 const ROBOT_PX = 8;
 const UNSURE = 0.5; // Boxes with a lower score are drawn thin.
@@ -18,7 +20,7 @@ export class FloorMap {
     this.zoom = 1;
     this.middle = null; // Of what is shown, metres; null: all of it.
     this.last = new Map(); // Where robots were last heard of.
-    this.blind = { key: "", path: null, share: null };
+    this.blind = { key: "", at: -Infinity, path: null, share: null };
     this.#listen();
   }
 
@@ -42,8 +44,8 @@ export class FloorMap {
   }
 
   robots(now) {
-    const decision = this.stream.get("decision");
     const ego = this.stream.get("swarm")?.ego;
+    const fresh = decided(this.stream);
     const found = [];
     for (const robot of this.stream.all("robot/").sort(byId)) {
       if (robot.at) this.last.set(robot.robot, robot);
@@ -55,7 +57,8 @@ export class FloorMap {
         since: robot.since,
         off: Boolean(robot.off_duty_by),
         ego: robot.robot === ego,
-        chosen: decision?.participants.includes(robot.robot) ?? false,
+        chosen: fresh && ["ego", "yes"].includes(part(this.stream, robot).word),
+        unknown: !fresh,
         old: now - where.at > OLD_S.beacon,
       });
     }
@@ -88,7 +91,7 @@ export class FloorMap {
     c.translate(-view.x, -view.y);
     this.#drawFloor(c, view.scale);
     const scenes = this.#scenes(now);
-    this.#seenGround(extent, scenes);
+    this.#seenGround(extent, scenes, now);
     if (this.layers.blind && this.blind.path) this.#drawBlind(c, view.scale, ratio);
     if (this.layers.range) this.#drawRange(c, robots, view.scale);
     c.restore();
@@ -151,9 +154,9 @@ export class FloorMap {
     return found;
   }
 
-  #seenGround(extent, scenes) {
+  #seenGround(extent, scenes, now) {
     const key = [...extent, ...[...scenes].map(([robot, scene]) => robot + scene.at)].join();
-    if (key === this.blind.key) return;
+    if (key === this.blind.key || Math.abs(now - this.blind.at) < SEEN_S) return;
     const [left, low, right, high] = extent;
     const columns = Math.ceil((right - left) / CELL_M), rows = Math.ceil((high - low) / CELL_M);
     const seen = this.#covered(columns, rows, left, low);
@@ -170,7 +173,7 @@ export class FloorMap {
       }
     }
     // Without any scene nothing is known, which is not the same as not seen.
-    this.blind = { key, path: scenes.size ? path : null, share: scenes.size && free ? blind / free : null };
+    this.blind = { key, at: now, path: scenes.size ? path : null, share: scenes.size && free ? blind / free : null };
   }
 
   // Cells under equipment are no ground: 1; without a floor plan all are ground.
@@ -261,7 +264,7 @@ export class FloorMap {
     const ego = robots.find((r) => r.ego);
     const decision = this.stream.get("decision");
     const traffic = this.stream.get("traffic");
-    if (!ego || !decision) return;
+    if (!ego) return;
     const fresh = traffic && now - traffic.at <= OLD_S.traffic;
     for (const robot of robots) {
       if (!robot.chosen || robot.ego || !robot.alive) continue;
@@ -303,7 +306,7 @@ export class FloorMap {
       c.moveTo(-r, -r); c.lineTo(r, r); c.moveTo(r, -r); c.lineTo(-r, r);
       c.stroke();
     } else {
-      c.strokeStyle = robot.chosen ? t("--chosen") : t("--excluded");
+      c.strokeStyle = t(robot.chosen ? "--chosen" : robot.unknown ? "--quiet" : "--excluded");
       c.fillStyle = robot.chosen ? t("--chosen") : t("--panel");
       c.lineWidth = 2.5;
       c.beginPath();
@@ -341,7 +344,8 @@ export class FloorMap {
   #describe(robots) {
     const alive = robots.filter((r) => r.alive);
     const share = this.blind.share === null ? "" : `; ${Math.round(100 * this.blind.share)} % of the ground is seen by nobody`;
-    const words = `Map of the floor: ${alive.length} robots, ${alive.filter((r) => r.chosen).length} take part${share}`;
+    const parts = alive.some((r) => r.unknown) ? "who takes part is not known" : `${alive.filter((r) => r.chosen).length} take part`;
+    const words = `Map of the floor: ${alive.length} robots, ${parts}${share}`;
     if (this.canvas.getAttribute("aria-label") !== words) this.canvas.setAttribute("aria-label", words);
   }
 

@@ -1,6 +1,7 @@
 // What the page says in words: the decision, events, links, robots, and the connection itself.
 
-import { OLD_S, ago, byId, clock, decisionOldAfter, rate } from "./words.js";
+import { decided, part } from "./part.js";
+import { OLD_S, ago, byId, clock, decisionOldAfter, names, rate } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -45,8 +46,7 @@ export function showConnection(stream) {
     connecting: ["connecting", "connecting to the console …", ""],
     paused: ["connecting", "paused while nobody looks", ""],
     lost: ["lost", `no connection since ${from}`,
-      `No connection to the console since ${from} (${why}). What is shown is from then. ` +
-      `Next attempt in ${Math.max(0, Math.ceil((next - Date.now()) / 1000))} s.`],
+      `No connection to the console since ${from} (${why}). What is shown is from then.`],
     live: ["live", "live", ""],
   }[kind];
   if (kind === "live" && swarm && !swarm.connected) {
@@ -58,7 +58,9 @@ export function showConnection(stream) {
   }
   $("connection").dataset.state = shown[0];
   text("connection", shown[1]);
-  text("banner", shown[2]);
+  text("banner-words", shown[2]);
+  // Outside the alert: nobody wants a countdown read out.
+  text("banner-next", next ? `Next attempt in ${Math.max(0, Math.ceil((next - Date.now()) / 1000))} s.` : "");
   $("banner").hidden = !shown[2];
   text("swarm-name", swarm ? `· ${swarm.swarm} · ego ${swarm.ego}` : "");
 }
@@ -75,9 +77,9 @@ export function showDecision(stream) {
     fill($("decision-facts"), [], () => null);
     return;
   }
-  const what = `${decision.algorithm} from ${decision.participants.join(", ")}`;
+  const what = `${decision.algorithm} from ${names(decision.participants)}`;
   const old = decisionOldAfter(stream.history);
-  const stale = now - decision.at > old;
+  const stale = !decided(stream);
   text("decision-what", stale ? `Was: ${what}` : decision.valid ? what : `Not valid: ${what}`);
   text("decision-reason", decision.reason);
   age("decision-age", now - decision.at, old, `cycle ${decision.cycle},`);
@@ -92,14 +94,33 @@ export function showDecision(stream) {
   ];
   if (decision.advice) facts.push(["advice", decision.advice.filter(Boolean).join(": ")]);
   if (decision.repairs.length) facts.push(["repaired", decision.repairs.join("; ")]);
-  const missing = Object.entries(stream.get("detections")?.missing ?? {});
-  if (missing.length && !stale) facts.push(["missing", missing.map(([robot, why]) => `${robot}: ${why}`).join("; ")]);
+  const without = stale ? "" : excluded(stream);
+  if (without) facts.push(["without", without]);
+  const fused = stream.get("detections");
+  const missing = fused && now - fused.at <= OLD_S.boxes ? Object.entries(fused.missing) : [];
+  if (missing.length) facts.push(["missing", missing.map(([robot, why]) => `${robot}: ${brief(why)}`).join("; ")]);
   fill($("decision-facts"), facts.flat(), (words, i) =>
     Object.assign(document.createElement(i % 2 ? "dd" : "dt"), { textContent: words }));
   if (what !== announced) {
     announced = what;
     text("announce", `New decision: ${what}. ${decision.reason}`);
   }
+}
+
+// What a robot said, without the key that was asked.
+function brief(why) {
+  const said = why.split(" refused: ").at(-1);
+  return said.length > 60 ? `${said.slice(0, 59)}…` : said;
+}
+
+// Who is not in the decision, by why.
+function excluded(stream) {
+  const kinds = new Map();
+  for (const robot of stream.all("robot/").sort(byId)) {
+    const { why } = part(stream, robot);
+    if (why) kinds.set(why, [...(kinds.get(why) ?? []), robot.robot]);
+  }
+  return [...kinds].map(([why, robots]) => `${names(robots)}: ${why}`).join("; ");
 }
 
 export function showFaults(stream) {
@@ -141,7 +162,6 @@ export function showHistory(stream) {
 export function showRobots(stream) {
   const now = stream.now();
   const swarm = stream.get("swarm");
-  const decision = stream.get("decision");
   const traffic = stream.get("traffic");
   const live = stream.status.kind === "live" && swarm?.connected;
   const robots = stream.all("robot/").sort(byId);
@@ -151,13 +171,13 @@ export function showRobots(stream) {
     const old = !r.at || now - r.at > OLD_S.beacon;
     const scene = stream.get(`scene/${r.robot}`);
     const seen = scene && now - scene.at <= OLD_S.scene;
-    const part = r.robot === swarm?.ego ? "ego" : decision?.participants.includes(r.robot) ? "yes" : "no";
+    const { word, why } = part(stream, r);
     const fresh = traffic && now - traffic.at <= OLD_S.traffic;
     return [
       old || !r.alive ? "old" : "",
       r.robot,
       r.alive ? (!live ? "was alive" : old ? "alive, silent" : "alive") : r.off_duty_by ? `off duty, by ${r.off_duty_by}` : r.since ? `lost ${ago(now - r.since)}` : "not announced",
-      r.alive ? part : "–",
+      why ? `${word}: ${why}` : word || "–",
       r.at ? `${r.x.toFixed(1)}, ${r.y.toFixed(1)}` : "–",
       r.at ? `${(((r.yaw * 180) / Math.PI + 360) % 360).toFixed(0)}°` : "–",
       r.at ? `${r.speed.toFixed(1)} m/s` : "–",

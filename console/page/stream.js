@@ -3,6 +3,7 @@
 const FIRST_WAIT_S = 0.5;
 const LONGEST_WAIT_S = 15;
 const SILENT_S = 5; // The console says something every second.
+const SLEPT_S = 3; // The wall clock has jumped so far from the steady one, which stands while a machine sleeps.
 const HIDDEN_S = 60; // A page that nobody sees asks for nothing.
 export const KEPT_S = 130;
 const KEPT_EVENTS = 200;
@@ -17,8 +18,9 @@ export class Stream {
     this.status = { kind: "connecting", since: Date.now() };
     this.offset = -Infinity; // The console's clock less this page's steady one, seconds.
     this.sent = 0;
+    this.gap = wallGap();
     this.attempts = 0;
-    this.abort = null;
+    this.abort = null; // Ends the connection, also one that is only tried; null without.
     this.timer = 0;
     document.addEventListener("visibilitychange", () => this.#visible());
     setInterval(() => this.#check(), 1000);
@@ -41,18 +43,20 @@ export class Stream {
   async #connect() {
     clearTimeout(this.timer);
     const abort = (this.abort = new AbortController());
+    this.heard = performance.now() / 1000;
     try {
       const answer = await fetch("/api/events", { signal: abort.signal, cache: "no-store" });
       if (answer.status === 401) {
         location.assign("/login");
         return;
       }
-      if (!answer.ok) throw new Error((await answer.json()).error);
+      if (!answer.ok) throw new Error((await answer.json().catch(() => ({}))).error ?? answer.statusText);
       const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
       let rest = "";
       for (;;) {
         const { value, done } = await reader.read();
         if (done) throw new Error("the console ended the connection");
+        this.heard = performance.now() / 1000;
         const events = (rest + value).split("\n\n");
         rest = events.pop();
         let news = false;
@@ -61,7 +65,7 @@ export class Stream {
       }
     } catch (error) {
       if (this.abort !== abort) return;
-      this.#lost(abort.signal.reason === "silent" ? "the console is silent" : error.message);
+      this.#lost(abort.signal.aborted ? abort.signal.reason : error.message);
     }
   }
 
@@ -78,7 +82,6 @@ export class Stream {
     // The event that was least on its way tells the difference of the clocks best.
     this.offset = Math.max(this.offset, event.now - here);
     this.sent = event.now;
-    this.heard = here;
     for (const [name, value] of Object.entries(event.state)) {
       if (value === null) this.state.delete(name);
       else this.state.set(name, value);
@@ -92,9 +95,12 @@ export class Stream {
   }
 
   #lost(why) {
-    const since = this.status.kind === "lost" ? this.status.since : Date.now();
+    // Since the last word, not since its end was noticed.
+    const silent_s = this.sent ? this.now() - this.sent : 0;
+    const since = this.status.kind === "lost" ? this.status.since : Date.now() - 1000 * silent_s;
     const wait = Math.min(LONGEST_WAIT_S, FIRST_WAIT_S * 2 ** this.attempts) * (0.75 + Math.random() / 2);
     this.attempts = Math.min(this.attempts + 1, 10);
+    this.abort = null;
     this.csrf = "";
     this.status = { kind: "lost", since, why, next: Date.now() + 1000 * wait };
     this.timer = setTimeout(() => this.#connect(), 1000 * wait);
@@ -102,8 +108,15 @@ export class Stream {
   }
 
   #check() {
-    const silent = performance.now() / 1000 - (this.heard ?? Infinity) > SILENT_S;
-    if (this.status.kind === "live" && silent) this.abort.abort("silent");
+    const slept = wallGap() - this.gap;
+    this.gap += slept;
+    if (this.status.kind === "live" && Math.abs(slept) > SLEPT_S) {
+      // What is shown is older by that; what the console says next tells its clock anew.
+      this.offset += Math.max(0, slept);
+      this.abort.abort("this machine slept, or its clock was set");
+    } else if (performance.now() / 1000 - this.heard > SILENT_S) {
+      this.abort?.abort("the console is silent");
+    }
     this.onChange();
   }
 
@@ -126,4 +139,9 @@ export class Stream {
     this.status = { kind: "paused", since: Date.now() };
     this.onChange();
   }
+}
+
+// The wall clock less the steady one, seconds.
+function wallGap() {
+  return (Date.now() - performance.now()) / 1000;
 }

@@ -24,10 +24,13 @@ export class Timeline {
     const { canvas, stream, theme: t } = this;
     const ratio = window.devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
-    canvas.width = Math.round(width * ratio);
-    canvas.height = Math.round(height * ratio);
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+    }
     const c = canvas.getContext("2d");
-    c.scale(ratio, ratio);
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.clearRect(0, 0, width, height);
     c.font = "12px system-ui, sans-serif";
     c.textBaseline = "middle";
     const now = stream.now();
@@ -39,6 +42,8 @@ export class Timeline {
       const end = past[i + 1]?.at ?? now;
       return { ...p, from: Math.max(LEFT, x(p.at)), to: x(Math.min(end, p.at + longest)) };
     }).filter((p) => p.to > LEFT);
+    // Its figures stand beside the lanes, unless it is old.
+    this.last = past.findLast((p) => p.at >= now - longest);
     const room = height - TOP - BOTTOM - GAP * (LANES.length - 1);
     let top = TOP;
     for (const lane of LANES) {
@@ -52,9 +57,12 @@ export class Timeline {
       top += box.height + GAP;
     }
     this.#axis(c, x, height);
-    const last = past.at(-1);
-    canvas.setAttribute("aria-label", last
-      ? `Timeline: ${past.length} decisions in two minutes; the last one is ${last.algorithm} from ${last.participants.length} robots, C(t) ${rate(last.capacity_bps)}, used ${rate(last.used_bps)}`
+    const { last } = this;
+    const said = last
+      ? `the last one is ${last.algorithm} from ${last.participants.length} robots, C(t) ${rate(last.capacity_bps)}, used ${rate(last.used_bps)}`
+      : `none in the last ${longest.toFixed(0)} s`;
+    canvas.setAttribute("aria-label", past.length
+      ? `Timeline: ${past.length} decisions in two minutes; ${said}`
       : "Timeline: no decision in the last two minutes");
   }
 
@@ -71,9 +79,8 @@ export class Timeline {
     c.globalAlpha = 1;
     this.#steps(c, spans, (s) => s.used_bps, y, "--used", 2);
     this.#steps(c, spans, (s) => s.capacity_bps, y, "--text", 2);
-    const last = spans.at(-1);
-    this.#label(c, box, `C(t) ${rate(last?.capacity_bps)}`, "--text", 0.3);
-    this.#label(c, box, `▮ ${rate(last?.used_bps)}`, "--used", 0.7);
+    this.#label(c, box, `C(t) ${rate(this.last?.capacity_bps)}`, "--text", 0.3);
+    this.#label(c, box, `▮ ${rate(this.last?.used_bps)}`, "--used", 0.7);
   }
 
   _robots(c, spans, box) {
@@ -95,7 +102,7 @@ export class Timeline {
     this.#steps(c, spans, (s) => s.participants.length, y, "--chosen", 2);
     c.fillStyle = this.theme("--text");
     for (const [name, at] of names) c.fillText(name, at, box.top + box.height - 9);
-    this.#label(c, box, `${spans.at(-1)?.participants.length ?? "–"} robots`, "--text", 0.5);
+    this.#label(c, box, `${this.last?.participants.length ?? "–"} robots`, "--text", 0.5);
   }
 
   _source(c, spans, box) {
@@ -120,7 +127,7 @@ export class Timeline {
     const top = Math.max(10, ...spans.map((s) => s.latency_ms ?? 0)) * 1.15;
     const y = (v) => box.top + box.height * (1 - v / top);
     this.#steps(c, spans, (s) => s.latency_ms, y, "--box", 2);
-    const last = spans.at(-1)?.latency_ms;
+    const last = this.last?.latency_ms;
     this.#label(c, box, last === null || last === undefined ? "latency –" : `${last.toFixed(0)} ms`, "--text", 0.5);
   }
 

@@ -21,12 +21,22 @@ export function clock(epoch_s) {
   return new Date(1000 * epoch_s).toLocaleTimeString([], { hour12: false });
 }
 
-// After how long a decision is old: three periods of the ego, but no less than five seconds.
+// After how long a decision is old: three periods of the ego, but no less than five seconds. Its
+// period is the least of the last gaps: a longer one may be an outage.
 export function decisionOldAfter(history) {
-  const last = history.slice(-2);
-  return last.length < 2 ? 5 : Math.max(5, 3 * (last[1].at - last[0].at));
+  const last = history.slice(-5);
+  const gaps = last.slice(1).map((one, i) => one.at - last[i].at);
+  return gaps.length ? Math.max(5, 3 * Math.min(...gaps)) : 5;
 }
 
+const ids = new Intl.Collator(undefined, { numeric: true });
+
 export function byId(a, b) {
-  return a.robot.localeCompare(b.robot, undefined, { numeric: true });
+  return ids.compare(a.robot, b.robot);
+}
+
+// Ids in one line: the first dozen of many.
+export function names(robots) {
+  const more = robots.length - 12;
+  return more > 1 ? `${robots.slice(0, 12).join(", ")} and ${more} more` : robots.join(", ");
 }

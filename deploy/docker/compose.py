@@ -132,7 +132,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     if published:
         container["ports"] = published
     if service.role == "prometheus":
-        container["extra_hosts"] = ["controller:host-gateway", "gateway:host-gateway"]
+        container["extra_hosts"] = [f"{name}:host-gateway" for name in _IN_HOST_NETWORK]
     if service.role != "router":
         container["depends_on"] = ["router"]
     return container

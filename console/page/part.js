@@ -1,0 +1,30 @@
+// Who takes part in the fusion, and why others do not, as far as the swarm tells: the ego's decision
+// gives one reason for all, the rest follows from what is known of each robot.
+
+import { OLD_S, decisionOldAfter } from "./words.js";
+
+// Whether the decision still says what is done.
+export function decided(stream) {
+  const decision = stream.get("decision");
+  return Boolean(decision) && stream.now() - decision.at <= decisionOldAfter(stream.history);
+}
+
+// {word, why}: word is "ego", "yes" or "no", "was in" or "was not" where the decision is old, or ""
+// before the first; why is for "no" alone.
+export function part(stream, robot) {
+  const decision = stream.get("decision");
+  if (!decision) return { word: "", why: "" };
+  const inIt = decision.participants.includes(robot.robot);
+  if (!decided(stream)) return { word: inIt ? "was in" : "was not", why: "" };
+  if (robot.robot === stream.get("swarm")?.ego) return { word: "ego", why: "" };
+  return inIt ? { word: "yes", why: "" } : { word: "no", why: whyNot(stream, robot) };
+}
+
+function whyNot(stream, robot) {
+  if (!robot.alive) return robot.off_duty_by ? "off duty" : "lost";
+  if (!robot.at || stream.now() - robot.at > OLD_S.beacon) return "silent";
+  const swarm = stream.get("swarm");
+  const ego = stream.get(`robot/${swarm?.ego}`);
+  if (!ego?.at) return "not chosen";
+  return Math.hypot(robot.x - ego.x, robot.y - ego.y) > swarm.comm_range_m ? "out of range" : "not chosen";
+}
