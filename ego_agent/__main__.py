@@ -25,6 +25,7 @@ from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.steering import Steering
 from ego_agent.tally import TallyKeeper
 from perception.fusion.registry import fusion_names, make_fusion
+from ros2.opening import open_live
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import Logger, make_logger
@@ -171,6 +172,8 @@ def _objective(settings: EgoSettings) -> Objective:
 
 
 def _open(settings: EgoSettings) -> World:
+    if settings.world == "ros2":
+        return open_live(settings, "ego_agent", settings.ego)
     world = open_world(
         settings.world,
         data=Path(settings.world_data) if settings.world_data else None,

@@ -90,7 +90,8 @@ class OwnSensor:
         captured = capture_ns(self._epoch_ns, self.rate_hz, frame)
         try:
             scan = self._world.scan(self._ego, frame)
-            own = OwnFrame(frame, captured, clean_points(scan.points), scan.pose, scan.velocity, "")
+            taken = captured if scan.captured_ns is None else scan.captured_ns
+            own = OwnFrame(frame, taken, clean_points(scan.points), scan.pose, scan.velocity, "")
         except (CoAdaptError, OSError) as error:
             pose = self._pose(frame)
             if not self._failing:

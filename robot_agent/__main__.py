@@ -14,6 +14,7 @@ from robot_agent.encoder import Encoder
 from robot_agent.host import RobotHost
 from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
+from ros2.opening import open_live
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.memory import keep_freed_memory
@@ -93,6 +94,10 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
 
 
 def _open(settings: RobotSettings) -> World:
+    world: World
+    if settings.world == "ros2":
+        world = open_live(settings, "robot_agent", settings.robots[0])
+        return _having(world, settings)
     world = open_world(
         settings.world,
         data=Path(settings.world_data) if settings.world_data else None,
@@ -102,6 +107,11 @@ def _open(settings: RobotSettings) -> World:
         scenario=settings.world_scenario,
         cache=Path(settings.world_cache) if settings.world_cache else None,
     )
+    return _having(world, settings)
+
+
+def _having(world: World, settings: RobotSettings) -> World:
+    """The world, if it has all robots of the settings. Raises SettingError for another."""
     unknown = [robot for robot in settings.robots if robot not in world.robots]
     if unknown:
         raise SettingError(

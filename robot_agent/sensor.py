@@ -7,7 +7,7 @@ import time
 
 from robot_agent.frames import Frame, Ring
 from robot_agent.metrics import RobotMetrics
-from swarm.errors import WorldError
+from swarm.errors import SilentError, WorldError
 from swarm.log import Logger
 from swarm.process import Clock, capture_ns, frame_now
 from worlds.base import Scan, World
@@ -44,7 +44,9 @@ class Sensor:
     def sense(self) -> bool:
         """Takes the newest frame if it was not taken yet; False when there is none to take.
 
-        A frame that the world cannot give is counted, logged once in a row, and left out.
+        A frame that the world cannot give is counted, logged once in a row, and left out; a live
+        sensor's silence makes the robot forget what it saw, too. A live sensor that is slower than
+        frames are leaves some without a scan.
         """
         frame = frame_now(self._epoch_ns, self._world.rate_hz, time.time_ns())
         if frame == self._last:
@@ -57,17 +59,25 @@ class Sensor:
             scan = checked(self._world.scan(self._robot, frame))
         except WorldError as error:
             self._metrics.unreadable.labels(self._robot).inc()
+            if isinstance(error, SilentError):
+                self._ring.clear()
             if not self._failing:
                 self._log.warning("scan_unreadable", frame=frame, error=str(error)[:300])
             self._failing = True
             return True
-        self._metrics.scan_seconds.observe(time.perf_counter() - begun)
-        self._metrics.scans.labels(self._robot).inc()
         if self._failing:
             self._log.info("scan_readable_again", frame=frame)
         self._failing = False
-        captured = capture_ns(self._epoch_ns, self._world.rate_hz, frame)
-        self._ring.push(Frame(scan, frame, max(0, captured + self._clock.offset_ns)))
+        captured = scan.captured_ns
+        if captured is None:
+            captured = capture_ns(self._epoch_ns, self._world.rate_hz, frame)
+        told = max(0, captured + self._clock.offset_ns)
+        newest = self._ring.newest()
+        if scan.captured_ns is not None and newest is not None and newest.capture_ns == told:
+            return True
+        self._metrics.scan_seconds.observe(time.perf_counter() - begun)
+        self._metrics.scans.labels(self._robot).inc()
+        self._ring.push(Frame(scan, frame, told))
         return True
 
     def rest(self) -> None:

@@ -7,6 +7,7 @@
     ├── TransportError        the Zenoh session could not be opened or used
     │   └── RefusedError      a process answered a request with a refusal
     ├── WorldError            scans or ground truth cannot be read or simulated
+    │   └── SilentError       a live sensor says nothing that is fresh
     ├── PerceptionError       a scan or payload cannot be processed
     │   ├── ScanError         the points are not a usable cloud
     │   └── PayloadError      an encoded payload is corrupt, truncated or of another version
@@ -59,6 +60,10 @@ class RefusedError(TransportError):
 
 class WorldError(CoAdaptError):
     """Scans or ground truth cannot be read or simulated."""
+
+
+class SilentError(WorldError):
+    """A live sensor says nothing that is fresh: what it said before is not how things are."""
 
 
 class PerceptionError(CoAdaptError):

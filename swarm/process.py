@@ -17,6 +17,7 @@ from swarm.messages.base import Algorithm
 from swarm.settings import Name, Port
 
 WorldName = Literal["bag", "factory", "opv2v", "recording", "road"]
+"""Worlds that a swarm on one machine can live in (`coadapt up`)."""
 _NS = 1_000_000_000
 
 
@@ -36,9 +37,11 @@ Algorithms = Annotated[tuple[Algorithm, ...], msgspec.Meta(min_length=1, max_len
 class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     """Settings of the processes that live in a world."""
 
-    world: WorldName = "factory"
+    world: Literal[WorldName, "ros2"] = "factory"
+    """`ros2` is a live robot, which belongs to one process (docs/worlds.md)."""
     world_data: str = ""
-    """Recorded data: a directory, needed by `bag` and `opv2v`; or a file, needed by `recording`."""
+    """Recorded data: a directory, needed by `bag` and `opv2v`; or a file, needed by `recording`;
+    or a live robot's address, needed by `ros2`."""
     world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6
     world_seed: Annotated[int, msgspec.Meta(ge=0)] = 1
     world_rings: Literal[16, 32, 64] = 32

@@ -69,8 +69,9 @@ def test_processes_never_import_each_other(process: str) -> None:
         ("training", {"swarm", "perception", "worlds"}),
         ("evaluation", rooms() - {"robot_agent", "benchmarks", "coadapt", "tests"}),
         ("recordings", {"swarm", "perception", "worlds", "deploy", "evaluation"}),
-        ("robot_agent", {"swarm", "perception", "worlds"}),
-        ("ego_agent", {"swarm", "perception", "worlds"}),
+        ("ros2", {"swarm", "perception", "worlds"}),
+        ("robot_agent", {"swarm", "perception", "worlds", "ros2"}),
+        ("ego_agent", {"swarm", "perception", "worlds", "ros2"}),
     ],
 )
 def test_a_room_imports_only_what_the_table_says(package: str, allowed: set[str]) -> None:

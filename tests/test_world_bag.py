@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
@@ -261,6 +262,16 @@ def test_a_sensor_of_world_toml_takes_the_place_of_tfs(tmp_path: Path) -> None:
     assert BagWorld(tmp_path).pose("R1", 5).as_tuple() == pytest.approx((0.5, 0, 3, 0, 0, 0))
 
 
+def test_a_sensor_of_world_toml_is_on_a_base_that_stays_on_another_frame(tmp_path: Path) -> None:
+    """As of many small robots: odometry moves `base_footprint`, and `base_link` stays on it."""
+    log = Log().scans(TIMES).tf(0, {("base_footprint", "base_link"): Pose(0, 0, 1)}, static=True)
+    for time in TIMES:
+        log.tf(time, {("odom", "base_footprint"): Pose(time, 0, 0)})
+    log.write(tmp_path / "R1")
+    (tmp_path / "world.toml").write_text("[robots.R1]\nsensor = {z = 3}\n")
+    assert BagWorld(tmp_path).pose("R1", 5).as_tuple() == pytest.approx((0.5, 0, 4, 0, 0, 0))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -352,12 +363,23 @@ def test_a_malformed_message_is_named_when_it_is_read(tmp_path: Path) -> None:
         world.scan("R1", 21)
 
 
-def test_a_pose_that_is_none_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("x", [math.nan, math.inf, 1e300])
+def test_a_pose_that_is_none_is_named(tmp_path: Path, x: float) -> None:
     log = Log().scans(TIMES).drive(TIMES, child="lidar")
-    log.add("/odom", ODOMETRY, ns(1), odometry(ns(1), Pose(math.nan, 0, 0), child="lidar"))
+    log.add("/odom", ODOMETRY, ns(1), odometry(ns(1), Pose(x, 0, 0), child="lidar"))
     log.write(tmp_path / "R1")
-    with pytest.raises(WorldError, match=r"'lidar' in 'odom' is at .nan.*not finite"):
+    with pytest.raises(WorldError, match=r"'lidar' in 'odom' is at .(nan|inf|1e.300).*no place on"):
         BagWorld(tmp_path).scan("R1", 0)
+
+
+def test_a_speed_that_is_none_is_no_speed(tmp_path: Path) -> None:
+    log = Log().scans(TIMES)
+    for time, speed in zip(TIMES, itertools.cycle((math.nan, 1e300))):
+        message = odometry(ns(time), Pose(time, 0, 0), (speed, 0, 0), child="lidar")
+        log.add("/odom", ODOMETRY, ns(time), message)
+    log.write(tmp_path / "R1")
+    world = BagWorld(tmp_path)
+    assert {world.scan("R1", frame).velocity for frame in (3, 4)} == {(0.0, 0.0, 0.0)}
 
 
 def test_opening_reads_no_scan_and_few_poses(

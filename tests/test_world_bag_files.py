@@ -34,6 +34,22 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def write_mcap(source: Recording, path: Path, options: dict[str, object]) -> Path:
+    """The messages of a bag, written by another writer."""
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)  # type: ignore[arg-type]
+        writer.start(profile="", library="test")
+        for topic, kind in source.topics.items():
+            schema = writer.register_schema(kind, "ros2msg", b"")
+            channel = writer.register_channel(topic, "cdr", schema)
+            messages = source.messages(topic)
+            for i, time in enumerate(messages.times_ns.tolist()):
+                raw = messages.decode(i, bytes)
+                writer.add_message(channel, time, raw, time)
+        writer.finish()
+    return path
+
+
 def clouds(bag: Path) -> int:
     """How many scans of a bag can be read."""
     messages = Recording(bag).messages("/points")
@@ -103,17 +119,7 @@ def test_mcap_files_of_another_writer_are_read(tmp_path: Path, options: dict[str
     source = Recording(plain_log(TIMES).write(tmp_path / "source"))
     folder = tmp_path / "bags"
     folder.mkdir()
-    with (folder / "R1.mcap").open("wb") as file:
-        writer = McapWriter(file, **options)  # type: ignore[arg-type]
-        writer.start(profile="", library="test")
-        for topic, kind in source.topics.items():
-            schema = writer.register_schema(kind, "ros2msg", b"")
-            channel = writer.register_channel(topic, "cdr", schema)
-            messages = source.messages(topic)
-            for i, time in enumerate(messages.times_ns.tolist()):
-                raw = messages.decode(i, bytes)
-                writer.add_message(channel, time, raw, time)
-        writer.finish()
+    write_mcap(source, folder / "R1.mcap", options)
     world = BagWorld(folder)
     assert (world.frame_count, world.notes) == (30, ())
     assert [float(world.scan("R1", k).points[0, 0]) for k in (0, 7)] == pytest.approx([0, 0.7])
@@ -180,6 +186,22 @@ def test_what_a_recorder_had_only_in_its_journal_is_read(written: Path, tmp_path
     assert clouds(folder / "R1.db3") == 30
 
 
+def test_a_journal_that_cannot_be_read_is_named_and_an_empty_one_left_aside(
+    written: Path, tmp_path: Path
+) -> None:
+    shutil.copy(written / "sqlite3" / "sqlite3.db3", tmp_path / "R1.db3")
+    journaled = sqlite3.connect(tmp_path / "R1.db3")
+    journaled.execute("PRAGMA journal_mode=WAL")
+    journaled.close()
+    # As in a folder that cannot be written: SQLite cannot make the file it needs for a journal.
+    (tmp_path / "R1.db3-shm").symlink_to(tmp_path / "nowhere" / "else")
+    (tmp_path / "R1.db3-wal").touch()
+    assert clouds(tmp_path / "R1.db3") == 30
+    (tmp_path / "R1.db3-wal").write_bytes(bytes(32))
+    with pytest.raises(WorldError, match=r"journal beside it .-wal. can only be read in a folder"):
+        clouds(tmp_path / "R1.db3")
+
+
 def test_a_damaged_chunk_is_named_when_it_is_read(tmp_path: Path) -> None:
     Log().scans(TIMES, POINTS).drive(TIMES, child="lidar").write(tmp_path / "R1", "mcap", "storage")
     file = tmp_path / "R1" / "R1.mcap"
@@ -187,6 +209,71 @@ def test_a_damaged_chunk_is_named_when_it_is_read(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes().replace(magic_of_zstd, bytes(4)))
     with pytest.raises(WorldError, match=r"the chunk at byte \d+ of bag file .*R1.mcap is damaged"):
         clouds(tmp_path / "R1")
+
+
+@pytest.mark.parametrize("damage", [b"\xff" * 8, b"\0" * 7 + b"\x80", b"\xff" * 3])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"use_chunking": False},
+        {"compression": CompressionType.NONE},
+        {"compression": CompressionType.LZ4, "chunk_size": 300},
+        None,
+    ],
+)
+def test_a_bag_damaged_anywhere_is_read_or_refused(
+    tmp_path: Path, options: dict[str, object] | None, damage: bytes
+) -> None:
+    """Lengths, times and places that no file can have: None is rosbag2's own sqlite3 storage."""
+    bag = plain_log([0.0, 0.1]).write(tmp_path / "source", "mcap" if options else "sqlite3")
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    if options:
+        path = write_mcap(Recording(bag), folder / "R1.mcap", options)
+        places = range(8, path.stat().st_size, 5)
+    else:
+        path = shutil.copy(bag / "source.db3", folder / "R1.db3")
+        places = range(16, path.stat().st_size, 97)
+    raw = path.read_bytes()
+    refused = 0
+    for at in places:
+        path.write_bytes(raw[:at] + damage + raw[at + len(damage) :])
+        try:
+            world = BagWorld(folder)
+            world.scan("R1", 0)
+            world.scan("R1", 1)
+        except WorldError:
+            refused += 1
+    assert 0 < refused < len(places)
+
+
+def test_a_packed_message_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
+    bag = plain_log(TIMES).write(tmp_path / "R1", "mcap", "message")
+    source = Recording(bag)
+    claims = bytes.fromhex("28b52ffd e0 000000000000 0010 010000")  # 2^60 bytes, in an empty block
+    with (tmp_path / "big.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="", library="test")
+        for topic, kind in source.topics.items():
+            schema = writer.register_schema(kind, "ros2msg", b"")
+            writer.add_message(writer.register_channel(topic, "cdr", schema), 1, claims, 1)
+        writer.finish()
+    shutil.move(tmp_path / "big.mcap", bag / "R1.mcap")
+    with pytest.raises(
+        WorldError, match=r"message 0 of topic /points of bag .*R1 is malformed: Mem"
+    ):
+        BagWorld(tmp_path)
+
+
+def test_a_chunk_of_another_compression_is_named(tmp_path: Path) -> None:
+    source = Recording(plain_log(TIMES).write(tmp_path / "source"))
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    options = {"compression": CompressionType.LZ4, "enable_crcs": False}
+    path = write_mcap(source, folder / "R1.mcap", options)
+    path.write_bytes(path.read_bytes().replace(b"\3\0\0\0lz4", b"\3\0\0\0xyz"))
+    with pytest.raises(WorldError, match="compressed with 'xyz'; allowed: lz4, zstd and none"):
+        BagWorld(folder)
 
 
 def test_files_that_are_no_bags_are_named(tmp_path: Path) -> None:

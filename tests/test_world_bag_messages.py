@@ -11,15 +11,15 @@ import pytest
 from bag_files import STORE
 
 from swarm.geometry import Pose
-from worlds.bag.cdr import CdrError, Cursor
-from worlds.bag.messages import (
+from worlds.ros.cdr import CdrError, Cursor
+from worlds.ros.messages import (
     read_cloud,
     read_frame,
     read_odometry,
     read_stamp,
     read_transforms,
 )
-from worlds.bag.track import matrix_of
+from worlds.ros.track import matrix_of
 
 # A cloud of two points in the frame "ab", 16 bytes each: y, x, z, padding.
 BY_HAND = bytes.fromhex(

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from perception.types import Boxes
 from swarm.geometry import Points, Pose
 
+RANGES_M = {"factory": 40.0, "road": 120.0}
+"""Reach of a real sensor, by the detector that reads it: what that was trained on."""
+
 
 @dataclass(frozen=True, slots=True)
 class Scan:
@@ -24,6 +27,9 @@ class Scan:
     """The sensor in the world frame."""
     velocity: tuple[float, float, float]
     """World frame, m/s."""
+    captured_ns: int | None = None
+    """When it was taken, on this machine's clock, nanoseconds since the Unix epoch; None: at the
+    moment of its frame. A live robot's scans come when they come."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,7 @@ PACKAGES = (
     "network_controller",
     "perception",
     "robot_agent",
+    "ros2",
     "swarm",
     "training",
     "worlds",

@@ -8,11 +8,12 @@ import numpy as np
 
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
-from worlds.bag.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_frame, read_stamp
-from worlds.bag.motion import Velocity, find_motion
+from worlds.bag.motion import find_motion
 from worlds.bag.recording import Recording
 from worlds.bag.settings import FILE_NAME, RobotSettings
-from worlds.bag.track import Placed
+from worlds.ros.frames import Velocity
+from worlds.ros.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_frame, read_stamp
+from worlds.ros.track import Placed
 
 
 class RobotLog:

@@ -25,6 +25,18 @@ _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
 _FOOTER_BYTES = _RECORD.size + 20
+_LATEST_NS = 2**63 - 1
+_COMPRESSIONS = ("", "lz4", "zstd")
+_DAMAGED = (
+    McapError,
+    ValueError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+    struct.error,
+    zstandard.ZstdError,
+)
+"""What reading a damaged chunk may raise; it may say that it needs more memory than there is."""
 _UNPACKED_CHUNKS = 4
 """Compressed chunks kept unpacked in memory; a recorder makes them about as large as a scan."""
 
@@ -95,7 +107,7 @@ class McapFile:
             begin, stored, compression = self._chunk_head(chunk)
             if compression:
                 return self._within(self._content(chunk), offset, most)
-            if offset >= stored:
+            if not 0 <= offset < stored:
                 raise self._outside()
             offset += begin
         _, length = _RECORD.unpack(self._bytes(offset, _RECORD.size))
@@ -107,7 +119,7 @@ class McapFile:
 
     def _within(self, content: bytes, offset: int, most: int | None) -> bytes:
         begin = offset + _RECORD.size + _MESSAGE.size
-        if begin > len(content):
+        if offset < 0 or begin > len(content):
             raise self._outside()
         end = offset + _RECORD.size + _RECORD.unpack_from(content, offset)[1]
         return content[begin : end if most is None else min(end, begin + most)]
@@ -130,8 +142,13 @@ class McapFile:
                     self._chunks.append(record)
                 else:
                     self._declare(record)
-        except (McapError, ValueError, struct.error) as error:
-            raise WorldError(f"the summary of {self._name} is damaged: {error}") from error
+        except (McapError, ValueError, OverflowError, struct.error) as error:
+            raise WorldError(f"the summary of {self._name} is damaged: {error!r}") from error
+        for chunk in self._chunks:
+            if max(chunk.chunk_start_offset, *chunk.message_index_offsets.values()) >= self._size:
+                raise WorldError(
+                    f"the summary of {self._name} is damaged: it names places beyond the file's end"
+                )
         listed = [chunk.message_index_offsets.keys() for chunk in self._chunks]
         if not listed or not all(ids and ids <= self._channels.keys() for ids in listed):
             self._chunks = []
@@ -149,30 +166,30 @@ class McapFile:
                 if code == Opcode.CHUNK:
                     self._walk_rest(at)
                 break
-            if code in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._note(code, self._bytes(at + _RECORD.size, length))
-            elif code == Opcode.MESSAGE:
-                self._note_message(self._bytes(at + _RECORD.size, _MESSAGE.size), 0, at)
-            elif code == Opcode.CHUNK:
-                try:
-                    self._walk_chunk(at)
-                except WorldError as error:
-                    self.cut = str(error)
-                    return
+            try:
+                self._walk_record(code, at, length)
+            except WorldError as error:
+                self.cut = str(error)
+                return
             at += _RECORD.size + length
         self.cut = f"it ends within a record at byte {at}"
 
-    def _walk_chunk(self, chunk: int) -> None:
-        self._walk_content(self._content(chunk), chunk)
+    def _walk_record(self, code: int, at: int, length: int) -> None:
+        if code in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self._note(code, self._bytes(at + _RECORD.size, length))
+        elif code == Opcode.MESSAGE:
+            self._note_message(self._bytes(at + _RECORD.size, _MESSAGE.size), 0, at)
+        elif code == Opcode.CHUNK:
+            self._walk_content(self._content(at), at)
 
     def _walk_rest(self, chunk: int) -> None:
         """Lists the whole messages of a chunk that is cut off, unless it is compressed."""
         try:
             begin, _, compression = self._chunk_head(chunk)
+            if not compression:
+                self._walk_content(self._bytes(begin, self._size - begin), chunk)
         except WorldError:
             return
-        if not compression:
-            self._walk_content(self._bytes(begin, self._size - begin), chunk)
 
     def _walk_content(self, content: bytes, chunk: int) -> None:
         at = 0
@@ -189,10 +206,19 @@ class McapFile:
 
     def _note(self, code: int, body: bytes) -> None:
         stream = ReadDataStream(io.BytesIO(body))
-        self._declare(Schema.read(stream) if code == Opcode.SCHEMA else Channel.read(stream))
+        try:
+            self._declare(Schema.read(stream) if code == Opcode.SCHEMA else Channel.read(stream))
+        except (McapError, ValueError, struct.error) as error:
+            raise WorldError(
+                f"a schema or channel of {self._name} is damaged: {error!r}"
+            ) from error
 
     def _note_message(self, head: bytes, chunk: int, at: int) -> None:
+        if len(head) < _MESSAGE.size:
+            raise self._outside()
         channel, _, logged, _ = _MESSAGE.unpack(head)
+        if logged > _LATEST_NS:
+            raise WorldError(f"{self._name} is damaged: a message was logged at {logged} ns")
         self._found.setdefault(channel, []).append((logged, chunk, at))
 
     def _declare(self, record: McapRecord) -> None:
@@ -208,6 +234,8 @@ class McapFile:
         at = chunk.message_index_offsets[channel]
         _, length = _RECORD.unpack(self._bytes(at, _RECORD.size))
         body = self._bytes(at + _RECORD.size, length)
+        if len(body) % 16 != 6:
+            raise WorldError(f"{self._name} is damaged: an index of {len(body)} bytes is none")
         return np.frombuffer(body[6:], dtype="<i8").astype(np.int64).reshape(-1, 2)
 
     def _chunk_head(self, chunk: int) -> tuple[int, int, str]:
@@ -225,20 +253,25 @@ class McapFile:
 
     def _unpack(self, chunk: int) -> bytes:
         _, length = _RECORD.unpack(self._bytes(chunk, _RECORD.size))
-        stored = io.BytesIO(self._bytes(chunk + _RECORD.size, length))
+        stored = ReadDataStream(io.BytesIO(self._bytes(chunk + _RECORD.size, length)))
         try:
-            stream, size = get_chunk_data_stream(
-                Chunk.read(ReadDataStream(stored)), validate_crc=True
-            )
+            packed = Chunk.read(stored)
+            if packed.compression not in _COMPRESSIONS:
+                raise ValueError(
+                    f"it is compressed with {packed.compression!r}; allowed: lz4, zstd and none"
+                )
+            stream, size = get_chunk_data_stream(packed, validate_crc=True)
             return stream.read(size)
-        except (McapError, ValueError, RuntimeError, zstandard.ZstdError, struct.error) as error:
+        except _DAMAGED as error:
             raise WorldError(
-                f"the chunk at byte {chunk} of {self._name} is damaged: {error}"
+                f"the chunk at byte {chunk} of {self._name} is damaged: {error!r}"
             ) from error
 
     def _bytes(self, offset: int, size: int, short: bool = False) -> bytes:
+        # A damaged length may ask for more than there is memory for.
+        there = min(size, self._size - offset)
         try:
-            found = os.pread(self._file, size, offset) if offset >= 0 else b""
+            found = os.pread(self._file, there, offset) if offset >= 0 and there > 0 else b""
         except OSError as error:
             raise WorldError(f"{self._name} cannot be read: {error}") from error
         if len(found) < size and not short:

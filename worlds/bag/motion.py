@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_left
 from collections.abc import Iterator
 from functools import cached_property
@@ -11,7 +12,18 @@ import numpy as np
 
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
-from worlds.bag.messages import (
+from worlds.bag.recording import Messages, Recording
+from worlds.bag.settings import FILE_NAME, RobotSettings
+from worlds.ros.frames import (
+    BASE,
+    FIXED,
+    Velocity,
+    chain_down,
+    mounted,
+    plain,
+    sensor_velocity,
+)
+from worlds.ros.messages import (
     ODOMETRY,
     STAMP_BYTES,
     TRANSFORMS,
@@ -21,19 +33,12 @@ from worlds.bag.messages import (
     read_stamp,
     read_transforms,
 )
-from worlds.bag.recording import Messages, Recording
-from worlds.bag.settings import FILE_NAME, RobotSettings
-from worlds.bag.track import Placed, Track
+from worlds.ros.track import Placed, Track
 
-FIXED = ("map", "odom")
-"""Frames that stay, by REP-105 (https://ros.org/reps/rep-0105.html), the better one first."""
-BASE = "base_link"
 _LOOK_NS = 5_000_000_000
 """So far into a bag a better fixed frame is looked for."""
 _DIFFERENCE_NS = 50_000_000
 """Half of the time over which positions give a velocity."""
-
-Velocity = tuple[float, float, float]
 
 
 class Motion(Protocol):
@@ -94,7 +99,7 @@ def _by_odometry(
     elif base == sensor:
         mount = np.eye(4)
     else:
-        mount = (frames or _Frames(recording)).mounted(base, sensor)
+        mount = mounted((frames or _Frames(recording)).static, base, sensor)
     if mount is None:
         raise WorldError(
             f"bag {recording.path} does not say where {sensor!r}, the frame of its scans, is on "
@@ -144,13 +149,7 @@ class _Odometric:
             all_[max(0, after - 1) : after + 1],
             key=lambda one: abs(one.transform.stamp_ns - time_ns),
         )
-        # A sensor beside the robot's axis moves with its turning, too.
-        arm = self._mount[:3, 3]
-        moving = np.array(near.linear) + np.cross(np.array(near.angular), arm)
-        if not np.isfinite(moving).all():
-            return (0.0, 0.0, 0.0)
-        x, y, z = track.at(time_ns).a_from_b[:3, :3] @ moving
-        return (float(x), float(y), float(z))
+        return sensor_velocity(near, track.at(time_ns).a_from_b, self._mount)
 
 
 class _Frames:
@@ -168,11 +167,11 @@ class _Frames:
 
     def named(self, name: str) -> str | None:
         """The frame of that name, with a robot's prefix or without."""
-        for messages in self.moving:
-            for one in _transforms(messages):
-                for frame in (one.child, one.parent):
-                    if _plain(frame) == name:
-                        return frame
+        moving = (one for messages in self.moving for one in _transforms(messages))
+        for one in itertools.chain(self.static.values(), moving):
+            for frame in (one.child, one.parent):
+                if plain(frame) == name:
+                    return frame
         return None
 
     def chain(self, frame: str) -> list[str] | None:
@@ -181,34 +180,11 @@ class _Frames:
         for messages in self.moving:
             for index in range(len(messages)):
                 early = messages.times_ns[index] - messages.times_ns[0] < _LOOK_NS
-                if not early and self._up(frame) is not None:
+                if not early and chain_down(self.parents, frame) is not None:
                     break
                 for one in messages.decode(index, read_transforms):
                     self.parents.setdefault(one.child, one.parent)
-        return self._up(frame)
-
-    def mounted(self, base: str, sensor: str) -> Matrix | None:
-        """`base_from_sensor` by tf_static alone."""
-        out, frame = np.eye(4), sensor
-        for _ in range(len(self.static) + 1):
-            if frame == base:
-                return out
-            if frame not in self.static:
-                return None
-            one = self.static[frame]
-            out = Track([one]).at(0).a_from_b @ out
-            frame = one.parent
-        return None
-
-    def _up(self, frame: str) -> list[str] | None:
-        way = [frame]
-        while way[-1] in self.parents and len(way) <= len(self.parents):
-            way.append(self.parents[way[-1]])
-        for fixed in FIXED:
-            for at, name in enumerate(way):
-                if _plain(name) == fixed:
-                    return way[:at][::-1]
-        return None
+        return chain_down(self.parents, frame)
 
 
 class _Chain:
@@ -269,8 +245,3 @@ def _span(topics: list[Messages]) -> tuple[int, int]:
         for one in messages.decode(index, read_transforms)
     ]
     return min(ends), max(ends)
-
-
-def _plain(frame: str) -> str:
-    """A frame's name without the robot's prefix."""
-    return frame.rsplit("/", 1)[-1]

@@ -13,10 +13,10 @@ import yaml
 import zstandard
 
 from swarm.errors import WorldError
-from worlds.bag.cdr import CdrError
 from worlds.bag.mcap_file import McapFile
 from worlds.bag.sqlite import SqliteFile
 from worlds.bag.storage import Storage
+from worlds.ros.cdr import CdrError
 
 T = TypeVar("T")
 
@@ -165,8 +165,10 @@ class Messages:
         raw = storage.read((first, second), None if self._packed else most)
         try:
             return read(zstandard.decompress(raw) if self._packed else raw)
-        except (CdrError, struct.error, zstandard.ZstdError) as error:
-            raise WorldError(f"message {index} of {self._what} is malformed: {error}") from error
+        except (CdrError, struct.error, zstandard.ZstdError, MemoryError) as error:
+            # A packed message may say that it unpacks to more than there is memory for.
+            why = str(error) or repr(error)
+            raise WorldError(f"message {index} of {self._what} is malformed: {why}") from error
 
 
 def _bag_files(path: Path) -> list[Path]:

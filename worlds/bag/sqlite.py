@@ -30,7 +30,14 @@ class SqliteFile:
                 "SELECT id, name, type, serialization_format FROM topics"
             ).fetchall()
         except sqlite3.Error as error:
-            raise WorldError(f"bag file {path} cannot be read: {error}") from error
+            why = str(error)
+            code = getattr(error, "sqlite_errorcode", None)
+            if code == sqlite3.SQLITE_CANTOPEN and _has_journal(path):
+                why += (
+                    "; what its recorder left in the journal beside it (-wal) can only be read in "
+                    "a folder that can be written: copy both into one"
+                )
+            raise WorldError(f"bag file {path} cannot be read: {why}") from error
         for row in self._messages():
             self._rows.setdefault(row[0], []).append((row[2], row[1], 0))
         if self.cut:
@@ -74,7 +81,11 @@ class SqliteFile:
     def _messages(self) -> Iterator[tuple[int, int, int]]:
         """(topic, row, time) of all messages that can be listed."""
         try:
-            yield from self._connection.execute("SELECT topic_id, id, timestamp FROM messages")
+            for row in self._connection.execute("SELECT topic_id, id, timestamp FROM messages"):
+                if all(isinstance(value, int) for value in row):
+                    yield row
+                else:
+                    self.cut = self.cut or f"one of its messages is {row}"
         except sqlite3.Error as error:
             self.cut = self.cut or str(error)
 
@@ -96,9 +107,13 @@ def _open(path: Path) -> sqlite3.Connection:
     place = quote(str(path.absolute()))
     # A recorder that was killed leaves a journal beside the file, which only a connection that may
     # look at it takes into account; a folder that cannot be written allows no such connection.
-    journal = path.with_name(path.name + "-wal").exists()
-    options = "mode=ro" if journal else "mode=ro&immutable=1"
+    options = "mode=ro" if _has_journal(path) else "mode=ro&immutable=1"
     connection = sqlite3.connect(f"file:{place}?{options}", uri=True, check_same_thread=False)
     # A database whose end is missing opens only so.
     connection.execute("PRAGMA writable_schema=ON")
     return connection
+
+
+def _has_journal(path: Path) -> bool:
+    journal = path.with_name(path.name + "-wal")
+    return journal.exists() and journal.stat().st_size > 0

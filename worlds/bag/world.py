@@ -12,11 +12,9 @@ from swarm.geometry import Points, Pose, pose_of
 from worlds.bag.log import RobotLog, seconds
 from worlds.bag.recording import Recording, find_bags
 from worlds.bag.settings import FILE_NAME, read_settings
-from worlds.base import GroundTruth, Scan
+from worlds.base import RANGES_M, GroundTruth, Scan
 from worlds.recent import Recent
 
-RANGES_M = {"factory": 40.0, "road": 120.0}
-"""What the detectors were trained on."""
 MAX_KEPT = 32
 """Scans in memory; one of 100 000 points takes 1.2 MB."""
 

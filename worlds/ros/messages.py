@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarm.geometry import Points
-from worlds.bag.cdr import CdrError, Cursor
+from worlds.ros.cdr import CdrError, Cursor
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -121,14 +121,14 @@ def read_cloud(message: bytes | memoryview) -> Cloud:
         )
     points = np.empty((count, 3), dtype=np.float32)
     rows = points.reshape(height, width, 3)
-    for column, (name, code) in enumerate(zip("xyz", codes, strict=True)):
-        # A view of the message: the one copy is into the points.
-        view: np.ndarray[tuple[int, int], np.dtype[np.floating]] = np.ndarray(
-            (height, width), order + code, data, fields[name][0], (row_step, point_step)
-        )
-        with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        for column, (name, code) in enumerate(zip("xyz", codes, strict=True)):
+            # A view of the message: the one copy is into the points.
+            view: np.ndarray[tuple[int, int], np.dtype[np.floating]] = np.ndarray(
+                (height, width), order + code, data, fields[name][0], (row_step, point_step)
+            )
             rows[:, :, column] = view
-    there = np.isfinite(points).all(axis=1) & points.any(axis=1)
+        there = np.isfinite(points).all(axis=1) & points.any(axis=1)
     return Cloud(stamp, frame, _read_only(points if there.all() else points[there]))
 
 

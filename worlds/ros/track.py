@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
-from worlds.bag.messages import Transform
+from worlds.ros.messages import Transform
 
 MAX_GAP_NS = 1_000_000_000
 """Farther from the nearest sample than this and than two of its usual steps, nothing is known."""
+MOST = 1e7
+"""Metres or m/s of anything on this planet; messages carry no more."""
 _USUAL_STEPS = 2
 _NEARLY_EQUAL = 0.9995
 """Cosine of half the angle above which the two ends of a turn are too near for the sine."""
@@ -59,14 +61,16 @@ class Track:
 
     def __init__(self, samples: Sequence[Transform]) -> None:
         """Raises WorldError for a sample that is no transform."""
-        for one in samples:
-            values = np.array([*one.translation, *one.rotation])
-            length = float(np.linalg.norm(values[3:]))
-            if not np.isfinite(values).all() or not 0.9 < length < 1.1:
-                raise WorldError(
-                    f"{one.child!r} in {one.parent!r} is at {one.translation}, turned by "
-                    f"{one.rotation}: that is not finite, or no unit quaternion"
-                )
+        values = np.array([(*one.translation, *one.rotation) for one in samples])
+        with np.errstate(over="ignore", invalid="ignore"):
+            lengths = np.linalg.norm(values[:, 3:], axis=1)
+        right = (np.abs(values) <= MOST).all(axis=1) & (lengths > 0.9) & (lengths < 1.1)
+        if not right.all():
+            one = samples[int(right.argmin())]
+            raise WorldError(
+                f"{one.child!r} in {one.parent!r} is at {one.translation}, turned by "
+                f"{one.rotation}: that is no place on this planet, or no unit quaternion"
+            )
         # Of two samples with one stamp, the one recorded last holds.
         kept = dict(sorted(((one.stamp_ns, one) for one in samples), key=lambda item: item[0]))
         self.times_ns = np.fromiter(kept, dtype=np.int64, count=len(kept))
@@ -85,7 +89,9 @@ class Track:
         low, high = max(0, after - 1), min(after, last)
         begin, end = int(self.times_ns[low]), int(self.times_ns[high])
         share = (time_ns - begin) / (end - begin) if end > begin else 0.0
-        translation = (1 - share) * self._translations[low] + share * self._translations[high]
+        # Written so that what stands still stays where it is, to the last bit.
+        step = self._translations[high] - self._translations[low]
+        translation = self._translations[low] + share * step
         rotation = slerp(self._rotations[low], self._rotations[high], share)
         nearest = min(abs(time_ns - begin), abs(time_ns - end))
         return Placed(matrix_of(translation, rotation), nearest <= self._reach_ns)
