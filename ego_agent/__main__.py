@@ -25,7 +25,7 @@ from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.steering import Steering
 from ego_agent.tally import TallyKeeper
 from perception.fusion.registry import fusion_names, make_fusion
-from ros2.opening import open_live
+from ros2.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import Logger, make_logger
@@ -35,7 +35,6 @@ from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
 from worlds.base import World
-from worlds.registry import open_world
 
 
 def main() -> int:
@@ -172,17 +171,7 @@ def _objective(settings: EgoSettings) -> Objective:
 
 
 def _open(settings: EgoSettings) -> World:
-    if settings.world == "ros2":
-        return open_live(settings, "ego_agent", settings.ego)
-    world = open_world(
-        settings.world,
-        data=Path(settings.world_data) if settings.world_data else None,
-        robots=settings.world_robots,
-        seed=settings.world_seed,
-        rings=settings.world_rings,
-        scenario=settings.world_scenario,
-        cache=Path(settings.world_cache) if settings.world_cache else None,
-    )
+    world = open_world_of(settings, "ego_agent", settings.ego)
     if settings.ego not in world.robots:
         raise SettingError(
             f"{PREFIX}EGO = {settings.ego!r} is not in world {world.name!r}; "

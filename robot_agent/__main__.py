@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 import sys
 import threading
-from pathlib import Path
 
 from prometheus_client import CollectorRegistry
 
@@ -14,7 +13,7 @@ from robot_agent.encoder import Encoder
 from robot_agent.host import RobotHost
 from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
-from ros2.opening import open_live
+from ros2.opening import open_world_of
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.memory import keep_freed_memory
@@ -23,7 +22,6 @@ from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
 from worlds.base import World
-from worlds.registry import open_world
 
 
 def main() -> int:
@@ -94,24 +92,7 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
 
 
 def _open(settings: RobotSettings) -> World:
-    world: World
-    if settings.world == "ros2":
-        world = open_live(settings, "robot_agent", settings.robots[0])
-        return _having(world, settings)
-    world = open_world(
-        settings.world,
-        data=Path(settings.world_data) if settings.world_data else None,
-        robots=settings.world_robots,
-        seed=settings.world_seed,
-        rings=settings.world_rings,
-        scenario=settings.world_scenario,
-        cache=Path(settings.world_cache) if settings.world_cache else None,
-    )
-    return _having(world, settings)
-
-
-def _having(world: World, settings: RobotSettings) -> World:
-    """The world, if it has all robots of the settings. Raises SettingError for another."""
+    world = open_world_of(settings, "robot_agent", settings.robots[0])
     unknown = [robot for robot in settings.robots if robot not in world.robots]
     if unknown:
         raise SettingError(

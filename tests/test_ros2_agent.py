@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
 from robot_agent.settings import load_settings
-from ros2.opening import open_live
+from ros2.opening import open_world_of
 from swarm import keyspace
 from swarm.errors import RefusedError, SettingError
 from swarm.geometry import Pose
@@ -148,4 +148,4 @@ def test_a_live_robot_is_one_process_robot(swarm: Swarm) -> None:
 def test_a_missing_address_is_named(data: str, words: str) -> None:
     values = {"COADAPT_WORLD": "ros2", "COADAPT_ROBOTS": "R1", "COADAPT_WORLD_DATA": data}
     with pytest.raises(SettingError, match=words):
-        open_live(load_settings(values), "robot_agent", "R1")
+        open_world_of(load_settings(values), "robot_agent", "R1")
