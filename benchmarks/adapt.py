@@ -17,8 +17,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.processes import free_port
 from benchmarks.report import write_report
-from deploy.ports import LOCALHOST
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
@@ -31,15 +31,6 @@ TRIALS = 5
 SETTLE_S = 12.0
 WATCH_S = 12.0
 READY_S = 120.0
-
-
-def free_port() -> int:
-    """A port of 127.0.0.1 that nothing listens on."""
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind((LOCALHOST, 0))
-        return int(probe.getsockname()[1])
 
 
 def shape(spec: SwarmSpec, rate: str) -> int:

@@ -23,8 +23,9 @@ import numpy as np
 from benchmarks import live
 from benchmarks.browser import browser, why_not
 from benchmarks.console_ego import ego_shares
-from benchmarks.console_stage import HOST, MARK, Played, played, viewers
+from benchmarks.console_stage import MARK, Played, played, viewers
 from benchmarks.report import write_report
+from deploy.ports import LOCALHOST
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -104,7 +105,7 @@ def beside_slow(stage: Played, page: Page, rng: np.random.Generator) -> list[flo
     """The same beside a viewer that asks for the stream and never reads it."""
     with socket.socket() as slow:
         slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        slow.connect((HOST, stage.port))
+        slow.connect((LOCALHOST, stage.port))
         slow.sendall(b"GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         return ten_viewers(stage, page, rng)
 

@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.console_stage import await_port, free_ports, process, viewers
+from benchmarks.console_stage import viewers
 from benchmarks.controller import cpu_s
 from benchmarks.live import live_swarm, process_id
+from benchmarks.processes import await_port, free_ports, process
 from deploy.state import State
 
 SWARM = "bench-console-ego"

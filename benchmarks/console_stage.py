@@ -8,13 +8,9 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
 import itertools
 import json
 import math
-import os
-import socket
-import subprocess
 import sys
 import threading
 import time
@@ -26,18 +22,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.controller import cpu_s
+from benchmarks.processes import WAIT_S, await_port, free_ports, process
+from deploy.ports import LOCALHOST
 from swarm import keyspace
 from swarm.arrays import Array, pack
 from swarm.messages import Beacon, Decision, Detections, SceneDescription
 from swarm.session import Session
 
 SWARM, EGO = "bench-console", "R1"
-HOST = "127.0.0.1"
 BEACON_HZ, BEACONS_A_SCENE = 10, 5
 """As robots do: ten beacons and two scene descriptions a second."""
 OBJECTS, BOXES, SECTORS = 40, 20, 72
 GRID_M, COLUMNS = 5.0, 10
-WAIT_S = 30.0
 MARK = "decision "
 
 
@@ -85,7 +81,7 @@ class Played:
 def played(robots: int) -> Iterator[Played]:
     """A router, `robots` that speak, and a console that has connected."""
     first = free_ports(4)
-    router, port = f"tcp/{HOST}:{first}", first + 3
+    router, port = f"tcp/{LOCALHOST}:{first}", first + 3
     settings = {
         "COADAPT_ROUTER": router,
         "COADAPT_SWARM": SWARM,
@@ -103,49 +99,6 @@ def played(robots: int) -> Iterator[Played]:
         stack.enter_context(process("benchmarks.console_stage", "speak", *words))
         await_port(port)
         yield Played(f"http://localhost:{port}", port, console.pid, robots, ego)
-
-
-@contextmanager
-def process(module: str, *words: str, **settings: str) -> Iterator[subprocess.Popen[str]]:
-    """`python -m module`, ended with the context."""
-    started = subprocess.Popen(
-        [sys.executable, "-m", module, *words],
-        # One numerical thread a process.
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **settings},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    try:
-        yield started
-    finally:
-        started.terminate()
-        started.communicate(timeout=WAIT_S)
-
-
-def free_ports(count: int) -> int:
-    """The first of `count` consecutive ports that nothing listens on."""
-    for first in range(20_000, 32_000, count):
-        with ExitStack() as stack:
-            try:
-                for port in range(first, first + count):
-                    stack.enter_context(socket.create_server((HOST, port)))
-            except OSError:
-                continue
-            return first
-    raise RuntimeError(f"no {count} consecutive free ports from 20000 to 32000")
-
-
-def await_port(port: int) -> None:
-    """Until something answers there. Raises TimeoutError."""
-    deadline = time.monotonic() + WAIT_S
-    while True:
-        with contextlib.suppress(OSError), socket.create_connection((HOST, port), timeout=1.0):
-            return
-        if time.monotonic() > deadline:
-            raise TimeoutError(f"nothing answers on port {port} after {WAIT_S:.0f} s")
-        time.sleep(0.1)
 
 
 def rows(columns: int, count: int) -> Array:
@@ -227,7 +180,7 @@ def viewers(port: int, count: int) -> Iterator[Any]:
 
 async def read(port: int, count: int) -> None:
     """Reads streams until standard input ends; then writes when each decision came to each."""
-    streams = [await asyncio.open_connection(HOST, port) for _ in range(count)]
+    streams = [await asyncio.open_connection(LOCALHOST, port) for _ in range(count)]
     seen: list[dict[str, float]] = [{} for _ in streams]
     for _, writer in streams:
         writer.write(b"GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n")

@@ -21,7 +21,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from benchmarks.adapt import free_port
+from benchmarks.processes import free_port
 from benchmarks.report import write_report
 from deploy.ports import LOCALHOST
 from deploy.ready import wait_ready

@@ -11,12 +11,10 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import os
-import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import ExitStack, asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,10 +24,10 @@ import numpy as np
 import requests
 from prometheus_client import CollectorRegistry
 
-from benchmarks.adapt import free_port
 from benchmarks.fixed_model import MODEL
 from benchmarks.litellm_proxy import install, litellm
 from benchmarks.load import Ask, fresh_scene, in_turn, over_http, over_zenoh
+from benchmarks.processes import free_port, process
 from benchmarks.report import write_report
 from deploy.progress import say
 from llm_gateway.backends.none import NoBackend
@@ -68,18 +66,6 @@ async def exact_hits_ms(count: int) -> list[float]:
             assert done.hit == "exact"
         await gateway.close()
     return found
-
-
-@contextmanager
-def process(*argv: str, **environment: str) -> Iterator[None]:
-    """Runs `python -m argv`."""
-    command = [sys.executable, "-m", *argv]
-    running = subprocess.Popen(command, env=os.environ | environment)
-    try:
-        yield
-    finally:
-        running.terminate()
-        running.wait()
 
 
 @asynccontextmanager

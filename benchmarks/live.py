@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.console_stage import free_ports
+from benchmarks.processes import free_ports
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.spec import factory_robots, make_spec
