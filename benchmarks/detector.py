@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from matplotlib.figure import Figure
 
-from benchmarks.plot import line_chart
 from benchmarks.report import write_report
 from evaluation.splits import Part, nearest_first
 from perception.detector.weight_files import has_weights
@@ -78,18 +78,19 @@ def main() -> None:
     figures["rows"] = rows
     path = write_report("detector", figures, samples)
     chart = path.with_suffix(".svg")
-    chart.write_text(
-        line_chart(
-            {
-                name: [(float(robots), ms) for robots, ms in by_robots.items()]
-                for name, by_robots in figures["fuse_ms_p50"].items()
-            },
-            across="robots",
-            up="ms from payloads to boxes",
-        )
-    )
+    _draw(chart, figures["fuse_ms_p50"])
     print(json.dumps(figures, indent=1))
     print(f"wrote {path} and {chart}")
+
+
+def _draw(path: Path, fuse_ms: dict[str, dict[str, float]]) -> None:
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    for name, by_robots in fuse_ms.items():
+        axes.plot([int(robots) for robots in by_robots], list(by_robots.values()), label=name)
+    axes.set(xlabel="robots", ylabel="ms from payloads to boxes", xlim=(0, None), ylim=(0, None))
+    axes.legend()
+    figure.savefig(path)
 
 
 @contextmanager
