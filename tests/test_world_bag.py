@@ -202,6 +202,29 @@ def test_slow_corrections_of_tf_hold_between_them(tmp_path: Path) -> None:
     assert world.scan("R1", 10).velocity == pytest.approx((1, 0, 0))
 
 
+@pytest.mark.parametrize("about", [{}, {("base_link", "wheel"): Pose(0, 1, 0)}])
+def test_tf_may_begin_and_end_with_messages_about_other_frames(
+    tmp_path: Path, about: dict[tuple[str, str], Pose]
+) -> None:
+    log = Log().scans(TIMES).tf(0, MOUNT, static=True).tf(-5.0, about)
+    for time in TIMES:
+        log.tf(time, {("odom", "base_link"): Pose(time, 0, 0)})
+    log.tf(9.0, about).write(tmp_path / "R1")
+    world = BagWorld(tmp_path)
+    assert world.frame_count == len(TIMES)
+    assert world.pose("R1", 10).x == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("frame", ["map", "R1/odom"])
+def test_scans_in_a_frame_that_stays_are_refused(tmp_path: Path, frame: str) -> None:
+    log = Log().scans(TIMES, frame=frame)
+    for time in TIMES:
+        log.tf(time, {(frame, "base_link"): Pose(time, 0, 0)})
+    log.write(tmp_path / "R1")
+    with pytest.raises(WorldError, match=f"/points.* are in {frame!r}, a frame that stays"):
+        BagWorld(tmp_path)
+
+
 def test_frames_with_a_robots_prefix_are_known(tmp_path: Path) -> None:
     log = Log().scans(TIMES, frame="/R1/lidar")
     log.tf(0, {("R1/base_link", "R1/lidar"): Pose(0, 0, 2)}, static=True)

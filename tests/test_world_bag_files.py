@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bag_files import CLOUD, Log, plain_log
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
 from swarm.errors import KeyspaceError, WorldError
@@ -107,15 +108,12 @@ def test_a_bare_file_is_a_bag(written: Path, tmp_path: Path, suffix: str) -> Non
         {"compression": CompressionType.NONE, "chunk_size": 300},
         {"compression": CompressionType.LZ4, "use_summary_offsets": False, "use_statistics": False,
          "repeat_channels": False, "repeat_schemas": False},
-        {"compression": CompressionType.ZSTD, "index_types": 0},
+        {"compression": CompressionType.ZSTD, "index_types": IndexType.NONE},
+        {"compression": CompressionType.ZSTD, "index_types": IndexType.CHUNK},
     ],
 )  # fmt: skip
 def test_mcap_files_of_another_writer_are_read(tmp_path: Path, options: dict[str, object]) -> None:
     """Compressed or not, with and without chunks, summary and indexes."""
-    from mcap.writer import IndexType
-
-    if "index_types" in options:
-        options = options | {"index_types": IndexType.NONE}
     source = Recording(plain_log(TIMES).write(tmp_path / "source"))
     folder = tmp_path / "bags"
     folder.mkdir()
@@ -329,6 +327,24 @@ def test_a_folder_must_hold_bags_one_a_robot(written: Path, tmp_path: Path) -> N
         find_bags(tmp_path)
     (tmp_path / "R1.db3").rename(tmp_path / "R2.bag")
     with pytest.raises(WorldError, match=r"R2.bag is a bag of ROS 1; convert it"):
+        find_bags(tmp_path)
+
+
+def test_a_folder_that_may_not_be_read_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    locked = tmp_path / "lost+found"
+    locked.mkdir()
+    listed = Path.iterdir
+
+    def refused(folder: Path) -> Iterator[Path]:
+        # As for anybody but root, whom no mode keeps out.
+        if folder == locked:
+            raise PermissionError(13, "Permission denied")
+        return listed(folder)
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    with pytest.raises(WorldError, match=r"lost\+found cannot be read: .*Permission denied"):
         find_bags(tmp_path)
 
 

@@ -11,7 +11,7 @@ from swarm.geometry import Matrix
 from worlds.bag.motion import find_motion
 from worlds.bag.recording import Recording
 from worlds.bag.settings import FILE_NAME, RobotSettings
-from worlds.ros.frames import Velocity
+from worlds.ros.frames import FIXED, Velocity, plain
 from worlds.ros.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_frame, read_stamp
 from worlds.ros.track import Placed
 
@@ -26,6 +26,12 @@ class RobotLog:
         self._clouds = recording.messages(self.topic)
         self._stamps: dict[int, int] = {}
         frame = self._clouds.decode(0, read_frame)
+        if plain(frame) in FIXED:
+            raise WorldError(
+                f"scans of bag {recording.path} (topic {self.topic}) are in {frame!r}, a frame "
+                "that stays; they must be in the sensor's own, or nobody knows from where they "
+                "were taken"
+            )
         self._motion = find_motion(recording, frame, settings)
         self._world_from_fixed: Matrix = settings.origin.pose().matrix()
         steps = np.diff(self._clouds.times_ns)

@@ -145,7 +145,8 @@ class McapFile:
         except (McapError, ValueError, OverflowError, struct.error) as error:
             raise WorldError(f"the summary of {self._name} is damaged: {error!r}") from error
         for chunk in self._chunks:
-            if max(chunk.chunk_start_offset, *chunk.message_index_offsets.values()) >= self._size:
+            places = (chunk.chunk_start_offset, *chunk.message_index_offsets.values())
+            if max(places) >= self._size:
                 raise WorldError(
                     f"the summary of {self._name} is damaged: it names places beyond the file's end"
                 )

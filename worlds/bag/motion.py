@@ -196,7 +196,7 @@ class _Chain:
         self._mount = mount
         self.span_ns: tuple[int, int] | None = None
         if any(frame not in frames.static for frame in chain):
-            self.span_ns = _span(frames.moving)
+            self.span_ns = _span(frames, chain)
 
     @cached_property
     def _tracks(self) -> list[Track]:
@@ -236,12 +236,23 @@ def _transforms(messages: Messages) -> Iterator[Transform]:
         yield from messages.decode(index, read_transforms)
 
 
-def _span(topics: list[Messages]) -> tuple[int, int]:
-    """The first and the last stamp of what topics carry."""
-    ends = [
-        one.stamp_ns
-        for messages in topics
-        for index in (0, len(messages) - 1)
-        for one in messages.decode(index, read_transforms)
-    ]
+def _span(frames: _Frames, chain: list[str]) -> tuple[int, int]:
+    """The first and the last stamp of a chain's moving frames. A topic may begin and end with
+    messages that are empty or about other frames: both ends are searched for the nearest."""
+    ends: list[int] = []
+    for messages in frames.moving:
+        forwards = range(len(messages))
+        for order in (forwards, reversed(forwards)):
+            stamps: list[int] = []
+            for index in order:
+                stamps = [
+                    one.stamp_ns
+                    for one in messages.decode(index, read_transforms)
+                    if one.child in chain and frames.parents.get(one.child) == one.parent
+                ]
+                if stamps:
+                    break
+            ends += stamps
+            if not stamps:
+                break
     return min(ends), max(ends)

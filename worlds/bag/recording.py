@@ -172,7 +172,7 @@ class Messages:
 
 
 def _bag_files(path: Path) -> list[Path]:
-    """What of a directory belongs to a bag, `x_2.db3` before `x_10.db3`."""
+    """What of a directory belongs to a bag, `x_2.db3` before `x_10.db3`. Raises WorldError."""
 
     def number(file: Path) -> tuple[Any, ...]:
         parts = re.split(r"(\d+)", file.name)
@@ -180,6 +180,9 @@ def _bag_files(path: Path) -> list[Path]:
 
     if not path.is_dir():
         return []
-    files = (file for file in path.iterdir() if file.name != _METADATA)
+    try:
+        files = [file for file in path.iterdir() if file.name != _METADATA]
+    except OSError as error:
+        raise WorldError(f"{path} cannot be read: {error}") from error
     ends = (*_KINDS, *(f"{suffix}.zstd" for suffix in _KINDS))
     return sorted((file for file in files if file.name.endswith(ends)), key=number)
