@@ -90,9 +90,9 @@ def _claims(known: dict[str, Means]) -> Iterator[Claim]:
     for name, one in known.items():
         # Without an answer a language model's policy is coverage's.
         if one.answered_ratio:
+            answers = f"with answers in {one.answered_ratio:.0%} of windows"
             yield from _little_lost(
-                f"{name}: AP@0.7 below coverage, {one.answered_ratio:.0%} of questions answered",
-                one.lost_to_coverage,
+                f"{name}: AP@0.7 below coverage, {answers}", one.lost_to_coverage
             )
 
 

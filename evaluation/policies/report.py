@@ -16,7 +16,7 @@ def report(means: Sequence[Means], claims: Sequence[Mapping[str, Any]], rows: Se
         f"{means[0].windows} windows. AP: mean of the windows. Regret: in AP@0.7 - lambda C, "
         "against the best choice that was measured; held out: the best on one half of the frames, "
         "judged by the other. Infeasible: needs more than all of C(t). Delivered: AP@0.7, with the "
-        "ego alone where the choice is infeasible.",
+        "ego alone where the choice is infeasible. Value: delivered AP@0.7 - lambda C.",
         table(means),
         "## Claims",
         markdown(
@@ -32,7 +32,7 @@ def report(means: Sequence[Means], claims: Sequence[Mapping[str, Any]], rows: Se
         parts += ["## Language models beside `coverage`", _advised(advised)]
     named = [row for row in rows if row.scenario.expectation is not None]
     if named:
-        parts += ["## The paper's motivating snapshots", _answers(named)]
+        parts += ["## The paper's motivating snapshots, first windows", _answers(named)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -58,9 +58,9 @@ def table(means: Sequence[Means]) -> str:
 
 
 def _advised(means: Sequence[Means]) -> str:
-    """How often language models' choices, checked and repaired, bring more or less."""
+    """In how many windows language models' choices, checked and repaired, are worth more."""
     return markdown(
-        ("policy", "answered", "better", "equal", "worse", "AP@0.7, paired difference"),
+        ("policy", "answered", "value above", "equal", "below", "AP@0.7, paired difference"),
         [
             (
                 one.policy,
