@@ -44,8 +44,9 @@ def main() -> int:
     try:
         settings = load_settings()
         transport.client_config(settings.router)  # a malformed address ends the process here
-        world = _open(settings)
-        run(settings, world, stop)
+        with open_world_of(settings, "ego_agent", settings.ego) as world:
+            _check_ego(settings, world)
+            run(settings, world, stop)
     except CoAdaptError as error:
         print(f"ego_agent: {error}", file=sys.stderr)
         return 1
@@ -170,14 +171,12 @@ def _objective(settings: EgoSettings) -> Objective:
     )
 
 
-def _open(settings: EgoSettings) -> World:
-    world = open_world_of(settings, "ego_agent", settings.ego)
+def _check_ego(settings: EgoSettings, world: World) -> None:
     if settings.ego not in world.robots:
         raise SettingError(
             f"{PREFIX}EGO = {settings.ego!r} is not in world {world.name!r}; "
             f"allowed: {', '.join(world.robots)}"
         )
-    return world
 
 
 if __name__ == "__main__":

@@ -30,8 +30,9 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        world = _open(settings)
-        run(settings, world, stop)
+        with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
+            _check_robots(settings, world)
+            run(settings, world, stop)
     except CoAdaptError as error:
         if stop.is_set():
             return 0
@@ -91,15 +92,13 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
     log.info("robots_down")
 
 
-def _open(settings: RobotSettings) -> World:
-    world = open_world_of(settings, "robot_agent", settings.robots[0])
+def _check_robots(settings: RobotSettings, world: World) -> None:
     unknown = [robot for robot in settings.robots if robot not in world.robots]
     if unknown:
         raise SettingError(
             f"{PREFIX}ROBOTS = {','.join(settings.robots)!r} names {', '.join(unknown)}, which "
             f"world {world.name!r} does not have; allowed: {', '.join(world.robots)}"
         )
-    return world
 
 
 if __name__ == "__main__":

@@ -11,13 +11,16 @@ import msgspec
 
 from swarm.errors import SettingError
 from swarm.geometry import Pose
+from worlds.ros.track import MOST
 
 FORM = "ros2://HOST[:PORT]/DOMAIN?points=/TOPIC&odom=/TOPIC (or tf=/tf)"
 PORT = 7447
 """Of rmw_zenoh's router."""
 MAX_DOMAIN = 232
+_DOMAIN = re.compile(r"[0-9]{1,3}")
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_POSE = "x,y,z or x,y,z,roll,pitch,yaw in metres and radians"
+_TOPICS = ("points", "odom", "tf", "tf_static")
+_POSE = f"x,y,z or x,y,z,roll,pitch,yaw in metres and radians, each from -{MOST:.0f} to {MOST:.0f}"
 
 
 class Address(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,7 +74,9 @@ def parse(text: str) -> Address:
     domain = parts.path.strip("/") or "0"
     if parts.scheme != "ros2" or not host or parts.username or parts.fragment:
         raise SettingError(f"address {text!r} is not valid; it must be {FORM}")
-    if not (domain.isascii() and domain.isdigit() and int(domain) <= MAX_DOMAIN):
+    if port == 0:
+        raise _wrong(text, "port", "0", "a TCP port from 1 to 65535")
+    if not _DOMAIN.fullmatch(domain) or int(domain) > MAX_DOMAIN:
         raise _wrong(text, "domain", domain, f"a ROS_DOMAIN_ID from 0 to {MAX_DOMAIN}")
     values: dict[str, Any] = {"host": host, "port": port or PORT, "domain": int(domain)}
     for name, value in pairs:
@@ -86,6 +91,7 @@ def parse(text: str) -> Address:
             "odom=/TOPIC (nav_msgs/msg/Odometry) or tf=/TOPIC (tf2_msgs/msg/TFMessage)"
         )
     values.setdefault("tf_static", values.get("tf", "/tf") + "_static")
+    _check_topics_differ(text, values)
     return Address(**values)
 
 
@@ -101,7 +107,7 @@ def _value(text: str, name: str, value: str) -> Any:
     if field is None:
         allowed = ", ".join(field.name for field in _OPTIONS)
         raise SettingError(f"address {text!r} has the option {name!r}; allowed: {allowed}")
-    if name in ("points", "odom", "tf", "tf_static"):
+    if name in _TOPICS:
         if not _TOPIC.fullmatch(value):
             raise _wrong(text, name, value, "a topic's full name, like /lidar/points")
         return value
@@ -129,9 +135,21 @@ def _pose(text: str, name: str, value: str) -> Pose:
         numbers = [float(part) for part in value.split(",")]
     except ValueError as error:
         raise _wrong(text, name, value, _POSE) from error
-    if len(numbers) not in (3, 6) or not all(map(math.isfinite, numbers)):
+    if len(numbers) not in (3, 6) or not all(abs(one) <= MOST for one in numbers):
         raise _wrong(text, name, value, _POSE)
     return Pose(*numbers)
+
+
+def _check_topics_differ(text: str, values: dict[str, Any]) -> None:
+    """Raises SettingError for two options with one topic: of its messages one would get none."""
+    seen: dict[str, str] = {}
+    for name in _TOPICS:
+        topic = values.get(name)
+        if topic in seen:
+            allowed = f"another topic than that of {seen[topic]}"
+            raise _wrong(text, name, topic, allowed)
+        if topic is not None:
+            seen[topic] = name
 
 
 def _wrong(text: str, name: str, value: str, allowed: str) -> SettingError:

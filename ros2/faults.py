@@ -23,6 +23,8 @@ class Fault(WorldError):
 def nothing_on(inlet: Inlet, link: Link, address: Address) -> Fault:
     """Why nothing has come on a topic."""
     topic, kind = inlet.topic, inlet.kind
+    if link.fault:
+        return Fault("refused", f"the router at {address.router} cannot be used: {link.fault}")
     if not link.connected:
         return Fault("router", f"no Zenoh router at {address.router} yet")
     publishers = link.publishers()

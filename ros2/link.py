@@ -20,6 +20,10 @@ from swarm.log import Logger
 from swarm.transport import Entity, close_zenoh, open_zenoh
 
 JOIN_S = 2.0
+RETRY_S = 0.5
+"""From a router that could not be used to the next attempt."""
+MAX_FAULT = 300
+"""Characters of what Zenoh says."""
 MAX_PUBLISHERS = 10_000
 """Of a whole domain; more are not told apart in messages."""
 
@@ -31,7 +35,9 @@ class Link:
         """Returns at once; a thread reaches for the router. `node`: what the robot's `ros2 node
         list` calls this process."""
         self.connected = False
-        """Whether the router was reached once."""
+        """Whether the router was reached once, and all was declared."""
+        self.fault = ""
+        """Why a router that was reached could not be used, until it can."""
         self._address = address
         self._inlets = {inlet.topic: inlet for inlet in inlets}
         self._node = node
@@ -51,6 +57,7 @@ class Link:
         self._closing.set()
         self._announced.put(None)
         self._thread.join(JOIN_S)
+        self._log.info("ros2_down")
 
     def _run(self) -> None:
         config: dict[str, Any] = {
@@ -59,20 +66,32 @@ class Link:
             "scouting/multicast/enabled": False,
             "scouting/gossip/enabled": False,
         }
-        try:
-            session = open_zenoh(config, stop=self._closing)
-        except TransportError:
-            return  # closed before the router could be reached
-        entities: list[Entity] = []
-        try:
-            self._declare(session, entities)
-            self.connected = True
-            self._log.info("ros2_up", router=self._address.router, topics=list(self._inlets))
-            self._subscribe_in_the_open(session, entities)
-        except zenoh.ZError as error:
-            self._log.error("ros2_failed", router=self._address.router, error=str(error)[:300])
-        finally:
-            close_zenoh(session, entities)
+        while not self._closing.is_set():
+            try:
+                session = open_zenoh(config, stop=self._closing)
+            except TransportError:
+                return  # closed before the router could be reached
+            entities: list[Entity] = []
+            try:
+                self._serve(session, entities)
+            except zenoh.ZError as error:
+                self._note_fault(str(error)[:MAX_FAULT])
+            finally:
+                close_zenoh(session, entities)
+            self._closing.wait(RETRY_S)
+
+    def _serve(self, session: zenoh.Session, entities: list[Entity]) -> None:
+        """Fills the inlets until closed. Raises ZError when something cannot be declared."""
+        self._publishers.clear()
+        self._declare(session, entities)
+        self.connected, self.fault = True, ""
+        self._log.info("ros2_up", router=self._address.router, topics=list(self._inlets))
+        self._subscribe_in_the_open(session, entities)
+
+    def _note_fault(self, fault: str) -> None:
+        if fault != self.fault:
+            self._log.error("ros2_failed", router=self._address.router, error=fault)
+        self.connected, self.fault = False, fault
 
     def _declare(self, session: zenoh.Session, entities: list[Entity]) -> None:
         domain = self._address.domain
@@ -97,8 +116,13 @@ class Link:
         entities.append(session.liveliness().declare_token(token))
 
     def _subscribe_in_the_open(self, session: zenoh.Session, entities: list[Entity]) -> None:
-        """Shows the subscriptions to ROS until closed: some drivers publish only when somebody
-        listens, and count tokens."""
+        """Shows the subscriptions to ROS until closed.
+
+        Some drivers publish only when somebody listens, which they learn from tokens. And since
+        2026 (ros2/rmw_zenoh#930) rmw_zenoh itself puts volatile messages of types that buffers can
+        carry, as scans are, on a topic's key only when a token tells of a subscription without
+        buffer backends, as ours is: without it no scan might come at all.
+        """
         shown: set[Publisher] = set()
         while (publisher := self._announced.get()) is not None:
             if publisher in shown:
@@ -138,6 +162,6 @@ class Link:
             self._announced.put(publisher)
 
 
-def node_name(robot: str) -> str:
-    """What ROS calls the process that reads a robot's topics."""
-    return f"coadapt_{robot.replace('-', '_')}"
+def node_name(process: str, robot: str) -> str:
+    """What ROS calls a process that reads a robot's topics: each has a name of its own."""
+    return f"coadapt_{process}_{robot.replace('-', '_')}"

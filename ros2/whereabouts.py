@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
-import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, TypeVar
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from ros2.address import Address
-from ros2.inlet import Arrived, Inlet
+from ros2.inlet import Inlet
+from ros2.samples import Decoded, Static, keep, odometry_stamp, stamped, transform_stamp
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
-from worlds.ros.cdr import CdrError
 from worlds.ros.frames import (
     BASE,
     FIXED,
@@ -27,14 +25,12 @@ from worlds.ros.frames import (
 from worlds.ros.messages import Odometry, Transform, read_odometry, read_transforms
 from worlds.ros.track import Placed, Track
 
-KEEP_NS = 3_000_000_000
-"""Poses older than this are forgotten: no scan waits longer for its own."""
-SLOW_NS = 200_000_000
-"""Transforms that come more rarely are corrections, which hold until the next one."""
+MAX_FRAMES = 256
+"""Moving frames that are remembered beside the robot's own: a tracker may name one for each thing
+it sees, for ever."""
+_ALWAYS_NS = 2**62
 _DIFFERENCE_NS = 100_000_000
 """The time over which positions give a velocity."""
-
-T = TypeVar("T")
 
 
 class Whereabouts(Protocol):
@@ -45,7 +41,7 @@ class Whereabouts(Protocol):
 
     @property
     def fault(self) -> str:
-        """What is wrong with the last message that could not be read; empty when none was."""
+        """What is wrong with the newest message of a topic; empty when nothing is."""
         ...
 
     def update(self) -> None:
@@ -70,45 +66,24 @@ def find_whereabouts(address: Address, poses: Inlet, static: Inlet) -> Whereabou
     return (_ByOdometry if address.odom else _ByTransforms)(address, poses, static)
 
 
-class _Static:
-    """Transforms that stay."""
-
-    def __init__(self, inlet: Inlet) -> None:
-        self.under: dict[str, Transform] = {}
-        self.fault = ""
-        self._inlet = inlet
-
-    def update(self) -> None:
-        for _, found in self.read(self._inlet, read_transforms):
-            self.under |= {one.child: one for one in found}
-
-    def read(self, inlet: Inlet, read: Callable[[bytes], T]) -> Iterator[tuple[Arrived, T]]:
-        """What came on an inlet, but for messages that are malformed."""
-        for message in inlet.take():
-            try:
-                yield message, read(message.payload)
-            except (CdrError, struct.error) as error:
-                self.fault = f"a message on {inlet.topic} is malformed: {error}"
-
-
 class _ByOdometry:
     """By a pose and a twist of the robot's base."""
 
     def __init__(self, address: Address, poses: Inlet, static: Inlet) -> None:
         self._address = address
-        self._inlet = poses
-        self._static = _Static(static)
+        self._poses = Decoded(poses, read_odometry)
+        self._static = Static(static)
         self._kept: deque[Odometry] = deque()
 
     @property
     def fault(self) -> str:
-        return self._static.fault
+        return self._poses.fault or self._static.fault
 
     def update(self) -> None:
         self._static.update()
-        for message, one in self._static.read(self._inlet, read_odometry):
-            moved = _stamped(one.transform, message)
-            _keep(self._kept, Odometry(moved, one.linear, one.angular), _odometry_stamp)
+        for message, one in self._poses.take():
+            moved = stamped(one.transform, message)
+            keep(self._kept, Odometry(moved, one.linear, one.angular), odometry_stamp)
 
     def newest_ns(self, sensor: str) -> int | None:
         return self._kept[-1].transform.stamp_ns if self._kept else None
@@ -140,54 +115,97 @@ class _ByOdometry:
 
 
 class _ByTransforms:
-    """By tf: a chain of frames from map, or else odom."""
+    """By tf: a chain of frames from map, or else odom.
+
+    Of a chain from map, `odom` in it is a localization's correction (REP-105): it jumps, comes when
+    it comes and holds until the next one. What moves is interpolated, and ends when it falls
+    silent. By times alone the two cannot be told apart: a correction that does not come is well,
+    a robot whose odometry stopped is lost.
+    """
 
     def __init__(self, address: Address, poses: Inlet, static: Inlet) -> None:
         self._address = address
-        self._inlet = poses
-        self._static = _Static(static)
-        self._moving: dict[str, deque[Transform]] = {}
+        self._poses = Decoded(poses, read_transforms)
+        self._static = Static(static)
+        self._told: dict[str, deque[Transform]] = {}
+        """What came on the tf topic, by child frame."""
+        self._used: frozenset[str] = frozenset()
+        """The frames of the last chain."""
 
     @property
     def fault(self) -> str:
-        return self._static.fault
+        return self._poses.fault or self._static.fault
 
     def update(self) -> None:
         self._static.update()
-        for message, found in self._static.read(self._inlet, read_transforms):
+        for message, found in self._poses.take():
             for one in found:
-                kept = self._moving.setdefault(one.child, deque())
+                kept = self._told.setdefault(one.child, deque())
                 if kept and kept[-1].parent != one.parent:
                     kept.clear()
-                _keep(kept, _stamped(one, message), _transform_stamp)
+                keep(kept, stamped(one, message), transform_stamp)
+        self._forget()
 
     def newest_ns(self, sensor: str) -> int | None:
-        if not self._moving and not self._static.under:
+        if not self._told and not self._static.under:
             return None
-        moving = [self._moving[frame] for frame in self._chain(sensor) if frame in self._moving]
-        if not moving:
-            return 2**62  # all of it stays where it is
-        quick = [kept for kept in moving if _step_ns(kept) <= SLOW_NS]
-        return min(kept[-1].stamp_ns for kept in quick or moving)
+        moving = self._moving(self._chain(sensor))
+        return min((self._told[frame][-1].stamp_ns for frame in moving), default=_ALWAYS_NS)
 
     def at(self, sensor: str, time_ns: int) -> Placed:
-        out, known = np.eye(4), True
-        for frame in self._chain(sensor):
-            samples = self._moving.get(frame) or [self._static.under[frame]]
-            placed = Track(samples).at(time_ns)
-            early = time_ns < samples[0].stamp_ns and _step_ns(samples) <= SLOW_NS
-            out, known = out @ placed.a_from_b, known and placed.known and not early
-        mount = np.eye(4) if self._address.sensor is None else self._address.sensor.matrix()
-        return Placed(out @ mount, known)
+        return self._at(sensor, time_ns, corrected_ns=time_ns)
 
     def velocity(self, sensor: str, time_ns: int) -> Velocity:
-        before, now = self.at(sensor, time_ns - _DIFFERENCE_NS), self.at(sensor, time_ns)
+        # By one correction: that it jumps is no motion.
+        before = self._at(sensor, time_ns - _DIFFERENCE_NS, corrected_ns=time_ns)
+        now = self._at(sensor, time_ns, corrected_ns=time_ns)
         x, y, z = (now.a_from_b - before.a_from_b)[:3, 3] * 1e9 / _DIFFERENCE_NS
         return (float(x), float(y), float(z))
 
+    def _at(self, sensor: str, time_ns: int, *, corrected_ns: int) -> Placed:
+        """`fixed_from_sensor` by the corrections that hold at `corrected_ns`."""
+        chain = self._chain(sensor)
+        moving = self._moving(chain)
+        out, known = np.eye(4), True
+        for frame in chain:
+            if frame in moving:
+                samples = self._told[frame]
+                placed = Track(samples).at(time_ns)
+                known = known and placed.known and time_ns >= samples[0].stamp_ns
+            else:
+                placed = Track([self._holding(frame, corrected_ns)]).at(time_ns)
+            out = out @ placed.a_from_b
+        mount = np.eye(4) if self._address.sensor is None else self._address.sensor.matrix()
+        return Placed(out @ mount, known)
+
+    def _moving(self, chain: Sequence[str]) -> list[str]:
+        """The frames of a chain that must be told all the time: all that tf tells but corrections.
+
+        Where nothing else moves, what would correct odometry is all that moves the robot.
+        """
+        told = [frame for frame in chain if frame in self._told]
+        return [frame for frame in told if plain(frame) not in FIXED] or told
+
+    def _holding(self, frame: str, time_ns: int) -> Transform:
+        """What holds of a frame that is not interpolated: the newest by then, else the first."""
+        told = self._told.get(frame)
+        if told is None:
+            return self._static.under[frame]
+        before = [one for one in told if one.stamp_ns <= time_ns]
+        return max(before, key=transform_stamp) if before else min(told, key=transform_stamp)
+
+    def _forget(self) -> None:
+        """Drops the frames told the longest ago, beyond `MAX_FRAMES` and the last chain's."""
+        others = [frame for frame in self._told if frame not in self._used]
+        if len(others) <= MAX_FRAMES:
+            return
+        others.sort(key=lambda frame: self._told[frame][-1].stamp_ns)
+        for frame in others[:-MAX_FRAMES]:
+            del self._told[frame]
+
     def _chain(self, sensor: str) -> list[str]:
         parents = {child: one.parent for child, one in self._static.under.items()}
-        parents |= {child: kept[-1].parent for child, kept in self._moving.items()}
+        parents |= {child: kept[-1].parent for child, kept in self._told.items()}
         target = sensor
         if self._address.sensor is not None:
             target = next((frame for frame in parents if plain(frame) == BASE), BASE)
@@ -198,41 +216,5 @@ class _ByTransforms:
                 f"{self._address.tf} leads from none of {', '.join(FIXED)} to {target!r}; it has "
                 f"{edges or 'nothing'}"
             )
+        self._used = frozenset(chain)
         return chain
-
-
-def _odometry_stamp(one: Odometry) -> int:
-    return one.transform.stamp_ns
-
-
-def _transform_stamp(one: Transform) -> int:
-    return one.stamp_ns
-
-
-def _stamped(one: Transform, message: Arrived) -> Transform:
-    """The transform with the time at which it holds."""
-    return Transform(
-        stamp_of(one.stamp_ns, message), one.parent, one.child, one.translation, one.rotation
-    )
-
-
-def stamp_of(header_ns: int, message: Arrived) -> int:
-    """When a message's content holds: its header's stamp, else when it was published or came."""
-    if header_ns or message.attachment is None:
-        return header_ns or message.received_ns
-    return message.attachment.published_ns
-
-
-def _keep(kept: deque[T], one: T, stamp: Callable[[T], int]) -> None:
-    """Adds the newest of samples in the order of their stamps, and drops what is old."""
-    if kept and stamp(one) < stamp(kept[-1]) - KEEP_NS:
-        kept.clear()  # the robot's time was set back
-    kept.append(one)
-    while len(kept) > 2 and stamp(kept[0]) < stamp(one) - KEEP_NS:
-        kept.popleft()
-
-
-def _step_ns(kept: Sequence[Transform]) -> float:
-    """How far apart samples are; of a single one nobody knows."""
-    spans = len(kept) - 1
-    return (kept[-1].stamp_ns - kept[0].stamp_ns) / spans if spans else math.inf

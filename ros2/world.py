@@ -15,7 +15,8 @@ from ros2.address import Address
 from ros2.faults import Fault, check_age, nothing_on
 from ros2.inlet import Arrived, Inlet
 from ros2.link import Link, node_name
-from ros2.whereabouts import find_whereabouts, stamp_of
+from ros2.samples import stamp_of
+from ros2.whereabouts import find_whereabouts
 from swarm.errors import SilentError, WorldError
 from swarm.geometry import Pose, pose_of
 from swarm.log import Logger
@@ -56,8 +57,8 @@ class LiveWorld:
     name = "ros2"
     frame_count = FOREVER
 
-    def __init__(self, address: Address, robot: str, log: Logger) -> None:
-        """Returns at once; the robot may come later."""
+    def __init__(self, address: Address, robot: str, process: str, log: Logger) -> None:
+        """Returns at once; the robot may come later. `process`: whose world this is."""
         self.robots: tuple[str, ...] = (robot,)
         self.rate_hz: float = address.rate
         self.detector: str = address.detector
@@ -70,7 +71,8 @@ class LiveWorld:
         static = Inlet(address.tf_static, TRANSFORMS, _POSES)
         self._where = find_whereabouts(address, self._poses, static)
         self._world_from_fixed = address.origin.matrix()
-        self._link = Link(address, (self._clouds, self._poses, static), node_name(robot), self._log)
+        inlets = (self._clouds, self._poses, static)
+        self._link = Link(address, inlets, node_name(process, robot), self._log)
         self._lock = threading.Lock()
         self._last: _Look | None = None
         self._failing = ""
@@ -180,8 +182,15 @@ class LiveWorld:
         """When a scan was taken, on this machine's clock."""
         if self._address.stamps == "arrival":
             return message.received_ns
-        offset_ns = self._clouds.clock.ns if message.attachment is not None else 0
-        return stamp_ns + (offset_ns or 0)
+        return stamp_ns + (self._clock_ahead_ns() if message.attachment is not None else 0)
+
+    def _clock_ahead_ns(self) -> int:
+        """How far this machine's clock is ahead of the robot's, by the message that took the least.
+
+        That is seldom a cloud: poses are small.
+        """
+        clocks = (self._clouds.clock.ns, self._poses.clock.ns)
+        return min((ns for ns in clocks if ns is not None), default=0)
 
     def _read(self, message: Arrived, stamp_ns: int, frame: str, taken_ns: int) -> Scan:
         try:

@@ -34,8 +34,12 @@ CORNER = np.array([[2.0, 0, 0.5], [2, 1, 0.5], [2, 2, 0.5], [1, 2, 0.5]], dtype=
 class Robot:
     """One rmw_zenoh session: a peer of the router, with time stamps on, as is its default."""
 
-    def __init__(self, port: int, domain: int = 0, *, clock_s: float = 0.0) -> None:
-        """`clock_s`: how far its clock is ahead."""
+    def __init__(
+        self, port: int, domain: int = 0, *, clock_s: float = 0.0, buffers: bool = False
+    ) -> None:
+        """`clock_s`: how far its clock is ahead. `buffers`: volatile messages come on a topic's
+        key only while a token tells of a subscription, as of types that buffers can carry
+        (ros2/rmw_zenoh#930)."""
         config = {
             "mode": "peer",
             "connect": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
@@ -50,6 +54,12 @@ class Robot:
         self._counts: dict[str, int] = {}
         self._publishers: dict[str, Any] = {}
         self._tokens: list[Any] = []
+        self._buffers = buffers
+        self._listened: dict[str, str] = {}
+        """The topic of each subscription's token."""
+        self._listeners = self.session.liveliness().declare_subscriber(
+            f"@ros2_lv/{domain}/*/*/*/MS/**", self._note_listener, history=True
+        )
         self._stop = threading.Event()
         self._threads: list[threading.Thread] = []
 
@@ -69,6 +79,11 @@ class Robot:
         """Since the robot began."""
         return (now_ns - self.begun_ns) / 1e9
 
+    def nodes(self) -> list[str]:
+        """As `ros2 node list`."""
+        replies = self.session.liveliness().get(f"@ros2_lv/{self.domain}/*/0/0/NN/%/%/*", timeout=5)
+        return sorted(str(one.ok.key_expr).rsplit("/", 1)[1] for one in replies if one.ok)
+
     def announce(self, topic: str, kind: str, *, kept: bool = False) -> None:
         """Declares a publisher and its token; `kept`: transient local, as tf_static is."""
         key = f"{self.domain}{topic}/{NAMES[kind]}/{HASH}"
@@ -83,15 +98,39 @@ class Robot:
         self._tokens.append(self.session.liveliness().declare_token(token))
 
     def say(
-        self, topic: str, kind: str, message: Any, *, attach: bool = True, skip: int = 0
+        self,
+        topic: str,
+        kind: str,
+        message: Any,
+        *,
+        attach: bool = True,
+        skip: int = 0,
+        took_s: float = 0.0,
     ) -> None:
-        """Publishes a message, or bytes as they are; `skip`: numbers left out before it."""
+        """Publishes a message, or bytes as they are.
+
+        `skip`: numbers left out before it; `took_s`: as if it was published so long ago.
+        """
         if topic not in self._publishers:
             self.announce(topic, kind, kept=topic.endswith("tf_static"))
         raw = message if isinstance(message, bytes) else bytes(STORE.serialize_cdr(message, kind))
         number = self._counts[topic] = self._counts.get(topic, 0) + 1 + skip
-        told = number.to_bytes(8, "little") + self.now_ns().to_bytes(8, "little") + b"\x10" + GID
-        self._publishers[topic].put(raw, attachment=told if attach else None)
+        published_ns = self.now_ns() - round(took_s * 1e9)
+        told = number.to_bytes(8, "little") + published_ns.to_bytes(8, "little") + b"\x10" + GID
+        if self._heard(topic):
+            self._publishers[topic].put(raw, attachment=told if attach else None)
+
+    def _heard(self, topic: str) -> bool:
+        """Whether what is said on a topic goes to its key."""
+        volatile = not topic.endswith("tf_static")
+        return not (self._buffers and volatile) or topic in list(self._listened.values())
+
+    def _note_listener(self, sample: zenoh.Sample) -> None:
+        token = str(sample.key_expr)
+        if sample.kind == zenoh.SampleKind.PUT:
+            self._listened[token] = token.split("/")[9].replace("%", "/")
+        else:
+            self._listened.pop(token, None)
 
     def every(self, period_s: float, say: Callable[[int], None]) -> threading.Event:
         """Calls with the robot's time again and again; setting the event ends that."""

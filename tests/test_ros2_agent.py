@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ego_swarm import TIMEOUT_S, Swarm, hear, swarm_of, until
+from ego_swarm import TIMEOUT_S, Swarm, hear, stop, swarm_of, until
 from robot_worlds import ChosenWorld, room
 from robot_worlds import Robot as Agent
 from ros2_robot import Robot
@@ -147,5 +147,28 @@ def test_a_live_robot_is_one_process_robot(swarm: Swarm) -> None:
 )
 def test_a_missing_address_is_named(data: str, words: str) -> None:
     values = {"COADAPT_WORLD": "ros2", "COADAPT_ROBOTS": "R1", "COADAPT_WORLD_DATA": data}
-    with pytest.raises(SettingError, match=words):
-        open_world_of(load_settings(values), "robot_agent", "R1")
+    with (
+        pytest.raises(SettingError, match=words),
+        open_world_of(load_settings(values), "robot_agent", "R1"),
+    ):
+        pytest.fail("it opened")
+
+
+def test_a_process_that_ends_leaves_the_robots_network(swarm: Swarm) -> None:
+    data = address(swarm, 3)
+    values = {"COADAPT_WORLD": "ros2", "COADAPT_ROBOTS": "R1", "COADAPT_WORLD_DATA": data}
+    with Robot(swarm.port, 3) as robot:
+        with open_world_of(load_settings(values), "robot_agent", "R1"):
+            until(lambda: robot.nodes() == ["coadapt_robot_agent_R1"], "the node is there")
+        until(lambda: robot.nodes() == [], "the node is gone")
+
+
+def test_the_processes_of_a_robot_have_names_of_their_own_and_leave_it(swarm: Swarm) -> None:
+    names = ["coadapt_ego_agent_R1", "coadapt_robot_agent_R1"]
+    agent = swarm.robot("R1", world_data=address(swarm, 3))
+    ego = swarm.ego(ego="R1", world_data=address(swarm, 3))
+    with Robot(swarm.port, 3) as robot:
+        until(lambda: robot.nodes() == names, "both nodes are there")
+        assert [stop(process) for process in (agent, ego)] == [0, 0]
+        until(lambda: robot.nodes() == [], "both nodes are gone")
+    assert swarm.logs().count('"ros2_down"') == 2

@@ -8,6 +8,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from ros2_robot import CORNER, Robot
 from zenoh_fixtures import RouterProcess, until
 
+from ros2 import keys
 from ros2.address import parse
 from ros2.world import LiveWorld
 from swarm.errors import SilentError, WorldError
@@ -30,7 +32,7 @@ Live = Callable[..., tuple[Robot, LiveWorld]]
 
 
 def opened(text: str) -> LiveWorld:
-    return LiveWorld(parse(text), "R1", make_logger("test", level="error"))
+    return LiveWorld(parse(text), "R1", "test", make_logger("test", level="error"))
 
 
 @pytest.fixture
@@ -38,11 +40,11 @@ def live(shared_router: RouterProcess) -> Iterator[Live]:
     """A robot in a domain of its own, and the world that reads it."""
     with ExitStack() as stack:
 
-        def make(options: str = "odom=/odom", clock_s: float = 0.0) -> tuple[Robot, LiveWorld]:
+        def make(options: str = "odom=/odom", **how: Any) -> tuple[Robot, LiveWorld]:
             port, domain = shared_router.port, next(_domains)
             text = f"ros2://127.0.0.1:{port}/{domain}?points=/points&{options}"
             world = stack.enter_context(opened(text))
-            robot = stack.enter_context(Robot(port, domain, clock_s=clock_s))
+            robot = stack.enter_context(Robot(port, domain, **how))
             return robot, world
 
         yield make
@@ -153,6 +155,27 @@ def test_a_clock_that_is_off_changes_no_age(live: Live) -> None:
     captured_ns = scan_of(world).captured_ns
     assert captured_ns is not None
     assert abs(time.time_ns() - captured_ns) < 2_000_000_000
+
+
+def test_a_scan_that_is_long_on_its_way_is_as_old_as_that(live: Live) -> None:
+    """Poses come at once, and tell what the scans' way adds to their age."""
+    robot, world = live("odom=/odom&sensor=0,0,1&max_age=30")
+    took_s = 10.0
+    took_ns = round(took_s * 1e9)
+    robot.every(
+        0.01, lambda now: robot.say("/odom", ODOMETRY, odometry(now - took_ns, Pose(1, 2, 0)))
+    )
+    stamps: list[int] = []
+
+    def scan(now: int) -> None:
+        stamps.append(now - took_ns)
+        robot.say("/points", CLOUD, cloud(stamps[-1], CORNER), took_s=took_s)
+
+    robot.every(0.05, scan)
+    captured_ns = scan_of(world).captured_ns
+    assert captured_ns is not None
+    # The stamp on the clock of this machine, which is the robot's.
+    assert min(abs(captured_ns - stamp_ns) for stamp_ns in stamps) < took_ns / 4
 
 
 def test_what_falls_silent_is_not_shown_as_live(live: Live) -> None:
@@ -326,17 +349,37 @@ def test_the_bytes_on_the_wire_are_read_by_hand(live: Live) -> None:
 
 
 def test_ros_sees_who_listens(live: Live) -> None:
-    """Some drivers publish only when somebody has subscribed."""
+    """As `ros2 topic info` would."""
     robot, world = live()
     robot.announce("/points", CLOUD)
     wait_for(world, "/points is announced")
-    ours = f"@ros2_lv/{robot.domain}/*/0/*/MS/%/%/coadapt_R1/%points/**"
+    ours = f"@ros2_lv/{robot.domain}/*/0/*/MS/%/%/coadapt_test_R1/%points/**"
 
     def shown() -> bool:
         replies = list(robot.session.liveliness().get(ours, timeout=5))
         return any(reply.ok is not None for reply in replies)
 
     until(shown, "the subscription is shown")
+
+
+def test_a_robot_that_publishes_only_to_known_subscriptions_is_read(live: Live) -> None:
+    robot, world = live(buffers=True)
+    robot.mount(MOUNT)
+    robot.drive(Pose(1, 2, 0))
+    robot.scans()
+    assert scan_of(world).pose == Pose(1.2, 2, 1.2)
+
+
+def test_a_router_that_was_no_use_at_first_is_used_later(
+    live: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(keys, "node_token", lambda *_: "no//key")
+    robot, world = live("odom=/odom&sensor=0,0,1")
+    robot.drive(Pose(1, 2, 0))
+    robot.scans()
+    wait_for(world, r"the router at tcp/127.* cannot be used: Invalid Key Expr `no//key`")
+    monkeypatch.undo()
+    assert scan_of(world).pose == Pose(1, 2, 1)
 
 
 def test_a_router_that_is_not_there_yet_is_named() -> None:
