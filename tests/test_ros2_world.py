@@ -108,7 +108,7 @@ def test_scans_come_with_the_pose_at_their_own_time(live: Live) -> None:
 def test_a_robot_may_come_late_and_have_said_its_mount_before(
     live: Live, shared_router: RouterProcess
 ) -> None:
-    robot, world = live()
+    robot, world = live("odom=/odom&max_age=30")
     wait_for(world, "nobody publishes topic /points in domain .*PointCloud2 comes on no topic")
     robot.announce("/points", CLOUD)
     wait_for(world, "/points is announced, but nothing has come on it yet")
@@ -154,7 +154,7 @@ def test_a_clock_that_is_off_changes_no_age(live: Live) -> None:
     time.sleep(0.2)
     captured_ns = scan_of(world).captured_ns
     assert captured_ns is not None
-    assert abs(time.time_ns() - captured_ns) < 2_000_000_000
+    assert abs(time.time_ns() - captured_ns) < 60_000_000_000
 
 
 def test_a_scan_that_is_long_on_its_way_is_as_old_as_that(live: Live) -> None:
@@ -229,7 +229,7 @@ def test_scans_that_did_not_come_are_counted(live: Live) -> None:
     robot.every(0.05, lambda now: robot.scan(skip=left_out.pop() if left_out else 0))
     scan_of(world)
     left_out.append(3)
-    until(lambda: world.lost == 3, "three scans are missing")
+    until(lambda: world.lost >= 3, "three scans are missing")
     assert scan_of(world).pose == Pose(1, 2, 1)
 
 
@@ -253,22 +253,30 @@ def test_a_scan_without_a_stamp_was_taken_when_it_was_published(live: Live) -> N
     robot, world = live("odom=/odom&sensor=0,0,1")
     robot.drive(Pose(0, 0, 0), speed=1.0)
     robot.every(0.05, lambda now: robot.say("/points", CLOUD, cloud(0, aged(robot, now))))
-    scan = scan_of(world)
-    assert scan.pose.x == pytest.approx(scan.points[0, 0], abs=0.2)
+
+    def near() -> bool:
+        # Between making a message and publishing it a busy machine may take longer.
+        scan = scan_of(world)
+        return abs(scan.pose.x - scan.points[0, 0]) < 0.2
+
+    until(near, "the place at which it was published")
 
 
 @pytest.mark.parametrize(
     ("shift_s", "words"),
     [
-        (-3.0, r"scans on /points are stamped [34]\.\d+ s before now; allowed: 0.5 s .*=arrival"),
-        (3.0, r"a scan on /points is stamped [23]\.\d+ s after it came; allowed: 0.1 s.*=arrival"),
+        (-300, r"scans on /points are stamped 3\d\d\.\d+ s before now; allowed: 0.5 s .*=arrival"),
+        (
+            300,
+            r"a scan on /points is stamped [23]\d\d\.\d+ s after it came; allowed: 0.1 s.*=arrival",
+        ),
     ],
 )
 def test_stamps_of_another_clock_are_refused_or_left_aside(
-    live: Live, shared_router: RouterProcess, shift_s: float, words: str
+    live: Live, shared_router: RouterProcess, shift_s: int, words: str
 ) -> None:
     robot, world = live("odom=/odom&sensor=0,0,1")
-    shift_ns = round(shift_s * 1e9)
+    shift_ns = shift_s * 1_000_000_000
 
     def say(now: int) -> None:
         robot.say("/odom", ODOMETRY, odometry(now + shift_ns, Pose(1, 2, 0)))
@@ -283,7 +291,7 @@ def test_stamps_of_another_clock_are_refused_or_left_aside(
     with opened(text) as world:
         captured_ns = scan_of(world).captured_ns
         assert captured_ns is not None
-        assert abs(time.time_ns() - captured_ns) < 2_000_000_000
+        assert abs(time.time_ns() - captured_ns) < 60_000_000_000
 
 
 def test_missing_returns_are_left_out_and_other_clouds_are_refused(live: Live) -> None:
