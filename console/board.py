@@ -13,6 +13,8 @@ import msgspec
 HISTORY, FAULTS = "history", "faults"
 KEPT = {HISTORY: 1200, FAULTS: 200}
 """Entries of each list."""
+MAX_GONE = 1000
+"""Names without a value that viewers may not have heard of yet; names come from the network."""
 _ENCODER = msgspec.json.Encoder()
 
 
@@ -37,6 +39,8 @@ class Board:
         with self._lock:
             self._number += 1
             self._values[name] = _Entry(self._number, value)
+            if value is None:
+                self._forget_gone()
         self.on_change()
 
     def append(self, name: str, value: Any) -> None:
@@ -67,6 +71,11 @@ class Board:
             self._last = (number, self._number, found)
             return self._number, found
 
+    def _forget_gone(self) -> None:
+        gone = [name for name, entry in self._values.items() if entry.gone]
+        if len(gone) > MAX_GONE:
+            del self._values[min(gone, key=lambda name: self._values[name].number)]
+
 
 class _Entry:
     """One value, and its JSON once somebody has asked for it."""
@@ -77,6 +86,11 @@ class _Entry:
         self.number = number
         self._value = value
         self._json: bytes | None = None
+
+    @property
+    def gone(self) -> bool:
+        """Whether it says that there is no value."""
+        return self._value is None
 
     def json(self) -> bytes:
         if self._json is None:

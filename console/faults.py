@@ -15,6 +15,8 @@ STALE_S = 4.0
 EGO_SILENT_S = 5.0
 PERIODS = 3
 """An ego that decides rarely is silent after this many of its own periods."""
+EGO_UNKNOWN_S = 60.0
+"""Until its second decision nobody knows how rarely it decides."""
 SETTLE_S = 3.0
 """What is there within this time of the start is no news."""
 
@@ -23,7 +25,8 @@ Say = Callable[[dict[str, Any]], None]
 
 
 class Faults:
-    """Turns what comes, and what does not, into events. Times are seconds since the epoch."""
+    """Turns what comes, and what does not, into events. Times are seconds on a steady clock: one
+    that is set back would hide a silence."""
 
     def __init__(self, ego: str, say: Say) -> None:
         self._ego = ego
@@ -31,6 +34,7 @@ class Faults:
         self._open: set[str] = set()
         self._alive: dict[str, bool] = {}
         self._connected_at: float | None = None
+        """Since when the router is reached, or was last."""
         self._decided_at: float | None = None
         self._cycle = 0
         self._gaps: deque[float] = deque(maxlen=4)
@@ -39,81 +43,102 @@ class Faults:
 
     def tick(self, now: float, connected: bool, heard: Mapping[str, float]) -> None:
         """What is missing. `heard` tells when the last beacon of each living robot came."""
-        if self._holds("swarm", not connected and self._connected_at is not None):
-            self._tell(now, "fault", "the swarm's router cannot be reached")
-        elif self._ends("swarm", connected):
-            self._tell(now, "good", "the swarm's router answers again")
         if not connected:
+            if self._holds("swarm", self._connected_at is not None):
+                self._tell("fault", "the swarm's router cannot be reached")
             return
-        if self._connected_at is None:
+        back = self._ends("swarm", True)
+        if back:
+            self._tell("good", "the swarm's router answers again")
+        if back or self._connected_at is None:
             self._connected_at = now
         for robot, at in heard.items():
-            if self._holds(f"silent {robot}", now - at > SILENT_S):
-                self._tell(now, "fault", f"{robot} is alive but sends no beacons", robot)
-            elif self._ends(f"silent {robot}", now - at <= SILENT_S):
-                self._tell(now, "good", f"{robot} sends beacons again", robot)
-        # The least gap is the ego's period; a longer one may have been an outage.
-        patience_s = max(EGO_SILENT_S, PERIODS * min(self._gaps, default=0.0))
-        if self._decided_at is not None and self._holds("ego", now - self._decided_at > patience_s):
-            self._tell(now, "fault", f"ego {self._ego} decides no more", self._ego)
-        if self._net_at is not None and self._holds("net", now - self._net_at > STALE_S):
-            self._tell(now, "fault", "telemetry of the links is stale: C(t) is not measured")
+            if self._missing(f"silent {robot}", now, at, SILENT_S):
+                self._tell("fault", f"{robot} is alive but sends no beacons", robot)
+        if self._missing("ego", now, self._decided_at, self._patience_s()):
+            self._tell("fault", f"ego {self._ego} decides no more", self._ego)
+        if self._missing("net", now, self._net_at, STALE_S):
+            self._tell("fault", "telemetry of the links is stale: C(t) is not measured")
+
+    def beacon(self, robot: str) -> None:
+        """A robot has told where it is."""
+        if self._ends(f"silent {robot}", True):
+            self._tell("good", f"{robot} sends beacons again", robot)
 
     def alive(self, now: float, robot: str, alive: bool) -> None:
         """A robot's liveliness token has come or gone."""
         before, self._alive[robot] = self._alive.get(robot), alive
         if not alive and before:
-            self._tell(now, "fault", f"{robot} is lost", robot)
+            self._tell("fault", f"{robot} is lost", robot)
         elif alive and before is False:
-            self._tell(now, "good", f"{robot} is back", robot)
-        elif alive and self._connected_at and now - self._connected_at > SETTLE_S:
-            self._tell(now, "note", f"{robot} has joined", robot)
+            self._tell("good", f"{robot} is back", robot)
+        elif alive and self._connected_at is not None and now - self._connected_at > SETTLE_S:
+            self._tell("note", f"{robot} has joined", robot)
         self._open.discard(f"silent {robot}")
 
-    def off_duty(self, now: float, robot: str, operator: str) -> None:
-        """A robot that has left was taken off duty."""
-        self._tell(now, "note", f"{robot} was taken off duty by {operator or 'an operator'}", robot)
+    def forget(self, robot: str) -> None:
+        """Nothing is kept of a robot that has left."""
+        self._alive.pop(robot, None)
+        self._open -= {f"silent {robot}", f"unreadable {robot}"}
 
-    def gateway(self, now: float, alive: bool) -> None:
+    def off_duty(self, robot: str, operator: str) -> None:
+        """A robot that has left was taken off duty."""
+        self._tell("note", f"{robot} was taken off duty by {operator or 'an operator'}", robot)
+
+    def gateway(self, alive: bool) -> None:
         """The LLM gateway has come or gone."""
         if self._holds("gateway", not alive):
-            self._tell(now, "fault", "the LLM gateway is away")
+            self._tell("fault", "the LLM gateway is away")
         elif self._ends("gateway", alive):
-            self._tell(now, "good", "the LLM gateway is back")
+            self._tell("good", "the LLM gateway is back")
 
     def decision(self, now: float, decision: Decision) -> None:
         """The ego has decided."""
         if self._ends("ego", True):
-            self._tell(now, "good", f"ego {self._ego} decides again", self._ego)
+            self._tell("good", f"ego {self._ego} decides again", self._ego)
         if decision.cycle < self._cycle:
-            self._tell(now, "note", f"ego {self._ego} has started anew", self._ego)
+            self._tell("note", f"ego {self._ego} has started anew", self._ego)
         elif self._decided_at is not None:
             self._gaps.append(now - self._decided_at)
         self._decided_at, self._cycle = now, decision.cycle
         if self._holds("valid", not decision.valid):
-            self._tell(now, "fault", f"no valid decision: {decision.reason}")
+            self._tell("fault", f"no valid decision: {decision.reason}")
         elif self._ends("valid", decision.valid):
-            self._tell(now, "good", "decisions are valid again")
+            self._tell("good", "decisions are valid again")
 
-    def demand(self, now: float, demand: NetDemand) -> None:
+    def demand(self, demand: NetDemand) -> None:
         """What the ego needs of its link."""
         feasible = demand.possible and demand.reachable
         if self._holds("feasible", not feasible):
             why = "C(t) is too small" if demand.possible else "no choice of robots reaches it"
-            self._tell(now, "fault", f"Q_min {demand.q_min:g} is infeasible: {why}")
+            self._tell("fault", f"Q_min {demand.q_min:g} is infeasible: {why}")
         elif self._ends("feasible", feasible):
-            self._tell(now, "good", f"Q_min {demand.q_min:g} can be reached again")
+            self._tell("good", f"Q_min {demand.q_min:g} can be reached again")
 
     def net_state(self, now: float) -> None:
         """The network controller has spoken."""
         self._net_at = now
         if self._ends("net", True):
-            self._tell(now, "good", "telemetry of the links comes again")
+            self._tell("good", "telemetry of the links comes again")
 
-    def unreadable(self, now: float, robot: str, why: str) -> None:
+    def unreadable(self, robot: str, why: str) -> None:
         """A message passed validation, but its arrays do not fit together."""
         if self._holds(f"unreadable {robot}", True):
-            self._tell(now, "fault", f"{robot} sends arrays that cannot be read: {why}", robot)
+            self._tell("fault", f"{robot} sends arrays that cannot be read: {why}", robot)
+
+    def _patience_s(self) -> float:
+        """After how long without a decision the ego decides no more."""
+        if not self._gaps:
+            return EGO_UNKNOWN_S
+        # The least gap is the ego's period; a longer one may have been an outage.
+        return max(EGO_SILENT_S, PERIODS * min(self._gaps))
+
+    def _missing(self, name: str, now: float, at: float | None, patience_s: float) -> bool:
+        """Whether what came last at `at` has been missing too long, and was not before. While the
+        router was away nothing could come."""
+        if at is None or self._connected_at is None:
+            return False
+        return self._holds(name, now - max(at, self._connected_at) > patience_s)
 
     def _holds(self, name: str, bad: bool) -> bool:
         """Whether something is bad now and was not before."""
@@ -129,5 +154,5 @@ class Faults:
         self._open.discard(name)
         return True
 
-    def _tell(self, now: float, level: Level, text: str, robot: str = "") -> None:
-        self._say({"at": now, "level": level, "text": text[:400], "robot": robot})
+    def _tell(self, level: Level, text: str, robot: str = "") -> None:
+        self._say({"level": level, "text": text[:400], "robot": robot})

@@ -65,7 +65,10 @@ class Hosts:
 
 def same_origin(headers: Headers) -> bool:
     """Whether a request that changes something comes from a page of this server."""
-    origin = urlsplit(headers.get("origin", ""))
+    try:
+        origin = urlsplit(headers.get("origin", ""))
+    except ValueError:
+        return False
     return (
         origin.scheme in ("http", "https")
         and origin.netloc == headers.get("host", "")

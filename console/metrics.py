@@ -45,5 +45,5 @@ class ConsoleMetrics:
         gauge(
             "decision_age_seconds", "Since a decision of the ego came; NaN before the first."
         ).set_function(
-            lambda: math.nan if view.decided_at is None else time.time() - view.decided_at
+            lambda: math.nan if view.decided_at is None else time.monotonic() - view.decided_at
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from time import monotonic
 from typing import Any
 
 from console.board import FAULTS, HISTORY, Board, now_s
@@ -28,12 +29,16 @@ TRAFFIC_S = 1.0
 
 
 class View:
-    """One swarm as one ego sees it. Zenoh's threads call `on_...`, one other calls `tick`."""
+    """One swarm as one ego sees it. Zenoh's threads call `on_...`, one other the rest.
+
+    What is shown carries times of this host's clock; how long ago something was is counted on the
+    steady one, which nobody sets.
+    """
 
     def __init__(self, board: Board, swarm: str, ego: str, comm_range_m: float) -> None:
         self._board = board
         self._lock = threading.Lock()
-        self._faults = Faults(ego, lambda fault: board.append(FAULTS, fault))
+        self._faults = Faults(ego, lambda fault: board.append(FAULTS, {"at": now_s(), **fault}))
         self._robots: dict[str, dict[str, Any]] = {}
         self._swarm: dict[str, Any] = {
             "swarm": swarm,
@@ -43,11 +48,13 @@ class View:
             "since": now_s(),
             "gateway": None,
         }
-        self._tally = _Tally()
-        self._traffic = _Tally()
+        self._heard_at: dict[str, float] = {}
+        """When each robot joined or sent its last beacon."""
+        self._tally, self._traffic = _Tally(0.0), _Tally(0.0)
         self._looking_at: float | None = None
+        """Since when robots are listened to."""
         self.decided_at: float | None = None
-        """When the newest decision came, seconds since the epoch."""
+        """When the newest decision came, seconds on the steady clock."""
         board.put("swarm", self._swarm)
 
     @property
@@ -55,22 +62,16 @@ class View:
         """Whether the router is reached."""
         return bool(self._swarm["connected"])
 
-    def tick(self, connected: bool, looking: bool) -> None:
-        """Once a second or so: rates, and what is missing.
-
-        Args:
-            connected: there is a link to the router.
-            looking: beacons, scenes and detections are listened to.
-        """
-        now = now_s()
+    def tick(self, connected: bool) -> None:
+        """Once a second or so: rates, and what is missing. `connected`: the router is reached."""
+        now = monotonic()
         with self._lock:
             if connected != self._swarm["connected"]:
-                self._tell(connected=connected, since=now)
+                self._tell(connected=connected, since=now_s())
             if now - self._traffic.since >= TRAFFIC_S:
                 if self._traffic.frames:
-                    self._board.put("traffic", {"at": now, **self._traffic.rates(now)})
-                self._traffic = _Tally()
-            self._looking_at = (self._looking_at or now) if looking else None
+                    self._board.put("traffic", {"at": now_s(), **self._traffic.rates(now)})
+                self._traffic = _Tally(now)
             self._faults.tick(now, connected, self._heard())
 
     def on_join(self, robot: str) -> None:
@@ -89,30 +90,30 @@ class View:
             known = self._robots.get(reply.robot)
             if known is not None and not known["alive"]:
                 self._robot(reply.robot, off_duty_by=reply.operator or "an operator")
-                self._faults.off_duty(now_s(), reply.robot, reply.operator)
+                self._faults.off_duty(reply.robot, reply.operator)
 
     def on_gateway(self, alive: bool) -> None:
         """The LLM gateway's token has come or gone."""
         with self._lock:
             self._tell(gateway={"alive": alive, "since": now_s()})
-            self._faults.gateway(now_s(), alive)
+            self._faults.gateway(alive)
 
     def on_beacon(self, beacon: Beacon, _: str) -> None:
         """Where a robot is."""
         x, y, _z, _roll, _pitch, yaw = beacon.pose
         vx, vy, _vz = beacon.velocity
+        facts = {
+            "at": now_s(),
+            "x": round(x, 2),
+            "y": round(y, 2),
+            "yaw": round(yaw, 3),
+            "speed": round((vx * vx + vy * vy) ** 0.5, 2),
+            "range_m": beacon.range_m,
+        }
         with self._lock:
-            self._robot(
-                beacon.robot,
-                at=now_s(),
-                captured=beacon.capture_ns / 1e9,
-                x=round(x, 2),
-                y=round(y, 2),
-                yaw=round(yaw, 3),
-                speed=round((vx * vx + vy * vy) ** 0.5, 2),
-                range_m=beacon.range_m,
-                sizes=beacon.sizes,
-            )
+            if self._robot(beacon.robot, **facts):
+                self._heard_at[beacon.robot] = monotonic()
+                self._faults.beacon(beacon.robot)
 
     def on_scene(self, scene: SceneDescription, _: str) -> None:
         """What a robot sees."""
@@ -121,11 +122,11 @@ class View:
             visible = unpack_finite(scene.visible_m, "visible_m", 1)[:360, 0]
         except MessageError as error:
             with self._lock:
-                self._faults.unreadable(now_s(), scene.robot, str(error))
+                if self._known(scene.robot):
+                    self._faults.unreadable(scene.robot, str(error))
             return
         value = {
             "at": now_s(),
-            "captured": scene.capture_ns / 1e9,
             "x": round(scene.pose[0], 2),
             "y": round(scene.pose[1], 2),
             # Centre and size in the ground plane.
@@ -143,11 +144,11 @@ class View:
             scores = unpack_finite(detections.scores, "scores", 1)[:MAX_BOXES, 0]
         except MessageError as error:
             with self._lock:
-                self._faults.unreadable(now_s(), detections.ego, str(error))
+                if self._known(detections.ego):
+                    self._faults.unreadable(detections.ego, str(error))
             return
         value = {
             "at": now_s(),
-            "captured": detections.capture_ns / 1e9,
             "algorithm": detections.algorithm,
             "participants": detections.participants,
             "missing": detections.missing,
@@ -165,10 +166,9 @@ class View:
 
     def on_decision(self, decision: Decision, _: str) -> None:
         """Who takes part, how and why."""
-        now = now_s()
         advice = decision.advice
         value = {
-            "at": now,
+            "at": now_s(),
             "decided": decision.decided_ns / 1e9,
             "cycle": decision.cycle,
             "participants": decision.participants,
@@ -184,13 +184,14 @@ class View:
             "capacity_bps": round(decision.capacity_bps),
             "advice": None if advice is None else [advice.state, advice.refusal],
         }
+        now = monotonic()
         with self._lock:
             self.decided_at = now
             self._board.put("decision", value)
             shared = ("at", "cycle", "participants", "algorithm", "source", "valid")
             past = {name: value[name] for name in (*shared, "capacity_bps", "cost_bps")}
             self._board.append(HISTORY, past | self._tally.figures(now))
-            self._tally = _Tally()
+            self._tally = _Tally(now)
             self._faults.decision(now, decision)
 
     def on_demand(self, demand: NetDemand, _: str) -> None:
@@ -206,18 +207,25 @@ class View:
         }
         with self._lock:
             self._board.put("demand", value)
-            self._faults.demand(now_s(), demand)
+            self._faults.demand(demand)
 
     def on_net_state(self, state: NetState, _: str) -> None:
         """What links carry."""
         with self._lock:
             links = [_link(link) for link in state.links]
             self._board.put("net", {"at": now_s(), "links": links})
-            self._faults.net_state(now_s())
+            self._faults.net_state(monotonic())
+
+    def sees(self) -> None:
+        """Robots are listened to from now on."""
+        with self._lock:
+            now = self._looking_at = monotonic()
+            self._tally, self._traffic = _Tally(now), _Tally(now)
 
     def blind(self) -> None:
         """Nobody listens to robots any more: what they said is taken down rather than left to
         age."""
+        now = monotonic()
         with self._lock:
             for robot, facts in self._robots.items():
                 self._board.put(f"scene/{robot}", None)
@@ -226,35 +234,50 @@ class View:
                 self._board.put(f"robot/{robot}", kept)
             self._board.put("detections", None)
             self._board.put("traffic", None)
-            self._tally, self._traffic = _Tally(), _Tally()
+            self._tally, self._traffic = _Tally(now), _Tally(now)
+            self._looking_at = None
 
     def _heard(self) -> dict[str, float]:
         """When each living robot was heard last, or could have been for the first time."""
         if self._looking_at is None:
             return {}
         return {
-            robot: max(facts.get("at", 0.0), facts["since"], self._looking_at)
+            robot: max(self._heard_at[robot], self._looking_at)
             for robot, facts in self._robots.items()
             if facts["alive"]
         }
 
     def _alive(self, robot: str, alive: bool) -> None:
-        now = now_s()
+        now = monotonic()
         with self._lock:
-            if self._robot(robot, alive=alive, since=now, off_duty_by=""):
+            if self._robot(robot, alive=alive, since=now_s(), off_duty_by=""):
+                self._heard_at[robot] = now
                 self._faults.alive(now, robot, alive)
 
     def _robot(self, robot: str, **facts: Any) -> bool:
         """Adds to what is known of a robot; False where there are too many already."""
         known = self._robots.get(robot)
         if known is None:
-            if len(self._robots) >= MAX_ROBOTS:
+            if len(self._robots) >= MAX_ROBOTS and not (facts.get("alive") and self._forget_one()):
                 return False
             # One of which only beacons came is not known to be alive.
             known = {"robot": robot, "alive": False, "since": None, "off_duty_by": ""}
         # A new one each time: the old one may be about to be encoded.
         self._robots[robot] = known | facts
         self._board.put(f"robot/{robot}", self._robots[robot])
+        return True
+
+    def _forget_one(self) -> bool:
+        """Makes room by the robot that has been away longest; False where all are there."""
+        away = [facts for facts in self._robots.values() if not facts["alive"]]
+        if not away:
+            return False
+        robot = min(away, key=lambda facts: facts["since"] or 0.0)["robot"]
+        del self._robots[robot]
+        self._heard_at.pop(robot, None)
+        self._faults.forget(robot)
+        self._board.put(f"scene/{robot}", None)
+        self._board.put(f"robot/{robot}", None)
         return True
 
     def _known(self, robot: str) -> bool:
@@ -266,10 +289,10 @@ class View:
 
 
 class _Tally:
-    """What arrived at the ego over a while."""
+    """What arrived at the ego from `since` on, seconds on the steady clock."""
 
-    def __init__(self) -> None:
-        self.since = now_s()
+    def __init__(self, since: float) -> None:
+        self.since = since
         self.frames = 0
         self._latency_ms = 0.0
         self._bytes: dict[str, int] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
@@ -97,15 +98,12 @@ class Watch:
         self._thread.join(2 * OPEN_S)
 
     def _run(self) -> None:
-        try:
-            first = self._first = self._open(None)
-        except TransportError:
-            return  # Told to stop before the router was there.
-        self._hear_rare(first)
-        while not self._stop.is_set():
-            links = first.links()
-            self._open_or_close(links > 0)
-            self._view.tick(links > 0, self.looking)
+        first = self._first = self._open_first()
+        while first is not None and not self._stop.is_set():
+            connected = first.links() > 0
+            # Before another session is opened, which may take seconds.
+            self._view.tick(connected)
+            self._open_or_close(connected)
             while self._left:
                 self._ask_why(self._left.popleft())
             with self._changed:
@@ -122,14 +120,24 @@ class Watch:
     def _wanted(self) -> bool:
         return self._viewers > 0 or (self.looking and time.monotonic() - self._left_at < LINGER_S)
 
+    def _open_first(self) -> Session | None:
+        """The first session, once the router is there; None when told to stop before."""
+        while not self._stop.is_set():
+            try:
+                return self._open(None, self._hear_rare)
+            except TransportError as error:
+                self._log.debug("not_listening", error=str(error)[:300])
+                self._stop.wait(TICK_S)
+        return None
+
     def _open_or_close(self, connected: bool) -> None:
         wanted = self._wanted()
         if wanted and self._second is None and connected:
             try:
-                self._second = self._open(OPEN_S)
+                self._second = self._open(OPEN_S, self._hear_all)
             except TransportError:
                 return  # The router went away just now: again at the next turn.
-            self._hear_all(self._second)
+            self._view.sees()
             self._log.info("looking")
         elif not wanted and self._second is not None:
             self._second.close()
@@ -153,10 +161,17 @@ class Watch:
         self._view.on_leave(robot)
         self._left.append(robot)
 
-    def _open(self, timeout_s: float | None) -> Session:
-        return Session(
+    def _open(self, timeout_s: float | None, hear: Callable[[Session], None]) -> Session:
+        """A session that hears. Raises TransportError, also where it was lost at once."""
+        session = Session(
             self._router, self._swarm, log=self._log, timeout_s=timeout_s, stop=self._stop
         )
+        try:
+            hear(session)
+        except TransportError:
+            session.close()
+            raise
+        return session
 
     def _hear_rare(self, session: Session) -> None:
         view, swarm = self._view, self._swarm

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import hmac
 import ipaddress
@@ -10,10 +11,16 @@ import socket
 from collections.abc import Generator
 from typing import Any
 
+import h11
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from swarm.errors import SettingError
 
+REQUEST_S = 20.0
+"""How long a client may take to send a whole request, from when he may begin it."""
+UNTAKEN_S = 60.0
+"""A connection whose other end takes nothing of what was sent is let go after so long."""
 _BACKLOG = 128
 # RFC 6750: what may stand behind "Bearer".
 _TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
@@ -56,6 +63,43 @@ class HttpServer(uvicorn.Server):
         yield
 
 
+class _Punctual(H11Protocol):
+    """Lets go of a client who does not send a whole request within `REQUEST_S`.
+
+    uvicorn bounds only the wait between two requests, and each byte ends that wait: connections
+    that say nothing, or a body byte by byte, would take all places for good.
+    """
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Somebody is there, and owes a request."""
+        super().connection_made(transport)
+        self._time_client()
+
+    def handle_events(self) -> None:
+        """After new bytes, and after each answer."""
+        super().handle_events()
+        self._time_client()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Nothing is owed any more."""
+        self._forgive()
+        super().connection_lost(exc)
+
+    def _time_client(self) -> None:
+        owes = self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
+        if not owes:
+            self._forgive()
+        elif self._late is None:
+            self._late = self.loop.call_later(REQUEST_S, self.transport.abort)
+
+    def _forgive(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+
 def check_token(setting: str, token: str) -> None:
     """Raises SettingError for a token that no header can carry; "" is none."""
     if token and not is_token(token):
@@ -84,6 +128,8 @@ def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
     # Connections inherit it. asyncio sets it only on sockets that it has made itself; without it
     # an answer in two packets waits for the client's delayed acknowledgement, 40 ms.
     bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    # Also inherited. Closing would wait for ever until the other end takes what is buffered.
+    bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1000 * UNTAKEN_S))
     return bound
 
 
@@ -92,7 +138,7 @@ def server_config(app: Any, *, connections: int, grace_s: int) -> uvicorn.Config
     return uvicorn.Config(
         app,
         loop="asyncio",
-        http="h11",
+        http=_Punctual,
         ws="none",
         lifespan="off",
         log_config=None,

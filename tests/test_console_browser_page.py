@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from console_browser import connection, console_page, expect, needs_browser, region, robot_row
+from console_browser import connection, console_page, expect, needs_browser, region
 from console_swarm import EGO, Speakers, console, rows
 from free_ports import free_port
-from zenoh_fixtures import RouterProcess, SessionMaker
+from zenoh_fixtures import Inbox, RouterProcess, SessionMaker
 
 from benchmarks import browser as chromium
+from swarm import keyspace
 from swarm.arrays import pack
+from swarm.messages import EgoSteered, EgoSteering, EgoWish
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -61,7 +63,8 @@ def speakers(shared_router: RouterProcess, open_session: SessionMaker) -> Speake
 
 
 def tell(page: Page, say: Callable[[], None], script: str) -> None:
-    """Says it until a script on the page holds: the console may not have listened at first."""
+    """Says it until a script on the page holds: the console may not have listened at first, and
+    what is said no more is soon shown as old."""
     for _ in range(PATIENCE):
         say()
         page.wait_for_timeout(100)
@@ -80,6 +83,12 @@ def luminance(rgb: list[float]) -> float:
 
 def shows(what: str, where: str = "body") -> str:
     return f"document.querySelector({where!r}).innerText.includes({what!r})"
+
+
+def row_shows(robot: str, words: str) -> str:
+    """A script: a row of the table of robots."""
+    row = f"one.cells[0].innerText === {robot!r} && one.textContent.includes({words!r})"
+    return f"[...document.querySelectorAll('#robots tr')].some((one) => {row})"
 
 
 def test_words_of_the_swarm_are_never_taken_for_a_page(speakers: Speakers, page: Page) -> None:
@@ -104,12 +113,64 @@ def test_a_robot_that_takes_no_part_shows_why(speakers: Speakers, page: Page) ->
             speakers.robot(robot, x, 8.0)
         speakers.decision(1, "R1", "R2")
 
-    tell(page, say, shows("no: silent", "#robots") + " && " + shows("no: out of range", "#robots"))
-    expect(robot_row(page, "R2")).to_contain_text("aliveyes")
-    expect(robot_row(page, "R3")).to_contain_text("aliveno: not chosen")
-    expect(robot_row(page, "R4")).to_contain_text("aliveno: out of range")
-    expect(robot_row(page, "R5")).to_contain_text("no: silent")
-    expect(region(page, "Decision")).to_contain_text("R3: not chosen; R4: out of range; R5: silent")
+    tell(
+        page,
+        say,
+        " && ".join(
+            (
+                row_shows("R2", "aliveyes"),
+                row_shows("R3", "aliveno: not chosen"),
+                row_shows("R4", "aliveno: out of range"),
+                row_shows("R5", "no: silent"),
+                shows("R3: not chosen; R4: out of range; R5: silent", "#decision-facts"),
+            )
+        ),
+    )
+
+
+def test_only_what_was_changed_is_asked_of_the_ego_and_its_silence_is_seen(
+    page: Page, shared_router: RouterProcess, open_session: SessionMaker, swarm_name: str
+) -> None:
+    wishes: Inbox[EgoWish] = Inbox()
+
+    def steered(request: EgoSteering) -> EgoSteered:
+        if request.wish != EgoWish():
+            wishes.put(request.wish)
+        return EgoSteered(request=0, ego=EGO, policy="a", q_min=0.7, policies=("a", "b"))
+
+    ego = open_session(shared_router.address)
+    ego.serve(keyspace.ego_steering(swarm_name, EGO), EgoSteering, steered)
+    policy, q_min = page.locator("#ego-policy"), page.locator("#ego-q-min")
+    expect(policy).to_have_value("a")
+    expect(q_min).to_have_value("0.7")
+    q_min.fill("0.6")
+    page.get_by_role("button", name="Apply").click()
+    expect(page.locator("#steer-result")).to_contain_text("R1 decides by a, Q_min 0.7")
+    assert wishes.next() == EgoWish(q_min=0.6)
+    policy.select_option("b")
+    ego.close()
+    # What is being changed stays; what is in force is not known any more.
+    expect(q_min).to_have_value("")
+    expect(policy).to_have_value("b")
+
+
+def test_robots_far_apart_are_shown_where_no_floor_plan_bounds_them(
+    shared_router: RouterProcess, swarm_name: str, browser: Browser, speakers: Speakers
+) -> None:
+    for robot in ("R1", "R2"):
+        speakers._session.declare_alive(robot)
+
+    def say() -> None:
+        for robot, x in (("R1", 0.0), ("R2", 1e6)):
+            speakers.robot(robot, x, x)
+            speakers.scene(robot, x, x, VISIBLE, NOTHING)
+
+    with (
+        console(shared_router.address, swarm_name, world="opv2v") as port,
+        console_page(browser, f"http://localhost:{port}") as page,
+    ):
+        tell(page, say, row_shows("R2", "1000000.0"))
+        expect(page.get_by_role("img", name="Map of the floor: 2 robots")).to_be_visible()
 
 
 def test_an_empty_floor_is_shown_as_such(page: Page) -> None:
@@ -163,10 +224,15 @@ def test_a_console_that_comes_again_is_found_without_a_reload(
         with console(shared_router.address, swarm_name, console_port=port):
             page = stack.enter_context(console_page(browser, f"http://localhost:{port}"))
             expect(connection(page)).to_have_text("live")
+            rate = page.get_by_label("rate, Mbit/s")
+            expect(rate).to_be_enabled()
+            rate.focus()
         expect(connection(page)).to_have_text(re.compile(r"no connection since \d+:\d\d:\d\d"))
+        expect(rate).to_be_disabled()
         stack.enter_context(console(shared_router.address, swarm_name, console_port=port))
         expect(connection(page)).to_have_text("live")
         expect(page.get_by_role("alert")).to_be_hidden()
+        expect(rate).to_be_focused()
         # The pages are closed before the console is.
         page.close()
 
@@ -180,7 +246,8 @@ def test_a_token_is_asked_for_and_a_wrong_one_opens_nothing(
     ):
         page.get_by_label("Token").fill("wrong")
         page.get_by_role("button", name="Open").click()
-        expect(page).to_have_url(f"http://localhost:{port}/login")
+        # Another page, which asks again.
+        expect(page.get_by_label("Token")).to_have_value("")
         page.get_by_label("Token").fill("open-sesame")
         page.get_by_role("button", name="Open").click()
         expect(connection(page)).to_have_text("live")

@@ -116,7 +116,7 @@ def test_a_real_swarm_is_seen_and_its_cell_is_shaped_through_the_page(running: S
     assert need_state("seen").console_url == f"http://localhost:{port}"
     await_(lambda: answers(port), "the console answers")
     with Viewer(port) as viewer:
-        whole = {"decision", "detections", "robot/R1", "robot/R2", "scene/R1", "scene/R2"}
+        whole = {"decision", "detections", "net", "robot/R1", "robot/R2", "scene/R1", "scene/R2"}
         viewer.until(lambda: viewer.state.keys() >= whole, "the swarm is seen", WAIT_S)
         assert viewer.shape({"profile": "rate", "rate_bps": 3_000_000}).status == 200
         viewer.until(

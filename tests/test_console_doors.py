@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from console_swarm import WAIT_S, Viewer, ask, console
+from console_swarm import WAIT_S, Speakers, Viewer, ask, console
 from free_ports import free_port
 from prometheus_client.parser import text_string_to_metric_families
 from zenoh_fixtures import Inbox, RouterProcess, SessionMaker, until, wait_until_served
@@ -178,6 +179,7 @@ def test_the_controllers_refusal_is_told_in_its_words(
         ({}, "profile"),
         ("{", "truncated"),
         ("[1]", "object"),
+        ('{"a":' + "[" * 100_000, "recursion"),
     ],
 )
 def test_a_wish_that_is_not_valid_is_named_and_reaches_nobody(
@@ -197,6 +199,7 @@ def test_a_wish_that_is_not_valid_is_named_and_reaches_nobody(
         ({"Origin": "http://evil.example"}, 403),
         ({"Origin": "null"}, 403),
         ({"Origin": ""}, 403),
+        ({"Origin": "http://["}, 403),
         ({"Sec-Fetch-Site": "cross-site"}, 403),
         ({"Content-Type": "text/plain"}, 415),
         ({"Host": "evil.example"}, 421),
@@ -242,6 +245,85 @@ def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(open_door: int) -
             assert got.headers["x-content-type-options"] == "nosniff"
         for mark in ("https://", "<script>", "style=", "onclick"):
             assert mark not in file.read_text(), (file.name, mark)
+
+
+def dripped(connection: socket.socket, byte: bytes) -> None:
+    """Sends a byte now and then until the server has let go."""
+    connection.settimeout(0.05)
+
+    def gone() -> bool:
+        try:
+            connection.sendall(byte)
+            return connection.recv(4096) == b""
+        except TimeoutError:
+            return False
+        except ConnectionError:
+            return True
+
+    until(gone, "the server lets go")
+
+
+@pytest.mark.parametrize(
+    ("begun", "byte"),
+    [
+        (b"", b""),
+        (b"GET / HTTP/1.1\r\nHost: localhost\r\nX: ", b"x"),
+        (b"POST /api/shape HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9999\r\n\r\n", b"x"),
+    ],
+)
+def test_who_never_sends_a_whole_request_keeps_no_place(
+    shared_router: RouterProcess,
+    swarm_name: str,
+    monkeypatch: pytest.MonkeyPatch,
+    begun: bytes,
+    byte: bytes,
+) -> None:
+    monkeypatch.setattr("swarm.http_doors.REQUEST_S", 0.3)
+    with (
+        console(shared_router.address, swarm_name, console_token=TOKEN) as port,
+        socket.create_connection(("127.0.0.1", port), timeout=WAIT_S) as connection,
+        Viewer(port, Authorization=f"Bearer {TOKEN}") as viewer,
+    ):
+        connection.sendall(begun)
+        dripped(connection, byte)
+        # Nobody else is hurried: this one has sent all of his request.
+        for _ in range(3):
+            viewer.next()
+
+
+def held(port: int, peer: int) -> bool:
+    """Whether the kernel still has the server's end of a connection."""
+    ends = [line.split()[1:3] for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    ports = [[int(end.rpartition(":")[2], 16) for end in pair] for pair in ends]
+    return [port, peer] in ports
+
+
+def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
+    shared_router: RouterProcess,
+    swarm_name: str,
+    open_session: SessionMaker,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("swarm.http_doors.UNTAKEN_S", 1.0)
+    monkeypatch.setattr("console.app.STALLED_S", 0.5)
+    speakers = Speakers(open_session(shared_router.address))
+    with (
+        console(shared_router.address, swarm_name) as port,
+        socket.socket() as stalled,
+        Viewer(port) as other,
+    ):
+        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        stalled.connect(("127.0.0.1", port))
+        stalled.sendall(b"GET /api/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        peer = stalled.getsockname()[1]
+        assert held(port, peer)
+
+        def let_go() -> bool:
+            speakers.decision(1, "R1", reason="x" * 1000)
+            other.next()
+            return not held(port, peer)
+
+        until(let_go, "the stalled one is let go")
 
 
 @pytest.mark.parametrize("path", ["/assets/../app.py", "/assets/%2e%2e/app.py", "/nothing"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -11,14 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 from console_swarm import EGO, Speakers, Viewer, console, rows
-from zenoh_fixtures import RouterProcess, SessionMaker
+from zenoh_fixtures import RouterProcess, SessionMaker, until
 
-from console.board import Board
-from console.faults import PERIODS, SILENT_S, STALE_S, Faults
+from console.board import MAX_GONE, Board
+from console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Faults
 from console.floor import plan
 from console.hub import STEP_S
+from console.view import MAX_ROBOTS, View
+from console.watch import Watch
 from swarm.arrays import Array, pack
-from swarm.messages import Decision
+from swarm.errors import TransportError
+from swarm.log import make_logger
+from swarm.messages import Beacon, Decision, Detections, SceneDescription
+from swarm.session import Session
 from worlds.factory.world import FactoryWorld
 
 VISIBLE = pack(np.full((72, 1), 9.5, np.float32))
@@ -103,6 +109,7 @@ def test_a_change_comes_in_the_stream_that_is_open_and_brings_nothing_else(
     speakers: Speakers, viewers: Callable[[], Viewer]
 ) -> None:
     viewer = viewers()
+    viewer.until(lambda: viewer.state["swarm"]["connected"], "the swarm is there")
     hear(viewer, lambda: say_all(speakers), lambda: "decision" in viewer.state, "a decision")
     cycle = 1000
     event: dict[str, Any] = {"state": {}}
@@ -164,6 +171,38 @@ def test_before_any_router_a_page_is_served_and_says_so(swarm_name: str) -> None
     with console("tcp/127.0.0.1:1", swarm_name) as port, Viewer(port) as viewer:
         viewer.next()
         assert viewer.state["swarm"]["connected"] is False
+
+
+def test_the_router_is_told_reached_before_everything_is_listened_to(
+    shared_router: RouterProcess, swarm_name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = threading.Event()
+    monkeypatch.setattr(Watch, "_hear_all", lambda self, session: told.wait(20))
+    view = View(Board(), swarm_name, EGO, 45.0)
+    watch = Watch(view, shared_router.address, swarm_name, EGO, make_logger("test", level="error"))
+    try:
+        watch.look(1)
+        until(lambda: view.connected, "it is told")
+    finally:
+        told.set()
+        watch.close()
+
+
+def test_a_session_that_is_lost_at_once_is_opened_again(
+    speakers: Speakers, viewers: Callable[[], Viewer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hear_all, lost = Watch._hear_all, [True]
+
+    def lost_once(watch: Watch, session: Session) -> None:
+        if lost:
+            lost.clear()
+            raise TransportError("cannot declare: the session is closed")
+        hear_all(watch, session)
+
+    monkeypatch.setattr(Watch, "_hear_all", lost_once)
+    viewer = viewers()
+    hear(viewer, lambda: say_all(speakers), lambda: "at" in viewer.state.get("robot/R2", {}), "R2")
+    assert not lost
 
 
 def test_a_viewer_who_reads_nothing_neither_blocks_the_others_nor_gets_old_states(
@@ -300,6 +339,126 @@ def test_the_board_gives_the_newest_value_once() -> None:
     }
 
 
+def test_the_board_forgets_names_that_have_had_no_value_for_long() -> None:
+    board = Board()
+    for i in range(MAX_GONE + 1):
+        board.put(f"robot/R{i}", None)
+    state = json.loads(b"{%b}" % board.since(0)[1])["state"]
+    assert "robot/R0" not in state
+    assert len(state) == MAX_GONE
+
+
+@pytest.fixture
+def board() -> Board:
+    return Board()
+
+
+@pytest.fixture
+def view(board: Board) -> View:
+    return View(board, "seen", EGO, 45.0)
+
+
+def shown(board: Board) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(b"{%b}" % board.since(0)[1])
+    return found
+
+
+def beacon(robot: str) -> Beacon:
+    return Beacon(
+        robot=robot,
+        instance=1,
+        seq=1,
+        sent_ns=1,
+        capture_ns=1,
+        frame=1,
+        pose=(1.0, 2.0, 0.0, 0.0, 0.0, 0.0),
+        velocity=(0.0, 0.0, 0.0),
+        range_m=30.0,
+        sizes={},
+    )
+
+
+def test_a_new_robot_takes_the_place_of_the_one_that_left_first(view: View, board: Board) -> None:
+    for i in range(MAX_ROBOTS):
+        view.on_join(f"R{i}")
+    view.on_join("new")
+    assert "robot/new" not in shown(board)["state"]
+    view.on_leave("R7")
+    # One that is only heard of drives nobody out.
+    view.on_beacon(beacon("heard"), "")
+    assert shown(board)["state"]["robot/R7"] is not None
+    view.on_join("new")
+    state = shown(board)["state"]
+    assert state["robot/new"]["alive"]
+    assert state["robot/R7"] is None
+    assert "robot/heard" not in state
+
+
+def test_faults_of_more_robots_than_a_swarm_has_are_not_kept(view: View, board: Board) -> None:
+    torn = Array(dtype="<f4", shape=(3, 9), data=b"")
+    for i in range(MAX_ROBOTS + 10):
+        scene = SceneDescription(
+            robot=f"R{i}",
+            instance=1,
+            seq=1,
+            sent_ns=1,
+            capture_ns=1,
+            frame=1,
+            pose=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            objects=torn,
+            visible_m=VISIBLE,
+            ground_points=0,
+            elapsed_ms=1.0,
+        )
+        view.on_scene(scene, "")
+    assert len([name for name in view._faults._open if name.startswith("unreadable")]) == MAX_ROBOTS
+
+
+def test_the_first_figures_count_from_when_somebody_looks(
+    view: View, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 1000.0
+    monkeypatch.setattr("console.view.monotonic", lambda: now)
+    view.on_decision(decision(1), "")
+    now += 60
+    view.sees()
+    now += 1
+    received = Detections(
+        ego=EGO,
+        cycle=1,
+        frame=1,
+        capture_ns=1,
+        algorithm="early",
+        participants=(EGO, "R2"),
+        boxes=rows(7),
+        scores=rows(1),
+        labels=(),
+        bytes={"R2": 5000},
+        latency_ms=31.0,
+    )
+    view.on_detections(received, "")
+    view.on_decision(decision(2), "")
+    assert shown(board)["history"][-1]["used_bps"] == 8 * 5000
+
+
+def test_a_clock_that_is_set_back_hides_no_silence(
+    view: View, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steady = 1000.0
+    monkeypatch.setattr("console.view.monotonic", lambda: steady)
+    view.tick(True)
+    view.sees()
+    view.on_join("R2")
+    view.on_beacon(beacon("R2"), "")
+    clock = time.time()
+    monkeypatch.setattr("console.board.time.time", lambda: clock - 3600)
+    steady += SILENT_S + 1
+    view.tick(True)
+    assert shown(board)["faults"][-1]["text"] == "R2 is alive but sends no beacons"
+    view.on_beacon(beacon("R2"), "")
+    assert shown(board)["faults"][-1]["text"] == "R2 sends beacons again"
+
+
 def decision(cycle: int, *, valid: bool = True) -> Decision:
     return Decision(
         ego=EGO,
@@ -359,3 +518,29 @@ def test_an_outage_does_not_make_an_ego_rare() -> None:
     said.clear()
     faults.tick(610.0, True, {})
     assert said == [f"ego {EGO} decides no more"]
+
+
+def test_before_its_second_decision_nobody_knows_how_rarely_an_ego_decides() -> None:
+    said: list[str] = []
+    faults = Faults(EGO, lambda fault: said.append(fault["text"]))
+    faults.tick(0.0, True, {})
+    faults.decision(0.0, decision(1))
+    faults.tick(EGO_UNKNOWN_S - 1, True, {})
+    assert said == []
+    faults.tick(EGO_UNKNOWN_S + 1, True, {})
+    assert said == [f"ego {EGO} decides no more"]
+
+
+def test_a_router_that_was_away_is_no_fault_of_those_behind_it() -> None:
+    said: list[str] = []
+    faults = Faults(EGO, lambda fault: said.append(fault["text"]))
+    faults.tick(0.0, True, {"R2": 0.0})
+    for cycle in (1, 2):
+        faults.decision(float(cycle), decision(cycle))
+    faults.net_state(2.0)
+    faults.tick(3.0, False, {"R2": 2.5})
+    faults.tick(60.0, True, {"R2": 2.5})
+    assert said == ["the swarm's router cannot be reached", "the swarm's router answers again"]
+    said.clear()
+    faults.tick(60.0 + SILENT_S + 0.1, True, {"R2": 2.5})
+    assert said == ["R2 is alive but sends no beacons"]

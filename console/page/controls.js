@@ -1,24 +1,30 @@
 // What an operator may do: the same requests that `coadapt net` and `coadapt steer` send.
 
 import { rates } from "./mahimahi.js";
+import { fill } from "./panels.js";
 import { byId, clock, rate } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
 const SHOW_S = 5;
+const ANSWER_S = 20; // The console itself says after 15 s that nobody answers.
+const EGO_FIELDS = { policy: "ego-policy", q_min: "ego-q-min" };
 const DAY_SCALE = 3600; // The working day of 24 h in 24 s.
 
 export class Controls {
   constructor(stream) {
     this.stream = stream;
     this.choices = new Map();
+    this.edited = new Set(); // Fields of the ego with what nobody has sent yet.
+    this.looks = new Set(); // What is being asked for.
+    this.wishes = 0; // Begun and ended ones: a look meanwhile may tell of what was before.
     $("shape").addEventListener("submit", (event) => {
       event.preventDefault();
       this.#shape("rate", { rate_bps: this.#rate(), ...this.#where() });
     });
-    $("shift").addEventListener("click", () => this.#shape("shift", { ...this.#where(), time_scale: DAY_SCALE }));
-    $("trace").addEventListener("click", () => $("trace-file").click());
+    this.#lasting("shift", () => this.#shape("shift", { ...this.#where(), time_scale: DAY_SCALE }));
+    this.#lasting("trace", () => $("trace-file").click());
     $("trace-file").addEventListener("change", () => this.#trace());
-    $("congest").addEventListener("click", () => this.#shape("congest", this.#duration()));
+    this.#lasting("congest", () => this.#shape("congest", this.#duration()));
     // Without a robot the controller would end what was made of all links.
     $("relieve").addEventListener("click", () =>
       this.#shape("relieve", { robot: $("shape-robot").value || this.stream.get("swarm").ego }));
@@ -27,10 +33,10 @@ export class Controls {
     $("stop-all").addEventListener("click", () => this.#shape("off", { direction: "both", robot: "" }));
     $("ego").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.#ego({ policy: $("ego-policy").value, q_min: Number($("ego-q-min").value) });
+      this.#ego();
     });
-    for (const input of ["ego-policy", "ego-q-min"]) {
-      $(input).addEventListener("input", () => (this.edited = true));
+    for (const [name, id] of Object.entries(EGO_FIELDS)) {
+      $(id).addEventListener("input", () => this.#edit(name, true));
     }
     $("duty-off").addEventListener("click", () => this.#duty("off"));
     $("duty-on").addEventListener("click", () => this.#duty("on"));
@@ -39,13 +45,41 @@ export class Controls {
 
   update() {
     const may = this.stream.csrf !== "" && this.stream.get("swarm")?.connected === true;
-    for (const part of ["controls", "steering"]) $(part).disabled = !may;
+    this.#allow(may);
     if (may && !this.shown) this.#look();
-    if (!may) $("shapes").replaceChildren(); // Nobody knows what is in force.
+    if (!may) {
+      // Nobody knows what is in force.
+      this.#shapes(null);
+      this.#steered(null);
+    }
     this.shown = may;
     const robots = this.stream.all("robot/").sort(byId);
     this.#choose("shape-robot", robots.filter((r) => r.alive).map((r) => r.robot), "the ego’s cell");
     this.#choose("duty-robot", robots.filter((r) => r.alive || r.off_duty_by).map((r) => r.robot), "choose …");
+  }
+
+  #allow(may) {
+    const focused = document.activeElement;
+    for (const id of ["controls", "steering"]) {
+      if (!may && !$(id).disabled && $(id).contains(focused)) this.focused = focused;
+      $(id).disabled = !may;
+    }
+    if (!may || !this.focused) return;
+    // A short loss is not to take a keyboard's user back to the top of the page.
+    if (document.activeElement === document.body) this.focused.focus({ preventScroll: true });
+    this.focused = null;
+  }
+
+  // A button whose wish lasts for so many seconds, where that is a number.
+  #lasting(id, action) {
+    $(id).addEventListener("click", () => $("shape-duration").reportValidity() && action());
+  }
+
+  // What is edited must be sent whole; what is not may be unknown.
+  #edit(name, edited) {
+    if (edited) this.edited.add(name);
+    else this.edited.delete(name);
+    $(EGO_FIELDS[name]).required = edited;
   }
 
   // The choices of a list, changed only when they are others. What is chosen stays, also when it has
@@ -86,16 +120,27 @@ export class Controls {
 
   async #shape(profile, values) {
     await this.#tell("shape-result", async () => {
-      const reply = await this.#ask("shape", { profile, robot: $("shape-robot").value, ...values });
+      const reply = await this.#wish("shape", { profile, robot: $("shape-robot").value, ...values });
       this.#shapes(reply);
       return ["done", ...reply.notes].join("; ");
     });
   }
 
-  async #ego(wish) {
+  // Only what was changed here: the rest may be another operator's wish.
+  async #ego() {
+    const values = { policy: $("ego-policy").value, q_min: Number($("ego-q-min").value) };
+    const sent = [...this.edited];
+    if (!sent.length) {
+      $("steer-result").textContent = "change something first";
+      return;
+    }
     await this.#tell("steer-result", async () => {
-      const reply = await this.#ask("ego", { wish });
-      this.edited = false;
+      for (const name of sent) this.#edit(name, false); // What is typed from now on is another wish.
+      const wish = Object.fromEntries(sent.map((name) => [name, values[name]]));
+      const reply = await this.#wish("ego", { wish }).catch((error) => {
+        for (const name of sent) this.#edit(name, true);
+        throw error;
+      });
       this.#steered(reply);
       return `${reply.ego} decides by ${reply.policy}, Q_min ${reply.q_min}`;
     });
@@ -108,7 +153,7 @@ export class Controls {
       return;
     }
     await this.#tell("steer-result", async () => {
-      const reply = await this.#ask(`robot/${robot}`, { duty });
+      const reply = await this.#wish(`robot/${robot}`, { duty });
       return `${robot} is ${reply.on_duty ? "on" : "off"} duty`;
     });
   }
@@ -120,10 +165,33 @@ export class Controls {
   }
 
   // What is in force, whoever asked for it.
-  async #look() {
+  #look() {
     if ($("controls").disabled || document.hidden) return;
-    this.#ask("shape", { profile: "show" }).then((reply) => this.#shapes(reply), () => $("shapes").replaceChildren());
-    this.#ask("ego", { wish: {} }).then((reply) => this.#steered(reply), () => {});
+    this.#lookAt("shape", { profile: "show" }, (reply) => this.#shapes(reply));
+    this.#lookAt("ego", { wish: {} }, (reply) => this.#steered(reply));
+  }
+
+  // Nobody is asked again who has not answered yet; without an answer, null is shown.
+  async #lookAt(what, request, show) {
+    if (this.looks.has(what)) return;
+    this.looks.add(what);
+    const wishes = this.wishes;
+    const reply = await this.#ask(what, request).catch(() => null);
+    this.looks.delete(what);
+    if (wishes === this.wishes) show(reply);
+  }
+
+  async #wish(what, request) {
+    this.wishes++;
+    try {
+      return await this.#ask(what, request);
+    } catch (error) {
+      // Who only looks is left where he is.
+      if (error.status === 401) location.assign("/login");
+      throw error;
+    } finally {
+      this.wishes++;
+    }
   }
 
   async #ask(what, request) {
@@ -131,28 +199,38 @@ export class Controls {
       method: "POST",
       headers: { "Content-Type": "application/json", "X-CoAdapt-CSRF": this.stream.csrf },
       body: JSON.stringify(request),
+      signal: AbortSignal.timeout(1000 * ANSWER_S),
     });
     const reply = await answer.json().catch(() => ({ error: answer.statusText }));
-    if (!answer.ok) throw new Error(reply.error);
+    if (!answer.ok) throw Object.assign(new Error(reply.error), { status: answer.status });
     return reply;
   }
 
-  // Never under the hands of who is changing it.
+  // How the ego decides, null where nobody knows. Never under the hands of who is changing it.
   #steered(reply) {
-    if (this.edited) return;
-    this.#choose("ego-policy", reply.policies);
-    $("ego-policy").value = reply.policy;
-    $("ego-q-min").value = reply.q_min;
+    if (reply) this.#choose("ego-policy", reply.policies);
+    for (const [name, id] of Object.entries(EGO_FIELDS)) {
+      const value = String(reply?.[name] ?? "");
+      if ($(id).value === value) this.#edit(name, false);
+      else if (!this.edited.has(name)) $(id).value = value;
+    }
   }
 
+  // What links are made to be, null where nobody knows.
   #shapes(reply) {
-    const words = reply.shapes.map((shape) => {
-      const until = shape.until_ns ? ` until ${clock(shape.until_ns / 1e9)}` : "";
-      const kind = shape.profile === "rate" ? "" : ` (${shape.profile})`;
-      return `${shape.robot} ${shape.direction}: ${rate(shape.rate_bps)}${kind}${until}, by ${shape.operator} since ${clock(shape.since_ns / 1e9)}`;
-    });
-    if (reply.congested.length) words.push(`telemetry runs towards ${reply.congested.join(", ")}`);
-    if (!words.length) words.push("no link is shaped");
-    $("shapes").replaceChildren(...words.map((one) => Object.assign(document.createElement("li"), { textContent: one })));
+    fill($("shapes"), reply ? inForce(reply) : [], (words) =>
+      Object.assign(document.createElement("li"), { textContent: words }));
   }
+}
+
+// Shapes and congestion, a line each.
+function inForce(reply) {
+  const words = reply.shapes.map((shape) => {
+    const until = shape.until_ns ? ` until ${clock(shape.until_ns / 1e9)}` : "";
+    const kind = shape.profile === "rate" ? "" : ` (${shape.profile})`;
+    return `${shape.robot} ${shape.direction}: ${rate(shape.rate_bps)}${kind}${until}, by ${shape.operator} since ${clock(shape.since_ns / 1e9)}`;
+  });
+  if (reply.congested.length) words.push(`telemetry runs towards ${reply.congested.join(", ")}`);
+  if (!words.length) words.push("no link is shaped");
+  return words;
 }

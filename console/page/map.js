@@ -4,11 +4,13 @@ import { decided, part } from "./part.js";
 import { OLD_S, ago, byId } from "./words.js";
 
 const CELL_M = 1; // As the ego counts seen ground.
+const MOST_CELLS = 4e6; // No floor is larger; without a plan robots anywhere on earth would stretch it.
 const SEEN_S = 0.25; // Seen ground is counted no more often: a hundred robots describe much.
 const ROOM_M = 3;
 const ROBOT_PX = 8;
 const UNSURE = 0.5; // Boxes with a lower score are drawn thin.
 const GONE_S = 60; // A robot that has left stays on the map for so long.
+const NOT_COUNTED = { key: "", at: -Infinity, path: null, share: null };
 
 export class FloorMap {
   constructor(canvas, stream, theme) {
@@ -20,7 +22,7 @@ export class FloorMap {
     this.zoom = 1;
     this.middle = null; // Of what is shown, metres; null: all of it.
     this.last = new Map(); // Where robots were last heard of.
-    this.blind = { key: "", at: -Infinity, path: null, share: null };
+    this.blind = NOT_COUNTED;
     this.#listen();
   }
 
@@ -47,6 +49,7 @@ export class FloorMap {
     const ego = this.stream.get("swarm")?.ego;
     const fresh = decided(this.stream);
     const found = [];
+    for (const id of this.last.keys()) if (!this.stream.get(`robot/${id}`)) this.last.delete(id);
     for (const robot of this.stream.all("robot/").sort(byId)) {
       if (robot.at) this.last.set(robot.robot, robot);
       const where = robot.at ? robot : this.last.get(robot.robot);
@@ -91,8 +94,9 @@ export class FloorMap {
     c.translate(-view.x, -view.y);
     this.#drawFloor(c, view.scale);
     const scenes = this.#scenes(now);
-    this.#seenGround(extent, scenes, now);
-    if (this.layers.blind && this.blind.path) this.#drawBlind(c, view.scale, ratio);
+    if (this.layers.blind) this.#seenGround(extent, scenes, now);
+    else this.blind = NOT_COUNTED;
+    if (this.blind.path) this.#drawBlind(c, view.scale, ratio);
     if (this.layers.range) this.#drawRange(c, robots, view.scale);
     c.restore();
 
@@ -159,6 +163,10 @@ export class FloorMap {
     if (key === this.blind.key || Math.abs(now - this.blind.at) < SEEN_S) return;
     const [left, low, right, high] = extent;
     const columns = Math.ceil((right - left) / CELL_M), rows = Math.ceil((high - low) / CELL_M);
+    if (columns * rows > MOST_CELLS) {
+      this.blind = NOT_COUNTED;
+      return;
+    }
     const seen = this.#covered(columns, rows, left, low);
     let blind = 0, free = seen.reduce((n, cell) => n + (cell === 0), 0);
     for (const scene of scenes.values()) markSeen(seen, scene, columns, rows, left, low);
@@ -379,7 +387,8 @@ export class FloorMap {
       this.scaleBy(e.deltaY < 0 ? 1.2 : 1 / 1.2);
     }, { passive: false });
     canvas.addEventListener("keydown", (e) => {
-      const step = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[e.key];
+      // As with the pointer: there is nothing to move until it is larger than what shows it.
+      const step = this.zoom > 1 && { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[e.key];
       if (step) this.#move(...step);
       else if (e.key === "+" || e.key === "=") this.scaleBy(1.3);
       else if (e.key === "-") this.scaleBy(1 / 1.3);

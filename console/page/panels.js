@@ -10,7 +10,7 @@ function text(id, words) {
 }
 
 // Rows of a list, made anew only when their words differ.
-function fill(parent, rows, make) {
+export function fill(parent, rows, make) {
   const key = JSON.stringify(rows);
   if (parent.dataset.key === key) return;
   parent.dataset.key = key;
@@ -42,6 +42,7 @@ export function showConnection(stream) {
   const swarm = stream.get("swarm");
   const now = stream.now();
   const from = clock(since / 1000);
+  let behind = "";
   const shown = {
     connecting: ["connecting", "connecting to the console …", ""],
     paused: ["connecting", "paused while nobody looks", ""],
@@ -54,10 +55,13 @@ export function showConnection(stream) {
     shown[1] = `swarm away since ${clock(swarm.since)}`;
     shown[2] = `The swarm's router cannot be reached since ${clock(swarm.since)}. The console goes on trying.`;
   } else if (kind === "live" && now - stream.sent > 3) {
-    shown[1] = `live, ${(now - stream.sent).toFixed(0)} s behind`;
+    shown[1] = "live, but behind";
+    behind = `${(now - stream.sent).toFixed(0)} s`;
   }
   $("connection").dataset.state = shown[0];
   text("connection", shown[1]);
+  // Outside what is read out, as it grows.
+  text("connection-behind", behind);
   text("banner-words", shown[2]);
   // Outside the alert: nobody wants a countdown read out.
   text("banner-next", next ? `Next attempt in ${Math.max(0, Math.ceil((next - Date.now()) / 1000))} s.` : "");

@@ -5,7 +5,9 @@ const LONGEST_WAIT_S = 15;
 const SILENT_S = 5; // The console says something every second.
 const SLEPT_S = 3; // The wall clock has jumped so far from the steady one, which stands while a machine sleeps.
 const HIDDEN_S = 60; // A page that nobody sees asks for nothing.
-export const KEPT_S = 130;
+const DRIFT = 2e-4; // Seconds a second: two clocks part no faster.
+const KEPT_S = 130;
+const KEPT_DECISIONS = 5; // Also of an ego that decides rarely: its period is told by them.
 const KEPT_EVENTS = 200;
 
 export class Stream {
@@ -18,6 +20,7 @@ export class Stream {
     this.status = { kind: "connecting", since: Date.now() };
     this.offset = -Infinity; // The console's clock less this page's steady one, seconds.
     this.sent = 0;
+    this.taken = 0; // When the last event came, on this page's steady clock.
     this.gap = wallGap();
     this.attempts = 0;
     this.abort = null; // Ends the connection, also one that is only tried; null without.
@@ -25,6 +28,7 @@ export class Stream {
     document.addEventListener("visibilitychange", () => this.#visible());
     setInterval(() => this.#check(), 1000);
     this.#connect();
+    this.#visible(); // It may have been opened in the background.
   }
 
   // Seconds since the epoch on the console's clock.
@@ -76,18 +80,21 @@ export class Stream {
       this.state.clear();
       this.history = [];
       this.faults = [];
-      this.offset = -Infinity;
       this.csrf = event.csrf;
     }
-    // The event that was least on its way tells the difference of the clocks best.
-    this.offset = Math.max(this.offset, event.now - here);
+    // Told anew by another console, and by one whose clock was set back.
+    if (event.full || event.now < this.sent) this.offset = -Infinity;
+    // The event that was least on its way tells the difference of the clocks best; with time they drift.
+    this.offset = Math.max(this.offset - DRIFT * (here - this.taken), event.now - here);
+    this.taken = here;
     this.sent = event.now;
     for (const [name, value] of Object.entries(event.state)) {
       if (value === null) this.state.delete(name);
       else this.state.set(name, value);
     }
     const first = this.now() - KEPT_S;
-    this.history = [...this.history, ...event.history].filter((past) => past.at > first);
+    const history = [...this.history, ...event.history];
+    this.history = history.filter((past, i) => past.at > first || i >= history.length - KEPT_DECISIONS);
     this.faults = [...this.faults, ...event.faults].slice(-KEPT_EVENTS);
     this.attempts = 0;
     if (this.status.kind !== "live") this.status = { kind: "live", since: Date.now() };
@@ -98,22 +105,22 @@ export class Stream {
     // Since the last word, not since its end was noticed.
     const silent_s = this.sent ? this.now() - this.sent : 0;
     const since = this.status.kind === "lost" ? this.status.since : Date.now() - 1000 * silent_s;
-    const wait = Math.min(LONGEST_WAIT_S, FIRST_WAIT_S * 2 ** this.attempts) * (0.75 + Math.random() / 2);
+    const wait = Math.min(LONGEST_WAIT_S, FIRST_WAIT_S * 2 ** this.attempts) * (1 - Math.random() / 4);
     this.attempts = Math.min(this.attempts + 1, 10);
     this.abort = null;
     this.csrf = "";
     this.status = { kind: "lost", since, why, next: Date.now() + 1000 * wait };
     this.timer = setTimeout(() => this.#connect(), 1000 * wait);
-    this.onChange();
+    this.onChange(true);
   }
 
   #check() {
     const slept = wallGap() - this.gap;
     this.gap += slept;
-    if (this.status.kind === "live" && Math.abs(slept) > SLEPT_S) {
+    if (Math.abs(slept) > SLEPT_S) {
       // What is shown is older by that; what the console says next tells its clock anew.
       this.offset += Math.max(0, slept);
-      this.abort.abort("this machine slept, or its clock was set");
+      if (this.status.kind === "live") this.abort.abort("this machine slept, or its clock was set");
     } else if (performance.now() / 1000 - this.heard > SILENT_S) {
       this.abort?.abort("the console is silent");
     }

@@ -34,7 +34,7 @@ export class Timeline {
     c.font = "12px system-ui, sans-serif";
     c.textBaseline = "middle";
     const now = stream.now();
-    const past = stream.history.filter((p) => p.at > now - SPAN_S - 10);
+    const past = stream.history;
     const x = (at) => LEFT + (width - LEFT - RIGHT) * (1 - (now - at) / SPAN_S);
     // A gap longer than an old decision is drawn as a gap.
     const longest = decisionOldAfter(past);
@@ -61,8 +61,8 @@ export class Timeline {
     const said = last
       ? `the last one is ${last.algorithm} from ${last.participants.length} robots, C(t) ${rate(last.capacity_bps)}, used ${rate(last.used_bps)}`
       : `none in the last ${longest.toFixed(0)} s`;
-    canvas.setAttribute("aria-label", past.length
-      ? `Timeline: ${past.length} decisions in two minutes; ${said}`
+    canvas.setAttribute("aria-label", spans.length
+      ? `Timeline: ${spans.length} decisions in two minutes; ${said}`
       : "Timeline: no decision in the last two minutes");
   }
 
@@ -95,7 +95,7 @@ export class Timeline {
       c.globalAlpha = 1;
       from ??= s;
       const next = spans[i + 1];
-      if (next && next.algorithm === s.algorithm) return;
+      if (next && next.algorithm === s.algorithm && goesOn(s, next)) return;
       if (s.to - from.from > 8 * s.algorithm.length) names.push([s.algorithm, from.from + 4]);
       from = null;
     });
@@ -110,7 +110,7 @@ export class Timeline {
     spans.forEach((s, i) => {
       from ??= s;
       const next = spans[i + 1];
-      if (next && next.source === s.source && next.valid === s.valid) return;
+      if (next && next.source === s.source && next.valid === s.valid && goesOn(s, next)) return;
       c.fillStyle = this.theme(s.valid ? "--line" : "--fault");
       c.fillRect(from.from, box.top + 1, Math.max(1, s.to - from.from - 1), box.height - 1);
       const words = s.valid ? s.source : "not valid";
@@ -142,10 +142,10 @@ export class Timeline {
         end = null;
         continue;
       }
-      if (end === null || s.from > end + 1) c.moveTo(s.from, y(v));
+      if (end === null || !goesOn(end, s)) c.moveTo(s.from, y(v));
       else c.lineTo(s.from, y(v));
       c.lineTo(s.to, y(v));
-      end = s.to;
+      end = s;
     }
     c.stroke();
   }
@@ -167,6 +167,11 @@ export class Timeline {
     }
     c.textAlign = "left";
   }
+}
+
+// Whether one span begins where another ends: across a gap nothing is drawn.
+function goesOn(span, next) {
+  return next.from <= span.to + 1;
 }
 
 function algorithmColour(name) {

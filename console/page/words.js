@@ -18,15 +18,16 @@ export function ago(seconds) {
 }
 
 export function clock(epoch_s) {
-  return new Date(1000 * epoch_s).toLocaleTimeString([], { hour12: false });
+  return new Date(1000 * epoch_s).toLocaleTimeString([], { hourCycle: "h23" });
 }
 
 // After how long a decision is old: three periods of the ego, but no less than five seconds. Its
-// period is the least of the last gaps: a longer one may be an outage.
+// period is the least of the last gaps: a longer one may be an outage. Before the second decision
+// nobody knows it.
 export function decisionOldAfter(history) {
   const last = history.slice(-5);
   const gaps = last.slice(1).map((one, i) => one.at - last[i].at);
-  return gaps.length ? Math.max(5, 3 * Math.min(...gaps)) : 5;
+  return gaps.length ? Math.max(5, 3 * Math.min(...gaps)) : 60;
 }
 
 const ids = new Intl.Collator(undefined, { numeric: true });
