@@ -23,6 +23,7 @@ from ego_agent.journal import (
     Journal,
     Latency,
     RobotInput,
+    _parse,
     byte_totals,
     read_journal,
 )
@@ -136,6 +137,23 @@ def test_a_reader_leaves_out_the_line_that_is_being_written(tmp_path: Path) -> N
     write(path, range(1, 3))
     with path.open("ab") as file:
         file.write(b'{"v":1,"ego":"R1","cy')
+    assert [r.cycle for r in read_journal(path)] == [1, 2]
+
+
+def test_a_line_that_is_finished_while_it_is_read_is_no_broken_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "j.jsonl"
+    write(path, range(1, 4))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-30])
+
+    def meanwhile(path: Path, number: int, line: bytes) -> CycleRecord | None:
+        if not line.endswith(b"\n"):
+            path.write_bytes(whole)
+        return _parse(path, number, line)
+
+    monkeypatch.setattr("ego_agent.journal._parse", meanwhile)
     assert [r.cycle for r in read_journal(path)] == [1, 2]
 
 
