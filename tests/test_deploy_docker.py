@@ -212,7 +212,10 @@ def test_a_controller_that_is_killed_comes_back_to_its_links(swarm: State, cli: 
         lambda: "adopted" in cli("logs", "controller").stdout,
         "the next controller adopts what it finds",
     )
-    assert links_of(cli)["R1", "down"]["capacity_bps"] == 4_000_000
+    await_(
+        lambda: links_of(cli).get(("R1", "down"), {}).get("capacity_bps") == 4_000_000,
+        "the controller shows the rate that it took over",
+    )
 
 
 def test_up_twice_is_harmless_and_other_settings_are_refused(

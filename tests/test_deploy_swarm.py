@@ -109,9 +109,13 @@ def test_prometheus_says_that_every_target_is_up(swarm: State, cli: Cli) -> None
     assert len(server.targets()) == 8
     robots = {s.labels["robot"] for s in server.query('up{role="robot"}')}
     assert robots == {"R1", "R2", "R3"}
-    shown = cli("metrics", *NAME)
-    assert shown.returncode == 0, shown.stderr
-    assert "8 of 8 up" in shown.stdout
+
+    def shown() -> str:
+        done = cli("metrics", *NAME)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    await_(lambda: "8 of 8 up" in shown(), "the command line says so, too")
 
 
 def test_the_second_up_finds_the_swarm_running(swarm: State, cli: Cli, up: tuple[str, ...]) -> None:

@@ -35,7 +35,7 @@ BOX = np.stack(np.meshgrid(*[np.linspace(-1, 1, 12)] * 3), axis=-1).reshape(-1, 
 DEADLINE_S = 5.0
 """Nothing waits that long but for a robot that does not answer."""
 SHORT_S = 2.0
-"""For the frames of a robot that does not answer."""
+"""For frames in which no robot answers."""
 
 
 class Crates(Fusion):
@@ -252,15 +252,16 @@ def test_a_robot_that_left_is_not_waited_for(ego: Ego) -> None:
 
 
 def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
-    ego: Ego, hall: Hall, robot: RobotStarter
+    ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # However long the second frame takes, the answer to the first one is not too late to count.
+    monkeypatch.setattr("ego_agent.ask.LATE_S", 60.0)
     go = threading.Event()
 
     def slow(request: ObservationRequest) -> Observation:
         go.wait(60)
         return honest(hall, "R2")(request)
 
-    ego.loop._deadline_s = SHORT_S
     robot("R2", slow)
     robot("R3", honest(hall, "R3"))
     first = ego.fuse("R2", "R3")
@@ -276,7 +277,7 @@ def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
 
     until(back, "R2 takes part again")
     taken = ego.tally.take()
-    assert taken.late_answers == 1
+    assert taken.late_answers >= 1
     assert taken.received["R2", "early"] > 0
 
 

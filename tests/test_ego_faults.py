@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zenoh
 from ego_swarm import (
     Heard,
     Swarm,
@@ -123,8 +124,13 @@ def test_a_router_restart_leaves_the_ego_deciding_alone_and_then_together_again(
     router = swarm.processes[0]
     router.kill()
     router.wait()
-    cut_at = decisions.all[-1].cycle
-    until(lambda: max(r.cycle for r in read_journal(journal)) > cut_at + 3, "cycles go on")
+    last = decisions.all[-1].cycle
+
+    def alone_and_away() -> bool:
+        away = (r for r in read_journal(journal) if not r.published and r.cycle > last)
+        return any(r.decision.participants == (EGO,) for r in away)
+
+    until(alone_and_away, "decisions without a router")
     swarm.router()
     decisions.skip()
     decisions.until(together)
@@ -132,9 +138,6 @@ def test_a_router_restart_leaves_the_ego_deciding_alone_and_then_together_again(
     records = list(read_journal(journal))
     assert [r.cycle for r in records] == list(range(1, len(records) + 1))
     assert all(r.decision.valid for r in records)
-    away = [r for r in records if not r.published and r.cycle > cut_at]
-    assert away
-    assert any(r.decision.participants == (EGO,) for r in away)
 
 
 def test_without_a_router_the_ego_runs_alone_and_joins_when_it_comes(
@@ -161,11 +164,12 @@ def test_a_robot_whose_clock_is_off_takes_part_with_matching_frames(
     seen: Heard[Beacon] = hear(session, keyspace.beacon("test", OTHER), Beacon)
     swarm.robot(OTHER, clock_offset_s=str(offset_s))
     swarm.ego(**EGO_ENV)
+    # Whatever is of another moment is not fused but missing, as "skew".
     fused = [frames.until(lambda d: OTHER in d.participants) for _ in range(5)][-1]
-    own_clock_s = fused.capture_ns * 1e-9
     beacon = seen.until(lambda b: b.frame >= fused.frame)
-    assert abs(beacon.sent_ns * 1e-9 - own_clock_s - offset_s) < 10
-    assert not any("skew" in reason for d in frames.all[-5:] for reason in d.missing.values())
+    frames_apart_s = (beacon.frame - fused.frame) / FactoryWorld.rate_hz
+    apart_s = (beacon.capture_ns - fused.capture_ns) * 1e-9 - frames_apart_s
+    assert apart_s == pytest.approx(offset_s, abs=1e-3)
 
 
 def test_a_second_process_with_a_robots_id_gets_the_robot_excluded_with_the_reason(
@@ -259,7 +263,8 @@ def test_garbage_and_oversized_messages_are_counted_and_change_nothing(
     decisions.until(together)
     bad = transport.open_zenoh(transport.client_config(swarm.address), timeout_s=10)
     for key, data in bad_messages("bad"):
-        bad.put(key, data)
+        # Block, so that the oversized one, and what comes behind it, is not lost on the way.
+        bad.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
     invalid = 'coadapt_messages_invalid_total{kind="%s"}'
     until(lambda: metrics_of(port).get(invalid % "Beacon", 0) >= 50, "beacons are counted")
     until(lambda: metrics_of(port).get(invalid % "SceneDescription", 0) >= 2, "scenes as well")

@@ -102,7 +102,7 @@ def test_a_server_that_keeps_us_waiting_costs_no_more_than_the_deadline(
     behaviour: Behaviour,
 ) -> None:
     with serving_model(behaviour) as server, gateway_of(server) as client:
-        answer = decide(client, 0.3, **ask(1))
+        answer = decide(client, 2.0, **ask(1))
         assert (answer.status, answer.error["code"]) == (504, "expired")
         # Its connection is closed, so the server need not go on.
         assert server.next_left()
@@ -132,10 +132,9 @@ def test_a_server_that_is_down_is_used_once_it_is_up() -> None:
 
 
 def test_a_server_that_keeps_failing_is_left_alone_and_tried_again() -> None:
-    with serving_model() as server, gateway_of(server, breaker_failures=2, breaker_s=0.3) as client:
+    with serving_model() as server, gateway_of(server, breaker_failures=2, breaker_s=1.0) as client:
         server.otherwise = refuses(500, "boom")
-        codes = [decide(client, **ask(i)).error["code"] for i in range(4)]
-        assert codes[-1] == "unavailable"
+        until(lambda: decide(client, **ask(1)).error["code"] == "unavailable", "it is left alone")
         assert client.count("coadapt_llm_breaker_state") == 2
         server.otherwise = says(GOOD)
         until(lambda: decide(client, **ask(9)).status == 200, "the breaker closes")

@@ -109,11 +109,12 @@ def test_robots_reach_each_other_through_both_shaped_directions(net: Links) -> N
 
 def test_a_change_keeps_what_queues_hold_and_what_was_counted(net: Links) -> None:
     link = Link(net.robots[0], "down")
-    net.driver.apply(link, ladder.shape(100_000, 0))
+    # So slow that it takes half a minute to drain.
+    net.driver.apply(link, ladder.shape(10_000, 0))
     fill("10.77.1.1", 40_000, TrafficClass.FUSION.tos)
     before = net.driver.read([link])[link].classes[TrafficClass.FUSION]
     assert before.backlog_bytes > 20_000
-    for rate_bps, level in ((150_000, 2), (120_000, 3)):
+    for rate_bps, level in ((15_000, 2), (12_000, 3)):
         net.driver.apply(link, ladder.shape(rate_bps, level))
     after = net.driver.read([link])[link].classes[TrafficClass.FUSION]
     assert after.drops == before.drops

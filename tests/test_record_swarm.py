@@ -6,7 +6,7 @@ import asyncio
 import json
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -24,13 +24,33 @@ from deploy.state import State
 from recordings.check import check
 from recordings.listen import Ears, Heard, Presence
 from recordings.record import Result, Wanted, record
+from recordings.recorder import Recorder
 from recordings.sink import Sink
 from swarm.errors import RecordingError, TransportError
+from swarm.messages import Beacon, Decision, Detections, Message, SceneDescription
 from worlds.recording.file import RecordingFile
 from worlds.recording.format import FUSED, LOG, Fused
 from worlds.recording.world import RecordingWorld
 
 ROBOTS = ("R1", "R2")
+Taken = list[Message | Presence]
+"""What a recorder has been given."""
+
+
+def everything(taken: Taken) -> bool:
+    """Whether two frames and a decision of all are there, and all that R2 says."""
+    both = [type(one) for one in taken if getattr(one, "participants", None) == ROBOTS]
+    of_r2 = {type(one) for one in taken if getattr(one, "robot", None) == "R2"}
+    return (
+        both.count(Detections) >= 2
+        and Decision in both
+        and of_r2 >= {Presence, Beacon, SceneDescription}
+    )
+
+
+def frames_at_two_rates(taken: Taken) -> bool:
+    """Whether there are frames that a rate of 1 Hz takes and such that it leaves out."""
+    return {one.frame % 2 for one in taken if isinstance(one, Detections)} == {0, 1}
 
 
 class Running:
@@ -68,6 +88,20 @@ class Running:
             self.taken_down.is_set,
         )
 
+    def record_until(self, wanted: Wanted, enough: Callable[[Taken], bool]) -> Result:
+        """A recording that is stopped when what it has taken is enough."""
+        stop, taken, take = threading.Event(), Taken(), Recorder.take
+
+        def noted(recorder: Recorder, heard: Heard, hurry: bool = False) -> None:
+            take(recorder, heard, hurry)
+            taken.append(heard.message)
+            if enough(taken):
+                stop.set()
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Recorder, "take", noted)
+            return self.record(wanted, stop)
+
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
@@ -88,18 +122,9 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 @pytest.fixture(scope="module")
 def made(running: Running) -> Result:
-    """A recording that is stopped when two frames with everybody in them have come."""
-    stop, done = threading.Event(), list[Result]()
-    wanted = Wanted(Path(running.state.spec.var_dir) / "made.mcap")
-    thread = threading.Thread(target=lambda: done.append(running.record(wanted, stop)))
-    thread.start()
-    try:
-        running.fused_together()
-        running.fused_together()
-    finally:
-        stop.set()
-        thread.join(20)
-    return done[0]
+    """A recording that is stopped when everybody has told of everything."""
+    wanted = Wanted(Path(running.state.spec.var_dir) / "made.mcap", seconds=60.0)
+    return running.record_until(wanted, everything)
 
 
 def test_a_recording_of_one_run_replays_to_the_same_detections(
@@ -173,7 +198,8 @@ def test_a_recording_ends_although_more_comes_than_can_be_written(
 
 def test_a_rate_and_no_truth_make_a_recording_smaller(running: Running, tmp_path: Path) -> None:
     path = tmp_path / "small.mcap"
-    result = running.record(Wanted(path, truth=False, rate_hz=1.0, seconds=2.5))
+    wanted = Wanted(path, truth=False, rate_hz=1.0, seconds=60.0)
+    result = running.record_until(wanted, frames_at_two_rates)
     assert 1 <= result.frames < result.fused
     assert result.left_out == 0
     world = RecordingWorld(path)

@@ -98,23 +98,25 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
 
     world = Opv2vWorld(opv2v_dir)
     for robot in ("302", "311"):
+        # Frames of old beacons have left the robot's ring.
+        beacons.skip()
         beacon = beacons.next_where(lambda b, robot=robot: b.robot == robot and len(b.sizes) > 0)
+        key = keyspace.observation(ego.swarm, robot)
+        early = request(capture_ns=beacon.capture_ns, max_error_m=0.05, keep_ground=True)
+        late = request(capture_ns=beacon.capture_ns, algorithm="late")
+        answers = [ego.ask(key, asked, Observation, timeout_s=5) for asked in (early, late)]
         assert beacon.pose == world.pose(robot, beacon.frame).as_tuple()
         scene = scenes.next_where(lambda s, robot=robot: s.robot == robot)
         assert len(unpack_finite(scene.objects, "objects", 9)) > 5
 
-        key = keyspace.observation(ego.swarm, robot)
-        asked = request(capture_ns=beacon.capture_ns, max_error_m=0.05, keep_ground=True)
-        got = ego.ask(key, asked, Observation, timeout_s=5).result(WAIT_S).message
+        got = answers[0].result(WAIT_S).message
         assert (got.frame, got.instance, got.pose) == (beacon.frame, beacon.instance, beacon.pose)
         scan = world.scan(robot, got.frame).points
         decoded = decode_points(take_outline(got.payload)[0])
         assert len(decoded) == len(scan)
         assert cKDTree(decoded).query(scan)[0].max() <= 0.05
 
-        late = request(capture_ns=beacon.capture_ns, algorithm="late")
-        got = ego.ask(key, late, Observation, timeout_s=5).result(WAIT_S).message
-        boxes = decode_boxes(take_outline(got.payload)[0])
+        boxes = decode_boxes(take_outline(answers[1].result(WAIT_S).message.payload)[0])
         found = shared_finder(world.detector).find(scan)
         expected = found.take(np.flatnonzero(found.scores >= SENT_SCORE)[:SENT_BOXES])
         np.testing.assert_allclose(boxes.centers, expected.centers, atol=0.003)
@@ -150,7 +152,7 @@ def test_a_robot_whose_clock_is_off_says_so_in_every_time_it_sends(
     start: Start, ego: Session
 ) -> None:
     beacons = beacons_of(ego)
-    start(ROBOTS="302", CLOCK_OFFSET_S="-500")
+    start(ROBOTS="302", CLOCK_OFFSET_S="-500", RING_FRAMES="100")
     beacon = beacons.next()
     for told in (beacon.sent_ns, beacon.capture_ns):
         assert abs((time.time_ns() - told) / 1e9 - 500) < WAIT_S

@@ -55,6 +55,11 @@ class Inbox(Generic[T]):
             if condition(item):
                 return item
 
+    def skip(self) -> None:
+        """Looks only at what comes from now on."""
+        while not self.empty():
+            self._items.get()
+
     def empty(self) -> bool:
         return self._items.empty()
 
