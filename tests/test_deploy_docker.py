@@ -20,9 +20,10 @@ from deploy import services as roster
 from deploy import state as record
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
-from deploy.runtimes.docker import DockerRuntime
+from deploy.runtimes.docker import DockerRuntime, gateway_of
 from deploy.spec import SwarmSpec, make_spec
 from deploy.state import State, need_state
+from swarm.errors import DeployError
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # The first start builds the image: wheels, and a base where none can be pulled.
@@ -286,6 +287,14 @@ def test_numerical_threads_are_few_and_never_spin(runtime: str) -> None:
     for name, threads in {"robot-R1": "1", "robot-R2": "1", "ego-R1": "2"}.items():
         assert settings[name]["OMP_NUM_THREADS"] == threads
         assert settings[name]["OMP_WAIT_POLICY"] == "PASSIVE"
+
+
+def test_a_bridge_whose_gateway_is_not_told_has_the_subnets_first_address() -> None:
+    ipv6 = {"Subnet": "fd00::/64", "Gateway": ""}
+    assert gateway_of([{"Subnet": "172.17.0.0/16"}, ipv6]) == "172.17.0.1"
+    assert gateway_of([{"Subnet": "10.1.0.0/24", "Gateway": "10.1.0.9"}, ipv6]) == "10.1.0.9"
+    with pytest.raises(DeployError, match="has no gateway"):
+        gateway_of([])
 
 
 def test_the_compose_file_shows_one_container_a_process() -> None:

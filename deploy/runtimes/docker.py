@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import ipaddress
 import os
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -196,10 +197,21 @@ def _engine() -> Any:
 
 def _gateway() -> str:
     """The host's address on Docker's bridge, at which containers reach the host."""
-    config = _engine().networks.get("bridge").attrs["IPAM"]["Config"]
+    return gateway_of(_engine().networks.get("bridge").attrs["IPAM"]["Config"])
+
+
+def gateway_of(config: Sequence[Mapping[str, str]]) -> str:
+    """The gateway that a network's address configuration names, else takes.
+
+    An engine that was started for the first time names none (seen with 20.10); it takes the first
+    address of the subnet. Raises DeployError where there is no subnet, either.
+    """
     for entry in config:
         if entry.get("Gateway"):
-            return str(entry["Gateway"])
+            return entry["Gateway"]
+    for entry in config:
+        if entry.get("Subnet"):
+            return str(next(ipaddress.ip_network(entry["Subnet"]).hosts()))
     raise DeployError("Docker's network `bridge` has no gateway, so nothing reaches the host")
 
 
