@@ -1,17 +1,19 @@
-"""Asking robots for one frame in parallel, with a deadline.
+"""Asking robots for frames in parallel, each frame with a deadline.
 
-Answers come in on Zenoh's threads and are taken up by the fusion thread through one queue, so that
-late answers of earlier frames are counted too. A robot that still owes an answer is not asked
-again: a slow one costs its own frames, never the link or the next frame.
+Answers come in on Zenoh's threads and are taken up by the asking thread through one queue, so that
+late answers of earlier frames are counted too. Frames overlap: the next one may be asked for while
+answers to this one are on their way. A robot that is not in time is not asked again until it has
+answered: a slow one costs its own frames, never the link or the next frame.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 import queue
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
@@ -40,6 +42,9 @@ SMALL_OFFSET_NS = 50_000_000
 MAX_SKEW_FRAMES = 1.5
 """An answer farther off than this many frame periods shows another moment: a robot that reads its
 scan a little later than the ego gives the frame before."""
+REQUESTS_UNDER_WAY = 2
+"""Of one robot that keeps up. Answers that take longer than a frame would cost every second frame
+with one; more would queue at the robot and on the link."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +54,7 @@ class _Ask:
     robot: str
     request: ObservationRequest
     round: FrameRound
+    session: Session
     tries: int
 
 
@@ -63,7 +69,8 @@ class _Arrival:
 
 @dataclass(slots=True, eq=False)
 class FrameRound:
-    """The requests of one fused frame."""
+    """The requests of one frame. The asking thread writes it; until the frame's time is over, other
+    threads only read `contributions_in_turn`."""
 
     algorithm: Algorithm
     begun_at: float
@@ -76,17 +83,52 @@ class FrameRound:
     waiting: set[str] = field(default_factory=set)
     open: set[str] = field(default_factory=set)
     """Robots whose request has not ended, be it late."""
+    asked_at: dict[str, float] = field(default_factory=dict)
+    """When each robot was asked, `time.monotonic()` seconds like all times here."""
+    arrived_at: dict[str, float] = field(default_factory=dict)
+    """When each robot's answer was there, also one that was late."""
     encode_ms: dict[str, float] = field(default_factory=dict)
     """How long each contribution's robot took to encode it."""
+    closed_at: float | None = None
+    """When the last robot had answered or the deadline had passed; None until then."""
+    _arrived: queue.SimpleQueue[Contribution | None] = field(default_factory=queue.SimpleQueue)
+
+    @property
+    def due_at(self) -> float:
+        """When the deadline passes."""
+        return self.begun_at + self.deadline_s
 
     @property
     def given_up_at(self) -> float:
         """When no answer can come any more: a second try may end as late as this."""
         return self.begun_at + 2.0 * (self.deadline_s + LATE_S)
 
+    def outcome(self, robot: str) -> str:
+        """What came of a robot in a closed round: `in_time`, or one of MISSING_KINDS."""
+        return kind_of(self.missing[robot]) if robot in self.missing else "in_time"
+
+    def contributions_in_turn(self) -> Iterator[Contribution]:
+        """Each contribution when it arrives, until the round is closed. For one caller."""
+        while (contribution := self._arrived.get()) is not None:
+            yield contribution
+
+    def take(self, contribution: Contribution) -> None:
+        """Adds what came in time."""
+        self.contributions.append(contribution)
+        self._arrived.put(contribution)
+
+    def close(self, now: float) -> None:
+        """Ends the waiting."""
+        for robot in sorted(self.waiting):
+            self.missing[robot] = f"deadline: no answer within {self.deadline_s:g} s"
+        self.waiting.clear()
+        self.closed_at = now
+        self._arrived.put(None)
+
 
 class Asker:
-    """Sends the requests of a frame and gathers the answers. Used by the fusion thread only."""
+    """Sends the requests of frames and gathers the answers. Used by the asking thread only, but for
+    `nudge`."""
 
     def __init__(
         self,
@@ -111,8 +153,12 @@ class Asker:
         self._max_error_m = max_error_m
         self._keep_ground = keep_ground
         self._numbers = itertools.count(1)
-        self._inbox: queue.SimpleQueue[_Arrival] = queue.SimpleQueue()
-        self._owing: dict[str, _Ask] = {}
+        self._inbox: queue.SimpleQueue[_Arrival | None] = queue.SimpleQueue()
+        self._owing: dict[str, list[_Ask]] = {}
+        self._prompt: set[str] = set()
+        """Robots whose newest answer came in time."""
+        self._rounds: list[FrameRound] = []
+        """Those that still wait for answers."""
         self._transfers: deque[Transfer] = deque(maxlen=MAX_TRANSFERS)
 
     def ask(
@@ -125,22 +171,25 @@ class Asker:
         tell: Ask | None = None,
     ) -> FrameRound:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
-        within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode."""
+        within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode.
+
+        `attend` takes up the answers; a round in which nobody could be asked is closed at once.
+        """
         tell = tell or Ask()
         now = time.monotonic()
         done = FrameRound(algorithm, now, deadline_s)
         asked: list[str] = []
         for robot in robots:
-            owed = self._owing.get(robot)
             if session is None:
                 done.missing[robot] = "offline: no router"
             elif not self._monitor.is_alive(robot):
                 done.missing[robot] = "left: its liveliness token is gone"
-            elif owed is not None and now < owed.round.given_up_at:
+            elif self._is_busy(robot, now):
                 done.missing[robot] = "busy: still owes the answer for an earlier frame"
             else:
                 asked.append(robot)
         if session is None or not asked:
+            done.close(now)
             return done
         capacity_bps, _ = self._link.capacity(now)
         limits = self._link.robot_limits(now)
@@ -160,44 +209,51 @@ class Asker:
                 reference=None if tell.reference is None else tell.reference.as_tuple(),
                 demand=tell.demand,
             )
-            self._send(session, _Ask(robot, request, done, tries=1))
+            done.asked_at[robot] = time.monotonic()
+            self._send(_Ask(robot, request, done, session, tries=1))
+        self._rounds.append(done)
         return done
 
-    def collect(
-        self,
-        session: Session | None,
-        done: FrameRound,
-        take_up: Callable[[Contribution], None],
-    ) -> None:
-        """Waits until every robot of the frame has answered or the deadline has passed; gives each
-        contribution to `take_up` when it arrives."""
-        until = done.begun_at + done.deadline_s
-        while done.waiting and (left := until - time.monotonic()) > 0:
-            try:
-                arrival = self._inbox.get(timeout=left)
-            except queue.Empty:
-                break
-            if self._asked_again(session, arrival):
-                continue
-            contribution = self._take(arrival)
-            if contribution is not None:
-                take_up(contribution)
+    def attend(self, seconds: float) -> None:
+        """Takes up answers for at most that long, and closes the rounds whose time is over; returns
+        early when something has come or a round was closed."""
         now = time.monotonic()
-        if done.waiting and not any(t.end_s >= done.begun_at for t in self._transfers):
-            self._link.silence(now)
-        for robot in sorted(done.waiting):
-            done.missing[robot] = f"deadline: no answer within {done.deadline_s:g} s"
-        done.waiting.clear()
-
-    def wait(self, seconds: float) -> None:
-        """Takes up late answers for a while; returns early when one has come."""
+        first_due = min((done.due_at for done in self._rounds), default=math.inf)
         try:
-            self._take(self._inbox.get(timeout=max(0.0, seconds)))
+            arrival = self._inbox.get(timeout=max(0.0, min(seconds, first_due - now)))
+            while True:
+                if arrival is not None and not self._asked_again(arrival):
+                    self._take(arrival)
+                arrival = self._inbox.get_nowait()
         except queue.Empty:
-            return
+            pass
+        self._close_rounds(time.monotonic())
 
-    def _send(self, session: Session, ask: _Ask) -> None:
-        self._owing[ask.robot] = ask
+    @property
+    def waits(self) -> bool:
+        """Whether a round still waits for answers."""
+        return bool(self._rounds)
+
+    def nudge(self) -> None:
+        """Lets `attend` return. From any thread."""
+        self._inbox.put(None)
+
+    def _close_rounds(self, now: float) -> None:
+        for done in [r for r in self._rounds if not r.waiting or now >= r.due_at]:
+            self._rounds.remove(done)
+            if done.waiting and not any(t.end_s >= done.begun_at for t in self._transfers):
+                self._link.silence(now)
+            done.close(now)
+
+    def _is_busy(self, robot: str, now: float) -> bool:
+        """Whether one more request would only queue: the robot is late already, or has as many
+        under way as one that keeps up may have."""
+        owed = [ask.round for ask in self._owing.get(robot, ()) if now < ask.round.given_up_at]
+        most = REQUESTS_UNDER_WAY if robot in self._prompt else 1
+        return len(owed) >= most or any(now >= done.due_at for done in owed)
+
+    def _send(self, ask: _Ask) -> None:
+        self._owing.setdefault(ask.robot, []).append(ask)
 
         def finished(future: Future[Answer[Observation]]) -> None:
             # On a Zenoh thread: note the time and hand over.
@@ -208,44 +264,48 @@ class Asker:
             at = time.monotonic()
             self._inbox.put(_Arrival(ask, outcome if outcome is not None else future.result(), at))
 
-        session.ask(
-            keyspace.observation(session.swarm, ask.robot),
+        ask.session.ask(
+            keyspace.observation(ask.session.swarm, ask.robot),
             ask.request,
             Observation,
             timeout_s=ask.round.deadline_s + LATE_S,
         ).add_done_callback(finished)
 
-    def _asked_again(self, session: Session | None, arrival: _Arrival) -> bool:
+    def _asked_again(self, arrival: _Arrival) -> bool:
         """Asks once more when nobody answered although the robot is there: after a reconnect its
         liveliness token may arrive before its queryable."""
         ask = arrival.ask
         unanswered = isinstance(arrival.outcome, CoAdaptError) and not isinstance(
             arrival.outcome, RefusedError | MessageError
         )
-        if (
-            not unanswered
-            or ask.tries > 1
-            or session is None
-            or arrival.at >= ask.round.begun_at + ask.round.deadline_s
-        ):
+        if not unanswered or ask.tries > 1 or arrival.at >= ask.round.due_at:
             return False
         if not self._monitor.is_alive(ask.robot):
             return False
-        self._send(session, _Ask(ask.robot, ask.request, ask.round, tries=2))
+        self._settle(ask)
+        self._send(_Ask(ask.robot, ask.request, ask.round, ask.session, tries=2))
         return True
 
-    def _take(self, arrival: _Arrival) -> Contribution | None:
-        """Counts an answer; returns what it brings to its frame, if that still waits for it."""
+    def _settle(self, ask: _Ask) -> None:
+        """The robot does not owe this answer any more."""
+        owed = [other for other in self._owing.pop(ask.robot, ()) if other is not ask]
+        if owed:
+            self._owing[ask.robot] = owed
+
+    def _take(self, arrival: _Arrival) -> None:
+        """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
         self._learn(arrival)
-        if self._owing.get(ask.robot) is ask:
-            del self._owing[ask.robot]
+        self._settle(ask)
         late = ask.robot not in done.waiting
         done.waiting.discard(ask.robot)
         if isinstance(arrival.outcome, CoAdaptError):
+            self._prompt.discard(ask.robot)
             if not late:
                 done.missing[ask.robot] = _why(arrival.outcome)
-            return None
+            return
+        (self._prompt.discard if late else self._prompt.add)(ask.robot)
+        done.arrived_at[ask.robot] = arrival.at
         answer = arrival.outcome
         seen = answer.message
         self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
@@ -255,17 +315,15 @@ class Asker:
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self._knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
         if late:
-            return None
+            return
         if wrong is not None:
             done.missing[ask.robot] = wrong
-            return None
+            return
         done.bytes[ask.robot] = len(seen.payload)
         done.encode_ms[ask.robot] = seen.encode_ms
         age_s = (ask.request.capture_ns - seen.capture_ns) * 1e-9
         pose = seen.sensor_pose().matrix()
-        contribution = Contribution(ask.robot, seen.payload, pose, age_s)
-        done.contributions.append(contribution)
-        return contribution
+        done.take(Contribution(ask.robot, seen.payload, pose, age_s))
 
     def _learn(self, arrival: _Arrival) -> None:
         """Notes when an answer was on its way; the last one of its frame, be it late, completes

@@ -1,23 +1,25 @@
-"""Execute: carries out the decision in force, frame after frame, on a thread of its own.
+"""Execute: carries out the decision in force, frame after frame, on threads of its own.
 
 A frame: read the own newest scan, ask the chosen robots, fuse whatever arrived before the deadline,
-publish. Frames that the machine has no time for are skipped and counted, so that the loop never
-falls behind the sensors.
+publish. One thread asks, another one fuses, so that robots encode the next frame meanwhile. Frames
+that the machine has no time for are skipped before anybody is asked, and counted, so that the loop
+never falls behind the sensors.
 """
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ego_agent.ask import Asker, FrameRound, kind_of
+from ego_agent.pipeline import AskedFrame, Pipeline
 from ego_agent.sense import OwnFrame, OwnSensor
 from ego_agent.tally import TallyKeeper
-from perception.fusion.base import Contribution, Fusion
+from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.types import Boxes
 from swarm import keyspace
@@ -51,8 +53,12 @@ class FrameResult:
     missing: Mapping[str, str]
     latency_ms: float
     """From the first query to the fused boxes."""
+    wait_ms: float
+    """How long the answers that were there waited for the frame before to be fused."""
+    add_ms: float
+    """Taking up what arrived, while others still encode."""
     fuse_ms: float
-    """From the last answer to the fused boxes."""
+    """From all that was taken up to the fused boxes."""
 
 
 class FusionLoop:
@@ -70,7 +76,9 @@ class FusionLoop:
         *,
         rate_hz: float,
         deadline_s: float,
+        on_result: Callable[[FrameResult], None] | None = None,
     ) -> None:
+        """`on_result` hears of each published frame, on the fusing thread."""
         self._ego = ego
         self._sensor = sensor
         self._asker = asker
@@ -82,19 +90,28 @@ class FusionLoop:
         self._deadline_s = deadline_s
         self._decision: Decision | None = None
         self._session: Session | None = None
+        self._on_result = on_result
+        self._pipeline = Pipeline()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="fusion", daemon=True)
+        self._threads = [
+            threading.Thread(target=self._ask_frames, name="asking", daemon=True),
+            threading.Thread(target=self._fuse_frames, name="fusion", daemon=True),
+        ]
         self.unpublished = 0
         """Detections that could not be published."""
 
     def start(self) -> None:
-        """Starts the thread; frames begin with the first decision."""
-        self._thread.start()
+        """Starts the threads; frames begin with the first decision."""
+        for thread in self._threads:
+            thread.start()
 
     def stop(self) -> None:
-        """Ends the thread after the frame in hand."""
+        """Ends the threads after the frames that were asked for."""
         self._stop.set()
-        self._thread.join(self._deadline_s + 5.0)
+        self._asker.nudge()
+        until = time.monotonic() + self._deadline_s + 5.0
+        for thread in self._threads:
+            thread.join(max(0.0, until - time.monotonic()))
 
     def connect(self, session: Session) -> None:
         """From now on robots can be asked."""
@@ -104,63 +121,98 @@ class FusionLoop:
         """The decision to carry out from the next frame on."""
         self._decision = decision
 
-    def _run(self) -> None:
+    def fuse(self, decision: Decision, own: OwnFrame) -> FrameResult:
+        """Asks the decision's robots for the frame of `own` and fuses what came in time, all on
+        the caller's thread; not while the loop runs."""
+        frame = self._asked(decision, own)
+        while frame.round.closed_at is None:
+            self._asker.attend(MAX_WAIT_S)
+        return self._fused(frame, time.monotonic())
+
+    def _ask_frames(self) -> None:
         last: int | None = None
         while not self._stop.is_set():
             newest = self._sensor.newest()
             frame = newest - newest % self._stride
             decision = self._decision
             if decision is None or frame == last:
-                wait_s = self._sensor.until(frame + self._stride)
-                self._asker.wait(min(MAX_WAIT_S, max(0.001, wait_s)))
+                self._attend(self._sensor.until(frame + self._stride))
+                continue
+            if (full_s := self._pipeline.full_for_s(time.monotonic())) > 0.0:
+                self._attend(full_s)
                 continue
             if last is not None and frame > last + self._stride:
                 self._tally.skipped((frame - last) // self._stride - 1)
             last = frame
             try:
-                self._frame(decision, frame)
+                own = self._sensor.read(frame)
+                if own is None:
+                    self._tally.failed()
+                else:
+                    self._pipeline.put(self._asked(decision, own))
             except Exception:
-                # One bad frame must not end perception; the journal shows that it failed.
-                self._tally.failed()
-                self._log.error("frame_failed", frame=frame, exc_info=True)
+                self._failed(frame)
+        while self._asker.waits:
+            self._attend(MAX_WAIT_S)
+        self._pipeline.close()
 
-    def _frame(self, decision: Decision, frame: int) -> None:
-        own = self._sensor.read(frame)
-        if own is None:
-            self._tally.failed()
-            return
-        result = self.fuse(decision, own)
-        kinds = {robot: kind_of(reason) for robot, reason in result.missing.items()}
-        self._tally.fused(result.latency_ms, len(result.boxes), kinds)
-        self._publish(decision, result)
-        self._sensor.describe(own)
+    def _attend(self, seconds: float) -> None:
+        try:
+            self._asker.attend(min(MAX_WAIT_S, max(0.001, seconds)))
+        except Exception:
+            # One answer must not end perception.
+            self._log.error("answer_failed", exc_info=True)
 
-    def fuse(self, decision: Decision, own: OwnFrame) -> FrameResult:
-        """Asks the decision's robots for the frame of `own` and fuses what came in time."""
-        session = self._session
+    def _fuse_frames(self) -> None:
+        while (frame := self._pipeline.take()) is not None:
+            try:
+                result = self._fused(frame, time.monotonic())
+                kinds = {robot: kind_of(reason) for robot, reason in result.missing.items()}
+                self._tally.fused(result.latency_ms, len(result.boxes), kinds)
+                self._publish(frame.decision, result)
+                if self._on_result is not None:
+                    self._on_result(result)
+                self._sensor.describe(frame.own)
+            except Exception:
+                self._failed(frame.own.frame)
+            self._pipeline.done()
+            self._asker.nudge()
+
+    def _failed(self, frame: int) -> None:
+        # One bad frame must not end perception; the journal shows that it failed.
+        self._tally.failed()
+        self._log.error("frame_failed", frame=frame, exc_info=True)
+
+    def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
+        """Begins a frame and asks its robots."""
         others = tuple(robot for robot in decision.participants if robot != self._ego)
         fusion = self._fusions[decision.algorithm]
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
         done = self._asker.ask(
-            session,
+            self._session,
             others,
             decision.algorithm,
             own.capture_ns,
             self._deadline_s,
             gathering.ask(),
         )
+        return AskedFrame(decision, own, fusion, gathering, done)
+
+    def _fused(self, frame: AskedFrame, taken_at: float) -> FrameResult:
+        """Takes up what arrives until the frame's round is closed, and fuses it."""
+        own, gathering, done = frame.own, frame.gathering, frame.round
         gathering.prepare()
         rejected: dict[str, str] = {}
-
-        def take_up(contribution: Contribution) -> None:
+        add_s = 0.0
+        for contribution in done.contributions_in_turn():
+            begun_at = time.monotonic()
             # One robot's payload must not end the frame, whatever is wrong with it.
             try:
                 gathering.add(contribution)
             except Exception as error:
                 rejected[contribution.robot] = self._fault(error, own)
-
-        self._asker.collect(session, done, take_up)
+            add_s += time.monotonic() - begun_at
         fuse_at = time.monotonic()
         try:
             boxes = gathering.finish()
@@ -169,11 +221,12 @@ class FusionLoop:
                 raise
             why = self._fault(error, own)
             rejected = {c.robot: why for c in done.contributions}
-            boxes = fusion.begin(own.points, own.world_from_sensor).finish()
+            boxes = frame.fusion.begin(own.points, own.world_from_sensor).finish()
         end_at = time.monotonic()
         missing = dict(done.missing)
         missing.update({robot: f"rejected: {why}" for robot, why in rejected.items()})
         used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
+        assert done.closed_at is not None
         return FrameResult(
             own=own,
             round=done,
@@ -181,6 +234,8 @@ class FusionLoop:
             participants=(self._ego, *sorted(used)),
             missing=missing,
             latency_ms=(end_at - done.begun_at) * 1e3,
+            wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
+            add_ms=add_s * 1e3,
             fuse_ms=(end_at - fuse_at) * 1e3,
         )
 
@@ -207,6 +262,7 @@ class FusionLoop:
             labels=boxes.labels,
             bytes=result.round.bytes,
             latency_ms=result.latency_ms,
+            age_ms=max(0.0, self._sensor.age_s(result.own) * 1e3),
         )
         try:
             if session is None:

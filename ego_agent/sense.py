@@ -47,7 +47,8 @@ class OwnFrame:
 class OwnSensor:
     """Reads and describes the ego's own scans and tells Monitor.
 
-    `read` and `describe` belong to the fusion thread, `locate` to the control cycle.
+    `read` belongs to the asking thread, `describe` to the fusing one, `locate` to the control
+    cycle.
     """
 
     def __init__(
@@ -74,8 +75,12 @@ class OwnSensor:
         """Seconds until a frame is captured; not positive when it has been."""
         return (capture_ns(self._epoch_ns, self.rate_hz, frame) - self._clock.now_ns()) * 1e-9
 
+    def age_s(self, own: OwnFrame) -> float:
+        """Seconds since a frame was captured."""
+        return (self._clock.now_ns() - own.capture_ns) * 1e-9
+
     def locate(self) -> None:
-        """Tells Monitor where the ego is now, whatever the fusion thread is busy with."""
+        """Tells Monitor where the ego is now, whatever the frames' threads are busy with."""
         frame = self.newest()
         pose = self._pose(frame)
         if pose is not None:

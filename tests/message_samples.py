@@ -140,6 +140,7 @@ SAMPLES: tuple[Message, ...] = (
         labels=("forklift",),
         bytes={"R1": 208},
         latency_ms=41.5,
+        age_ms=64.25,
     ),
     NetState(
         controller=281_474_976_710_655,

@@ -88,6 +88,13 @@ def test_a_field_that_a_later_version_adds_is_ignored(sample: Message) -> None:
     assert decode(broken(sample, battery=0.5), type(sample)) == sample
 
 
+def test_detections_of_a_version_that_did_not_tell_their_age_are_read() -> None:
+    fields = plain(sample_of(messages.Detections))
+    del fields["age_ms"]
+    older = decode(msgpack.packb(fields), messages.Detections)
+    assert older.age_ms is None
+
+
 @every_sample
 @pytest.mark.parametrize("version", [0, 2, "1", None, 1.5])
 def test_another_schema_version_is_refused(sample: Message, version: object) -> None:
@@ -129,6 +136,8 @@ def test_a_field_of_a_wrong_type_is_refused(sample: Message, wrong: object) -> N
             continue  # An operator may leave them out.
         if name == "advice" and wrong is None:
             continue  # Most policies ask nobody.
+        if name == "age_ms" and wrong is None:
+            continue  # Egos of an earlier version do not tell it.
         if (name, wrong) in (("reference", None), ("demand", b"\x00")):
             continue  # Most algorithms need to know neither.
         if name in ("tokens", "timings", "wish") and isinstance(wrong, dict):

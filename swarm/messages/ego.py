@@ -108,3 +108,5 @@ class Detections(Message, frozen=True, kw_only=True):
     """Payload bytes received, by robot."""
     latency_ms: Annotated[float, msgspec.Meta(ge=0)]
     """From the first query to the fused boxes."""
+    age_ms: NonNegative | None = None
+    """From the capture of the ego's scan to the publication, on the ego's clock."""
