@@ -7,7 +7,8 @@ cd "$(dirname "$0")/.."
 
 venv=.venv
 stamp=$venv/.setup-done
-inputs="requirements.lock requirements-dev.lock requirements-torch.lock pyproject.toml deploy/setup.sh"
+inputs="requirements.lock requirements-dev.lock requirements-torch.lock pyproject.toml setup.py deploy/setup.sh \
+    perception/kernels/coding.c perception/kernels/network.c"
 
 say() { echo "setup: $*" >&2; }
 . deploy/apt.sh
@@ -15,6 +16,8 @@ say() { echo "setup: $*" >&2; }
 missing_packages() {
     command -v ip >/dev/null 2>&1 || echo iproute2
     command -v prometheus >/dev/null 2>&1 || echo prometheus
+    # For the loops in C (setup.py); without a compiler all works, slower.
+    command -v cc >/dev/null 2>&1 || echo gcc libc6-dev
     for pair in libEGL.so.1=libegl1 libGL.so.1=libgl1 libgomp.so.1=libgomp1 libusb-1.0.so.0=libusb-1.0-0 \
         libX11.so.6=libx11-6; do
         ldconfig -p 2>/dev/null | grep -q "${pair%%=*}" || echo "${pair#*=}"

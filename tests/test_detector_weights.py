@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from tiny_detector import TINY, random_cloud, random_codebook, random_network, tiny  # noqa: F401
 
+from perception.detector.backends import TorchBackend, fold_norms
 from perception.detector.learned import Detector
 from perception.detector.network import Network
 from perception.detector.pillars import pillarise
@@ -79,20 +80,21 @@ def test_the_version_differs_when_one_weight_differs(path: Path, tmp_path: Path)
 
 def test_folded_norms_say_the_same_as_the_network(path: Path) -> None:
     network = random_network(seed=4)
-    detector = Detector("tiny", write(path, network))
+    folded_network = load_weights("tiny", write(path, network)).network
+    fold_norms(folded_network)
+    detector = TorchBackend(folded_network, TINY)
     cloud = random_cloud(count=3000, seed=4)
     with torch.inference_mode():
         maps = network.encoder(pillarise([cloud], TINY))
         heat, channels = network.decoder(maps)
         folded = detector.encode(cloud.numpy())
-        heat_folded, channels_folded = detector._decoder(folded[None])
+        heat_folded, channels_folded = detector.decode(folded)
     assert maps.std() > 0.05
     assert torch.allclose(folded, maps[0], atol=1e-4)
-    assert torch.allclose(heat_folded, heat, atol=1e-4)
-    assert torch.allclose(channels_folded, channels, atol=1e-4)
+    assert torch.allclose(heat_folded, heat[0], atol=1e-4)
+    assert torch.allclose(channels_folded, channels[0], atol=1e-4)
     norms = (torch.nn.BatchNorm1d, torch.nn.BatchNorm2d)
-    parts = [*detector._encoder.modules(), *detector._decoder.modules()]
-    assert not any(isinstance(part, norms) for part in parts)
+    assert not any(isinstance(part, norms) for part in folded_network.modules())
 
 
 def test_maps_are_between_zero_and_one_and_views_are_chances(path: Path) -> None:

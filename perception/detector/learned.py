@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor, nn
-from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
+from torch import Tensor
 
+from perception.detector.backends import choose
 from perception.detector.grid import BevConfig
 from perception.detector.heads import read_boxes
 from perception.detector.maxima import largest_around
-from perception.detector.pillars import pillarise
 from perception.detector.weights import load_weights
 from perception.types import Boxes, clean_points
 from swarm.geometry import Matrix, Points, transform
@@ -26,16 +25,15 @@ class Detector:
     area around the frame of the points. Raises PerceptionError when the weights cannot be used.
     """
 
-    def __init__(self, name: str, weights: Path | None = None) -> None:
+    def __init__(self, name: str, weights: Path | None = None, backend: str | None = None) -> None:
+        """`backend`: what runs the network; see `perception.detector.backends.choose`."""
         loaded = load_weights(name, weights)
         self.config: BevConfig = loaded.config
         self.version = loaded.version
         self.codebook = loaded.codebook
         self._last: tuple[Points, Matrix, Tensor] | None = None
-        for module in list(loaded.network.modules()):
-            _fold_norms(module)
-        self._encoder = loaded.network.encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self._decoder = loaded.network.decoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.backend = choose(loaded.network, self.config, backend)
+        self._view = loaded.network.encoder.view
 
     def encode_in(self, points: Points, map_from_points: Matrix) -> Tensor:
         """The feature map of a cloud float32 (N, 3), 4 x 4 of whose frame is given in that of the
@@ -49,40 +47,23 @@ class Detector:
 
     def encode(self, points: Points) -> Tensor:
         """The feature map of a cloud float32 (N, 3) in the frame of the map."""
-        with torch.inference_mode():
-            # torch refuses arrays that cannot be written to, as scans are.
-            cloud = torch.from_numpy(np.array(points, dtype=np.float32))
-            features: Tensor = self._encoder(pillarise([cloud], self.config))[0]
-            return features
+        return self.backend.encode(points)
 
     def look(self, features: Tensor) -> Tensor:
         """What a map shows by itself: float32 (3, rows, columns): the chance that an object's
         middle is in the cell, and its offset from the cell's middle along x and y, cells."""
         with torch.inference_mode():
-            seen = self._encoder.look(features[None])[0]
+            seen = self._view(features[None])[0]
             return torch.cat([seen[:1].sigmoid(), seen[1:]])
 
     def decode(self, fused: Tensor) -> Boxes:
         """The boxes that a feature map shows, best score first, in the frame of the map."""
         with torch.inference_mode():
-            one = fused[None].contiguous(memory_format=torch.channels_last)
-            heat, channels = self._decoder(one)
+            heat, channels = self.backend.decode(fused)
             # Nobody has said anything there: no robot has a point near.
-            silent = largest_around(one.amax(dim=1), 1) == 0.0
-            return read_boxes(self.config, heat[0].masked_fill(silent, -math.inf), channels[0])
+            silent = largest_around(fused.amax(dim=0, keepdim=True), 1) == 0.0
+            return read_boxes(self.config, heat.masked_fill(silent, -math.inf), channels)
 
     def detect(self, points: Points) -> Boxes:
         """The boxes in a cloud float32 (N, 3), in its frame; points off the area are left out."""
         return self.decode(self.encode(points))
-
-
-def _fold_norms(module: nn.Module) -> None:
-    """Puts batch norms into the layers before them: the same result in half of the passes."""
-    if not isinstance(module, nn.Sequential):
-        return
-    for i in range(len(module) - 1):
-        layer, norm = module[i], module[i + 1]
-        if isinstance(layer, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
-            module[i], module[i + 1] = fuse_conv_bn_eval(layer, norm), nn.Identity()
-        elif isinstance(layer, nn.Linear) and isinstance(norm, nn.BatchNorm1d):
-            module[i], module[i + 1] = fuse_linear_bn_eval(layer, norm), nn.Identity()

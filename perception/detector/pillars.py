@@ -7,11 +7,16 @@ same wherever it stands, because merged clouds have no single sensor in their mi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from perception.detector.grid import PILLARS_OF_CELL, STRIDE, BevConfig
+
+Cloud = TypeVar("Cloud", Tensor, NDArray[np.float32])
 
 POINT_FEATURES = 7
 MAX_POINTS = 400_000
@@ -38,8 +43,7 @@ def pillarise(clouds: list[Tensor], config: BevConfig) -> Pillars:
     points, offsets, index = [], [], []
     size = config.rows * config.columns
     for number, cloud in enumerate(clouds):
-        if len(cloud) > MAX_POINTS:
-            cloud = cloud[:: -(-len(cloud) // MAX_POINTS)]
+        cloud = thinned(cloud)
         x, y, z = cloud.unbind(1)
         inside = (x.abs() < config.half_x_m) & (y.abs() < config.half_y_m)
         inside &= (z > config.low_z_m) & (z < config.high_z_m)
@@ -59,6 +63,11 @@ def pillarise(clouds: list[Tensor], config: BevConfig) -> Pillars:
     merged, where = torch.cat(points), torch.cat(index)
     offset = torch.cat(offsets) / config.pillar_m
     return Pillars(_features(merged, offset, where, size * len(clouds)), where, len(clouds))
+
+
+def thinned(cloud: Cloud) -> Cloud:
+    """MAX_POINTS of a cloud (N, 3) at most."""
+    return cloud[:: max(1, -(-len(cloud) // MAX_POINTS))]
 
 
 def _features(points: Tensor, offset: Tensor, index: Tensor, pillars: int) -> Tensor:

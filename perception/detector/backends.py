@@ -1,0 +1,190 @@
+"""What runs the network: PyTorch, or the loops in C, whichever is the fastest on this machine.
+
+- `torch`: float32 in PyTorch; there on every machine, and what the others are held against.
+- `compiled`: float32 in C, where there was a compiler. Up to rounding the same.
+- `torch-bfloat16`: for processors that multiply in bfloat16, which others do at a fourth of the
+  speed. Chances differ by up to 0.01.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import Literal, Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
+
+from perception.detector.compiled import CompiledDecoder, CompiledEncoder
+from perception.detector.grid import BevConfig
+from perception.detector.network import FEATURES, Network
+from perception.detector.pillars import pillarise
+from perception.kernels import library
+from perception.kernels.convolution import Workers
+from swarm.errors import PerceptionError
+
+Floats = NDArray[np.float32]
+Numerics = Literal["float32", "bfloat16"]
+
+AUTO = "auto"
+SETTING = "COADAPT_DETECTOR_BACKEND"
+ISA_BELOW_AMX = "AVX512_CORE_BF16"
+"""oneDNN's name for what it may use at most where AMX may fault."""
+_TRIAL_CELLS = 40
+"""Side of the map that is decoded to see how fast it goes: a few milliseconds."""
+_TRIALS = 3
+_FASTER = 0.9
+"""Share of PyTorch's time that another one must stay below to be taken."""
+_TOLERANCE: dict[Numerics, float] = {"float32": 1e-3, "bfloat16": 0.03}
+"""How far chances may be off those of float32 in PyTorch."""
+
+
+class Backend(Protocol):
+    """Runs a network."""
+
+    name: str
+    numerics: Numerics
+
+    def encode(self, points: Floats) -> Tensor:
+        """The feature map float32 (FEATURES, rows, columns) of a cloud (N, 3) in its frame."""
+        ...
+
+    def decode(self, fused: Tensor) -> tuple[Tensor, Tensor]:
+        """Heat logits float32 (classes, rows, columns) and box channels (BOX_CHANNELS, rows,
+        columns) of a map float32 (FEATURES, rows, columns)."""
+        ...
+
+
+class TorchBackend:
+    """The network in PyTorch."""
+
+    def __init__(self, network: Network, config: BevConfig, numerics: Numerics = "float32") -> None:
+        """`network`: folded (see `fold_norms`)."""
+        self.name = "torch" if numerics == "float32" else f"torch-{numerics}"
+        self.numerics: Numerics = numerics
+        self._config = config
+        self._network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def encode(self, points: Floats) -> Tensor:
+        """See `Backend.encode`."""
+        with torch.inference_mode(), self._precision():
+            # torch refuses arrays that cannot be written to, as scans are.
+            pillars = pillarise([torch.from_numpy(points.copy())], self._config)
+            features: Tensor = self._network.encoder(pillars)[0]
+            return features.float()
+
+    def decode(self, fused: Tensor) -> tuple[Tensor, Tensor]:
+        """See `Backend.decode`."""
+        with torch.inference_mode(), self._precision():
+            one = fused[None].contiguous(memory_format=torch.channels_last)
+            heat, channels = self._network.decoder(one)
+            return heat[0].float(), channels[0].float()
+
+    def _precision(self) -> torch.autocast:
+        return torch.autocast("cpu", torch.bfloat16, enabled=self.numerics == "bfloat16")
+
+
+class CompiledBackend:
+    """The network in C."""
+
+    name = "compiled"
+    numerics: Numerics = "float32"
+
+    def __init__(self, network: Network, config: BevConfig) -> None:
+        """`network`: folded (see `fold_norms`). Raises PerceptionError where nothing could be
+        compiled."""
+        compiled = library.network()
+        if compiled is None:
+            raise PerceptionError(
+                "the detector's loops in C are not there: perception was installed without a "
+                "compiler"
+            )
+        # PyTorch's number of threads is that of OMP_NUM_THREADS, or of the processors.
+        workers = Workers(compiled, torch.get_num_threads())
+        self._encoder = CompiledEncoder(network.encoder, config, workers)
+        self._decoder = CompiledDecoder(network.decoder, workers)
+
+    def encode(self, points: Floats) -> Tensor:
+        """See `Backend.encode`."""
+        return self._encoder(points)
+
+    def decode(self, fused: Tensor) -> tuple[Tensor, Tensor]:
+        """See `Backend.decode`."""
+        return self._decoder(fused.permute(1, 2, 0).contiguous().numpy())
+
+
+def choose(network: Network, config: BevConfig, wanted: str | None = None) -> Backend:
+    """The fastest backend on this machine, or the one that is wanted by name; the environment's
+    (SETTING) when None.
+
+    Raises PerceptionError for an unknown one, or one that cannot run here.
+    """
+    wanted = wanted or os.environ.get(SETTING) or AUTO
+    fold_norms(network)
+    exact = TorchBackend(network, config)
+    if wanted == exact.name:
+        return exact
+    if wanted == CompiledBackend.name:
+        return CompiledBackend(network, config)
+    if wanted == "torch-bfloat16":
+        return _in_bfloat16(network, config)
+    if wanted != AUTO:
+        raise PerceptionError(
+            f"{SETTING} = {wanted!r} is not valid; allowed: auto, torch, compiled, torch-bfloat16"
+        )
+    candidates: list[Backend] = []
+    if library.network() is not None:
+        candidates.append(CompiledBackend(network, config))
+    if "avx512_bf16" in library.processor_flags():
+        candidates.append(_in_bfloat16(network, config))
+    return _fastest(exact, candidates)
+
+
+def fold_norms(network: Network) -> None:
+    """Puts batch norms into the layers before them: the same result in half of the passes."""
+    for module in list(network.modules()):
+        if not isinstance(module, nn.Sequential):
+            continue
+        for i in range(len(module) - 1):
+            layer, norm = module[i], module[i + 1]
+            if isinstance(layer, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+                module[i], module[i + 1] = fuse_conv_bn_eval(layer, norm), nn.Identity()
+            elif isinstance(layer, nn.Linear) and isinstance(norm, nn.BatchNorm1d):
+                module[i], module[i + 1] = fuse_linear_bn_eval(layer, norm), nn.Identity()
+
+
+def _in_bfloat16(network: Network, config: BevConfig) -> Backend:
+    if "amx_tile" in library.processor_flags():
+        # Virtual machines announce AMX whose first instruction faults. oneDNN reads this before
+        # its first layer; a lower limit that somebody has set stays.
+        os.environ.setdefault("ONEDNN_MAX_CPU_ISA", ISA_BELOW_AMX)
+    return TorchBackend(network, config, "bfloat16")
+
+
+def _fastest(exact: Backend, candidates: list[Backend]) -> Backend:
+    """The fastest of those that say what `exact` says."""
+    chances = torch.rand(
+        (FEATURES, _TRIAL_CELLS, _TRIAL_CELLS), generator=torch.Generator().manual_seed(0)
+    )
+    best, least = exact, _FASTER * _seconds(exact, chances)
+    told = exact.decode(chances)[0].sigmoid()
+    for candidate in candidates:
+        seconds = _seconds(candidate, chances)
+        off = float((candidate.decode(chances)[0].sigmoid() - told).abs().max())
+        # `not >=`: NaN is off, too.
+        if seconds < least and off <= _TOLERANCE[candidate.numerics]:
+            best, least = candidate, seconds
+    return best
+
+
+def _seconds(backend: Backend, fused: Tensor) -> float:
+    """The least time of a few tries: whatever else runs on the machine only adds to it."""
+    times = []
+    for _ in range(_TRIALS):
+        begun = time.perf_counter()
+        backend.decode(fused)
+        times.append(time.perf_counter() - begun)
+    return min(times)

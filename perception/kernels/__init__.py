@@ -1,0 +1,1 @@
+"""Loops in C, for those machines on which they could be compiled; see `library`."""

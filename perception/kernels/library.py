@@ -1,0 +1,95 @@
+"""The compiled loops as ctypes functions.
+
+`pip install` compiles them with the machine's C compiler, once for each instruction set that it
+knows (pyproject.toml). Where there is none, `None` stands for a library, and what the loops do is
+done in NumPy and PyTorch.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FOLDER = Path(__file__).parent
+_NEEDED = {
+    "_network_avx512": {"avx512f", "avx2", "fma"},
+    "_network_avx2": {"avx2", "fma"},
+    "_network_plain": set[str](),
+}
+"""Builds of network.c, the widest vectors first, with what /proc/cpuinfo must announce."""
+_KINDS = {
+    "p": ctypes.c_void_p,
+    "i": ctypes.c_int,
+    "l": ctypes.c_long,
+    "f": ctypes.c_float,
+    "v": None,
+}
+_NETWORK = {
+    "scratch3": "l ii",
+    "convolve3": "v piiii ppi piip i pii",
+    "scratch": "l iii",
+    "convolve": "v piiii ii ppi pi ii pi ii pii",
+    "limit": "v ppli",
+    "image_scratch": "l iil",
+    "image": "l pl fffff ii ppp pppp",
+}
+_CODING = {
+    "rans_put": "l ppl ppl pl pl",
+    "rans_take": "l pl ppp l pl pll p",
+}
+"""Each function's result and arguments, by their kinds."""
+
+
+@cache
+def network() -> ctypes.CDLL | None:
+    """network.c for the widest vectors that this processor has; None where it was not compiled."""
+    flags = processor_flags()
+    for name, needed in _NEEDED.items():
+        if needed <= flags:
+            found = _load(name, _NETWORK)
+            if found is not None:
+                return found
+    return None
+
+
+@cache
+def coding() -> ctypes.CDLL | None:
+    """coding.c; None where it was not compiled."""
+    return _load("_coding", _CODING)
+
+
+@cache
+def processor_flags() -> frozenset[str]:
+    """What /proc/cpuinfo announces of the processor; empty where it cannot be read."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return frozenset()
+    words = [line.partition(":")[2].split() for line in lines if line.startswith("flags")]
+    return frozenset(words[0]) if words else frozenset()
+
+
+def pointer(array: NDArray[np.generic] | None) -> int | None:
+    """Where an array's first element lies, as functions of these libraries take it."""
+    return None if array is None else array.ctypes.data
+
+
+def _load(name: str, functions: dict[str, str]) -> ctypes.CDLL | None:
+    for path in sorted(_FOLDER.glob(f"{name}.*so")):
+        try:
+            library = ctypes.CDLL(str(path))
+            for function, kinds in functions.items():
+                result, *arguments = (_KINDS[kind] for kind in kinds.replace(" ", ""))
+                declared = library[function]
+                declared.restype = result
+                declared.argtypes = arguments  # type: ignore[assignment]
+                setattr(library, function, declared)
+        except (OSError, AttributeError):
+            # Built for another processor or C library, or from another source.
+            continue
+        return library
+    return None

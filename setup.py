@@ -1,0 +1,31 @@
+"""The loops in C; all else is in pyproject.toml, whose own way to tell of them is experimental.
+
+All are optional: an installation without a compiler, or whose compiler does not know an instruction
+set, does without (perception/kernels/library.py).
+"""
+
+from setuptools import Extension, setup
+
+NETWORK = {
+    "avx512": ["-mavx2", "-mfma", "-mavx512f", "-mprefer-vector-width=512"],
+    "avx2": ["-mavx2", "-mfma"],
+    "plain": [],
+}
+
+
+def loops(name: str, source: str, flags: list[str]) -> Extension:
+    """A library of perception/kernels."""
+    return Extension(
+        f"perception.kernels.{name}",
+        [f"perception/kernels/{source}.c"],
+        extra_compile_args=["-O3", *flags],
+        optional=True,
+    )
+
+
+setup(
+    ext_modules=[
+        *(loops(f"_network_{name}", "network", flags) for name, flags in NETWORK.items()),
+        loops("_coding", "coding", []),
+    ]
+)
