@@ -68,6 +68,7 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
                 metrics=metrics,
                 log=log,
                 ring_frames=settings.ring_frames,
+                size_period_s=1 / settings.measure_rate_hz,
             )
             for robot in settings.robots
         ]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +17,7 @@ from robot_agent.encoder import Encoder
 from robot_agent.frames import Frame, Ring
 from robot_agent.metrics import RobotMetrics
 from robot_agent.sensor import Sensor
+from robot_agent.sizes import Sizes
 from swarm.arrays import pack
 from swarm.errors import CoAdaptError, PerceptionError
 from swarm.log import Logger
@@ -45,7 +49,9 @@ class RobotAgent:
         metrics: RobotMetrics,
         log: Logger,
         ring_frames: int = 10,
+        size_period_s: float = 20.0,
     ) -> None:
+        """`size_period_s`: how old an announced size may be."""
         self.robot = robot
         self._range_m = world.range_m
         self._own_body_m = configuration(world.detector).own_body_m
@@ -64,8 +70,11 @@ class RobotAgent:
             metrics=metrics,
             log=self._log,
         )
-        self._sizes: dict[str, int] = {}
+        self._sizes = Sizes(world.detector, encoder.algorithms, size_period_s)
         self._options = EncodeOptions()
+        self._answering = 0
+        """Answers that are being encoded."""
+        self._lock = threading.Lock()
         self._described: Frame | None = None
         self._beacons = 0
         self._scenes = 0
@@ -95,7 +104,7 @@ class RobotAgent:
             pose=frame.scan.pose.as_tuple(),
             velocity=frame.scan.velocity,
             range_m=self._range_m,
-            sizes=dict(self._sizes),
+            sizes=self._sizes.known(),
         )
 
     def describe(self) -> SceneDescription | None:
@@ -129,24 +138,25 @@ class RobotAgent:
         )
 
     def measure(self) -> None:
-        """Encodes the newest frame for every algorithm, in the form that was last asked for, so
-        that beacons tell what an observation costs now.
+        """Encodes the newest frame for one algorithm whose announced size is too old, if there is
+        one, in the form that was last asked for.
 
-        An algorithm whose encoder fails has no size until it works again.
+        Answers tell the sizes of what is in use, so that only the rest is encoded for its size
+        alone, and never while an answer is encoded. An algorithm whose encoder fails has no size
+        until it works again.
         """
-        frame = self._ring.newest()
-        if frame is None:
+        frame, now = self._ring.newest(), time.monotonic()
+        algorithm = self._sizes.overdue(now)
+        if frame is None or algorithm is None or self._answering:
             return
-        sizes = {}
-        for algorithm in self._encoder.algorithms:
-            try:
-                options = replace(self._options, pose=frame.scan.pose)
-                sizes[algorithm] = len(self._encoder.encode(frame, algorithm, options))
-            except PerceptionError as error:
-                self._log.warning("encode_failed", algorithm=algorithm, error=str(error)[:300])
-                continue
-            self._metrics.payload_bytes.labels(self.robot, algorithm).set(sizes[algorithm])
-        self._sizes = sizes
+        try:
+            options = replace(self._options, pose=frame.scan.pose)
+            payload = self._encoder.encode(frame, algorithm, options)
+        except PerceptionError as error:
+            self._sizes.forget(algorithm, now)
+            self._log.warning("encode_failed", algorithm=algorithm, error=str(error)[:300])
+        else:
+            self._note_size(algorithm, payload)
 
     def observe(self, request: ObservationRequest) -> Observation:
         """Answers a request for one frame in one form.
@@ -164,10 +174,12 @@ class RobotAgent:
             demand=request.demand,
         )
         try:
-            payload = self._encoder.encode(frame, request.algorithm, options)
+            with self._answers():
+                payload = self._encoder.encode(frame, request.algorithm, options)
         except CoAdaptError:
             self._count(request, "failed")
             raise
+        self._note_size(request.algorithm, payload)
         if len(payload) > request.max_bytes:
             self._count(request, "too_large")
             raise PerceptionError(
@@ -187,6 +199,21 @@ class RobotAgent:
             payload=payload,
             encode_ms=(time.perf_counter() - begun) * 1e3,
         )
+
+    @contextmanager
+    def _answers(self) -> Iterator[None]:
+        with self._lock:
+            self._answering += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._answering -= 1
+
+    def _note_size(self, algorithm: str, payload: bytes) -> None:
+        self._sizes.note(algorithm, payload, time.monotonic())
+        for name, size in self._sizes.known().items():
+            self._metrics.payload_bytes.labels(self.robot, name).set(size)
 
     def _frame_for(self, request: ObservationRequest) -> Frame:
         wanted_ns = request.capture_ns

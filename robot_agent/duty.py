@@ -32,7 +32,12 @@ class Duty:
         self._operator = ""
         self._since_ns = 0
         swarm, robot = session.swarm, agent.robot
-        session.serve(keyspace.observation(swarm, robot), ObservationRequest, self._observe)
+        session.serve(
+            keyspace.observation(swarm, robot),
+            ObservationRequest,
+            self._observe,
+            newest_first=True,
+        )
         session.serve(keyspace.robot_steering(swarm, robot), RobotSteering, self._steer, workers=1)
         # The token comes last: who sees it may ask at once.
         self._withdraw: Callable[[], None] = session.declare_alive(robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import zlib
 from collections.abc import Callable, Sequence
 
 from robot_agent.agent import RobotAgent
@@ -16,6 +17,8 @@ from swarm.session import Session
 
 JOIN_S = 0.5
 IDLE_S = 0.005
+MEASURE_S = 0.5
+"""From one algorithm's measurement to the next one's: a robot's are spread over time."""
 
 
 class RobotHost:
@@ -42,7 +45,8 @@ class RobotHost:
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
-            self._threads.append(self._thread("measure", 1 / measure_rate_hz, part, self._measure))
+            step_s = min(MEASURE_S, 1 / measure_rate_hz)
+            self._threads.append(self._thread("measure", step_s, part, self._measure))
             self._threads.append(
                 threading.Thread(target=self._sense, args=(part,), name="sense", daemon=True)
             )
@@ -66,7 +70,8 @@ class RobotHost:
         work: Callable[[RobotAgent], None],
     ) -> threading.Thread:
         def loop() -> None:
-            due = time.monotonic()
+            # The robots of a machine start together, but need not work at the same moments.
+            due = time.monotonic() + period_s * (zlib.crc32(agents[0].robot.encode()) % 64) / 64
             while not self._stop.wait(max(0.0, due - time.monotonic())):
                 for agent in agents:
                     self._guarded(name, work, agent)

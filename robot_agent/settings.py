@@ -24,8 +24,9 @@ class RobotSettings(ProcessSettings, frozen=True, kw_only=True):
     scene_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 2.0
     algorithms: Annotated[tuple[Algorithm, ...], msgspec.Meta(max_length=16)] = ()
     """Fusion algorithms whose sizes beacons announce; empty: all that there are."""
-    measure_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 0.2
-    """How often a robot encodes a frame for each of them, only to know its size."""
+    measure_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 0.05
+    """How often a robot encodes a frame for each of them that nobody asks for, only to know its
+    size; one after the other."""
     ring_frames: Annotated[int, msgspec.Meta(ge=1, le=100)] = 10
     """Recent frames that a robot keeps to answer queries from."""
     workers: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from prometheus_client import CollectorRegistry
 
+from perception.fusion.registry import fusion_names
 from perception.types import Boxes
 from robot_agent.agent import RobotAgent
 from robot_agent.encoder import Encoder
@@ -61,9 +62,15 @@ class Robot:
     """A robot agent on a registry of its own."""
 
     def __init__(
-        self, world: ChosenWorld, *, clock: Clock | None = None, ring_frames: int = 10
+        self,
+        world: ChosenWorld,
+        *,
+        clock: Clock | None = None,
+        ring_frames: int = 10,
+        size_period_s: float = 3600.0,
     ) -> None:
         self.registry = CollectorRegistry()
+        self._detector = world.detector
         self.epoch_ns = time.time_ns()
         metrics = RobotMetrics(self.registry)
         self.agent = RobotAgent(
@@ -76,6 +83,7 @@ class Robot:
             metrics=metrics,
             log=make_logger("test", level="error"),
             ring_frames=ring_frames,
+            size_period_s=size_period_s,
         )
 
     def sense(self, frames: int = 1) -> None:
@@ -86,6 +94,16 @@ class Robot:
                 taken += 1
             else:
                 time.sleep(self.agent.sensor.next_frame_in_s())
+
+    def measure_all(self) -> None:
+        """Measures until every algorithm has a size."""
+        for _ in fusion_names(self._detector):
+            self.agent.measure()
+
+    def encoded(self) -> float:
+        """Payloads that were encoded so far, of all algorithms."""
+        name = "coadapt_robot_encode_seconds_count"
+        return sum(self.value(name, algorithm=a) for a in fusion_names(self._detector))
 
     def value(self, name: str, **labels: str) -> float:
         return self.registry.get_sample_value(name, labels) or 0.0

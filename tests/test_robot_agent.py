@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 from robot_worlds import BLOCKS, ChosenWorld, Robot, room
 
-from perception.codec.boxes import decode_boxes
+from perception.codec.boxes import BYTES_PER_BOX, decode_boxes
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
+from perception.fusion.algorithms.late import SENT_BOXES
 from perception.fusion.registry import fusion_names
 from perception.scene import from_array
 from perception.types import Boxes
+from robot_agent.encoder import Encoder
 from swarm.arrays import unpack_finite
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Points, transform
@@ -49,27 +53,90 @@ def test_a_beacon_tells_the_newest_frame_on_the_robots_clock() -> None:
     assert again.seq == beacon.seq + 1
 
 
-def test_a_beacon_tells_the_bytes_that_an_observation_then_has() -> None:
+def test_a_beacon_tells_the_bytes_that_an_observation_then_has_and_most_of_late() -> None:
     robot = sensed()
-    robot.agent.measure()
+    robot.measure_all()
     beacon = robot.agent.beacon()
     assert beacon is not None
     assert set(beacon.sizes) == set(fusion_names("factory"))
     for algorithm, size in beacon.sizes.items():
-        assert len(robot.agent.observe(request(algorithm=algorithm)).payload) == size
-        assert robot.value("coadapt_robot_payload_bytes", robot="R1", algorithm=algorithm) == size
+        sent = len(robot.agent.observe(request(algorithm=algorithm)).payload)
+        assert sent <= size if algorithm == "late" else sent == size
+        told = robot.agent.beacon()
+        assert told is not None
+        assert told.sizes[algorithm] == sent
+        assert robot.value("coadapt_robot_payload_bytes", robot="R1", algorithm=algorithm) == sent
+
+
+def test_late_is_bounded_by_its_boxes_without_a_run_of_the_detector() -> None:
+    robot = sensed()
+    robot.measure_all()
+    beacon = robot.agent.beacon()
+    assert beacon is not None
+    assert robot.value("coadapt_robot_encode_seconds_count", algorithm="late") == 0
+    boxes, _ = take_outline(robot.agent.observe(request(algorithm="late")).payload)
+    slack = (SENT_BOXES - len(decode_boxes(boxes))) * BYTES_PER_BOX
+    sent = len(robot.agent.observe(request(algorithm="late")).payload)
+    assert sent + slack <= beacon.sizes["late"] <= sent + slack + 40
+
+
+def test_a_measurement_encodes_for_one_algorithm_and_none_that_answers_have_told() -> None:
+    robot = sensed()
+    robot.agent.observe(request())
+    encoded = [robot.encoded()]
+    for _ in range(len(fusion_names("factory")) + 2):
+        robot.agent.measure()
+        encoded.append(robot.encoded())
+    steps = [after - before for before, after in pairwise(encoded)]
+    others = len(fusion_names("factory")) - len(["early", "late"])
+    assert steps == [1] * others + [0] * (len(steps) - others)
+    assert robot.value("coadapt_robot_encode_seconds_count", algorithm="early") == 1
+
+
+def test_a_size_that_is_too_old_is_measured_anew() -> None:
+    robot = sensed(size_period_s=1e-6)
+    robot.measure_all()
+    before = robot.encoded()
+    robot.sense()
+    robot.agent.measure()
+    assert robot.encoded() == before + 1
+
+
+def test_nothing_is_measured_while_an_answer_is_encoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = sensed()
+    begun, go = threading.Event(), threading.Event()
+    encode = Encoder.encode
+
+    def held(self: Encoder, *form: Any) -> bytes:
+        begun.set()
+        assert go.wait(60)
+        return encode(self, *form)
+
+    monkeypatch.setattr(Encoder, "encode", held)
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(robot.agent.observe, request())
+        assert begun.wait(60)
+        robot.agent.measure()  # would wait for `go`, too
+        go.set()
+        answer.result()
+    assert robot.encoded() == 1
 
 
 def test_sizes_are_measured_in_the_form_that_was_last_asked_for() -> None:
-    robot = sensed()
-    robot.agent.measure()
+    robot = sensed(size_period_s=1e-6)
+    robot.measure_all()
     coarse = robot.agent.beacon()
     fine = robot.agent.observe(request(max_error_m=0.005, keep_ground=True))
-    robot.agent.measure()
+    robot.sense()
+    for _ in fusion_names("factory"):
+        robot.agent.measure()
+    again = robot.agent.observe(request(max_error_m=0.005, keep_ground=True))
+    assert robot.value("coadapt_robot_encode_seconds_count", algorithm="early") == 3
     beacon = robot.agent.beacon()
     assert coarse is not None
     assert beacon is not None
-    assert beacon.sizes["early"] == len(fine.payload) > coarse.sizes["early"]
+    assert beacon.sizes["early"] == len(again.payload)
+    assert min(len(fine.payload), len(again.payload)) > coarse.sizes["early"]
 
 
 def test_a_clock_that_is_off_shifts_all_times_of_the_robot_but_not_its_frames() -> None:
@@ -156,7 +223,7 @@ def test_points_without_a_return_are_left_out() -> None:
         return points
 
     robot = sensed(holes)
-    robot.agent.measure()
+    robot.measure_all()
     assert robot.agent.describe() is not None
     observation = robot.agent.observe(request(keep_ground=True))
     decoded = decode_points(take_outline(observation.payload)[0])
@@ -169,7 +236,7 @@ def test_points_without_a_return_are_left_out() -> None:
 def test_a_cloud_without_any_return_is_served_as_empty(value: float | None) -> None:
     cloud = np.full((0 if value is None else 50, 3), value or 0.0, dtype=np.float32)
     robot = sensed(lambda frame: cloud)
-    robot.agent.measure()
+    robot.measure_all()
     scene = robot.agent.describe()
     assert scene is not None
     assert scene.objects.shape == (0, 9)
@@ -282,7 +349,7 @@ def test_an_algorithm_that_does_not_exist_is_refused_with_the_reason() -> None:
 
 def test_a_frame_is_encoded_once_for_the_measurement_and_all_egos() -> None:
     robot = sensed()
-    robot.agent.measure()
+    robot.measure_all()
     with ThreadPoolExecutor(4) as pool:
         asked = [pool.submit(robot.agent.observe, request(ego=f"E{i}")) for i in range(8)]
     payloads = {future.result().payload for future in asked}
