@@ -30,6 +30,8 @@ class ScanCache:
     def __init__(self, directory: Path, max_files: int = MAX_FILES) -> None:
         self._directory = Path(directory)
         self._max_files = max_files
+        self._full = False
+        """It was once: nothing is ever taken out."""
 
     def read(self, name: str, columns: int) -> NDArray[np.float32] | None:
         """The rows of that scan, float32 (N, columns), or None."""
@@ -47,12 +49,20 @@ class ScanCache:
 
     def write(self, name: str, rows: NDArray[np.float32]) -> None:
         """Keeps a scan, (N, columns), if there is room, or in place of the file of that name."""
-        buffer = io.BytesIO()
-        np.save(buffer, rows, allow_pickle=False)
-        body = buffer.getvalue()
         with contextlib.suppress(OSError):
-            self._directory.mkdir(parents=True, exist_ok=True)
             target = self._directory / f"{name}.npy"
-            if not target.exists() and len(os.listdir(self._directory)) >= self._max_files:
+            if not self._has_room_for(target):
                 return
+            buffer = io.BytesIO()
+            np.save(buffer, rows, allow_pickle=False)
+            body = buffer.getvalue()
             write_whole(target, body + zlib.crc32(body).to_bytes(_CHECKSUM_BYTES, "little"))
+
+    def _has_room_for(self, target: Path) -> bool:
+        if target.exists():
+            return True
+        # Looking through a full directory would cost more than computing the scan.
+        if not self._full:
+            self._directory.mkdir(parents=True, exist_ok=True)
+            self._full = len(os.listdir(self._directory)) >= self._max_files
+        return not self._full
