@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Generic, TypeVar
+from contextlib import suppress
+from typing import Generic, NamedTuple, TypeVar
 
 import zenoh
 
@@ -22,6 +24,15 @@ M = TypeVar("M", bound=Message)
 MAX_WAITING_QUERIES = 16
 
 
+class _Taken(NamedTuple):
+    """A query that was taken."""
+
+    query: zenoh.Query
+    asked: Ask | None
+    until: float
+    """When its asker stops waiting, `time.monotonic()` seconds."""
+
+
 class Server(Generic[M]):
     """Answers the queries on one key with a handler, on threads of its own."""
 
@@ -33,11 +44,13 @@ class Server(Generic[M]):
         *,
         workers: int,
         waiting: int = MAX_WAITING_QUERIES,
+        newest_first: bool = False,
         log: Logger,
         on_invalid: Callable[[MessageError], None],
     ) -> None:
-        """At most `waiting` queries are taken at a time; `on_invalid` hears of a request that
-        does not validate."""
+        """At most `waiting` queries are taken at a time, which are answered in the order in which
+        they came, or the newest first; then the oldest one gives way to one more. `on_invalid`
+        hears of a request that does not validate."""
         self._key = key
         self._kind = kind
         self._handler = handler
@@ -48,6 +61,9 @@ class Server(Generic[M]):
         self._max_waiting = waiting
         # A place is given back when an answer has been sent.
         self._waiting = threading.BoundedSemaphore(waiting)
+        self._newest_first = newest_first
+        self._queries: deque[_Taken] = deque()
+        """Those that wait for a thread."""
         self._credits = Credits()
 
     def receive(self, query: zenoh.Query) -> None:
@@ -60,14 +76,17 @@ class Server(Generic[M]):
             return
         # By this process's own clock, from now: the asker's may show another time.
         until = math.inf if asked is None else time.monotonic() + asked.timeout_s
+        taken = _Taken(query, asked, until)
         if not self._waiting.acquire(blocking=False):
-            with query:
-                self._refuse(query, f"busy: {self._max_waiting} requests are waiting already")
+            self._crowd_out(taken)
             return
+        self._queries.append(taken)
         try:
-            self._pool.submit(self._answer, query, asked, until)
+            self._pool.submit(self._answer_next)
         except RuntimeError:
             # The session is closing.
+            with suppress(ValueError):
+                self._queries.remove(taken)
             with query:
                 self._refuse(query, "closing")
 
@@ -84,9 +103,21 @@ class Server(Generic[M]):
     def close(self) -> None:
         """Begins no further answer and stops those under way; does not wait for handlers."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+        self._queries.clear()
         self._credits.close_all()
 
-    def _answer(self, query: zenoh.Query, asked: Ask | None, until: float) -> None:
+    def _crowd_out(self, newest: _Taken) -> None:
+        """There are as many as may wait: one of them, or the newest, has to go."""
+        loser = newest
+        if self._newest_first:
+            # In this order: there are never fewer queries than threads were told to answer.
+            self._queries.append(newest)
+            loser = self._queries.popleft()
+        with loser.query:
+            self._refuse(loser.query, f"busy: {self._max_waiting} requests are waiting already")
+
+    def _answer_next(self) -> None:
+        query, asked, until = self._queries.pop() if self._newest_first else self._queries.popleft()
         try:
             with query:
                 if time.monotonic() < until:

@@ -126,12 +126,15 @@ class Session:
         *,
         workers: int = 2,
         waiting: int = MAX_WAITING_QUERIES,
+        newest_first: bool = False,
     ) -> None:
-        """Answers queries on a key with `handler(request)`, on `workers` threads.
+        """Answers queries on a key with `handler(request)`, on `workers` threads, in the order in
+        which they came; the newest first where an old one is worth less.
 
         A CoAdaptError of the handler travels to the asker as a `Refusal`; so do a request that
-        does not validate and one that finds `waiting` others. A large answer travels in parts;
-        once its asker has stopped waiting, no answer is begun and no more parts are sent.
+        does not validate and one that finds `waiting` others (with `newest_first` the oldest of
+        these in its place). A large answer travels in parts; once its asker has stopped waiting, no
+        answer is begun and no more parts are sent.
         """
         server = Server(
             key,
@@ -139,6 +142,7 @@ class Session:
             handler,
             workers=workers,
             waiting=waiting,
+            newest_first=newest_first,
             log=self._log,
             on_invalid=lambda error: self._drop(kind, key, error),
         )
