@@ -18,6 +18,7 @@ from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
 from ego_agent.objective import Objective
+from ego_agent.pace import SLOWER_HZ
 from ego_agent.policies.base import Policy, Requiring
 from ego_agent.policies.registry import make_policy
 from ego_agent.sense import OwnSensor
@@ -64,7 +65,9 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
     metrics = EgoMetrics(registry)
     available = fusion_names(world.detector)
     policy = make_policy(settings.policy, available)
-    knowledge = Knowledge(_objective(settings), _algorithms(settings, available, policy))
+    knowledge = Knowledge(
+        _objective(settings), _algorithms(settings, available, policy), learns=settings.learn
+    )
     steering = Steering(settings, policy, knowledge.algorithms, log)
     journal = Journal(Path(settings.journal)) if settings.journal else None
     if journal is not None:
@@ -166,6 +169,8 @@ def _objective(settings: EgoSettings) -> Objective:
         lambda_cost=settings.cost_weight,
         q_min=settings.q_min,
         rate_hz=settings.fusion_rate_hz,
+        deadline_s=settings.deadline_s,
+        slower_hz=SLOWER_HZ if settings.learn else (),
         comm_range_m=settings.comm_range_m,
         headroom=settings.headroom,
     )

@@ -13,6 +13,8 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
+
 from ego_agent.analyze import analyze
 from ego_agent.demand import DemandMeter
 from ego_agent.execute import FusionLoop
@@ -22,6 +24,7 @@ from ego_agent.metrics import EgoMetrics
 from ego_agent.model import Snapshot, UnifiedScene
 from ego_agent.monitor import Monitor
 from ego_agent.plan import plan
+from ego_agent.probe import Prober
 from ego_agent.record import cycle_record
 from ego_agent.sense import OwnSensor
 from ego_agent.steering import Steering
@@ -76,6 +79,7 @@ class EgoAgent:
         self._session: Session | None = None
         self._ego = monitor.ego
         self._demand = DemandMeter()
+        self._prober = Prober()
         self._ignored: dict[str, int] = defaultdict(int)
         self._detections_lost = 0
 
@@ -140,6 +144,8 @@ class EgoAgent:
         try:
             scene = analyze(snapshot, self._knowledge)
             decision = plan(snapshot, scene, policy, self._knowledge, previous, number, now_ns)
+            probe = self._prober.take(scene, self._knowledge, decision, time.monotonic())
+            decision = msgspec.structs.replace(decision, probe=probe)
         except Exception as error:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)

@@ -86,6 +86,9 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
     grid = Grid(ego.pose.x, ego.pose.y, objective.area_half_m)
     robots = _positions(snapshot, objective)
     objects, evidence = _merge(grid, robots, [member.seen for member in members])
+    capacity = snapshot.capacity_bps
+    capacity_bps = capacity if math.isfinite(capacity) and capacity >= 1.0 else 1.0
+    learnt = knowledge.experience.learnt(capacity_bps)
     candidates = tuple(
         Candidate(
             robot=member.robot,
@@ -95,17 +98,17 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             area=grid.visible(member.pose.x, member.pose.y, member.seen.visible_m),
             evidence=row,
             capacity_bps=member.capacity_bps,
+            answers=learnt.of(member.robot, member.sizes) if knowledge.learns else {},
         )
         for member, row in zip(members, evidence, strict=True)
     )
-    capacity = snapshot.capacity_bps
     return UnifiedScene(
         ego=candidates[0],
         candidates=candidates[1:],
         excluded=excluded,
         objects=objects,
         cell_m=grid.cell_m,
-        capacity_bps=capacity if math.isfinite(capacity) and capacity >= 1.0 else 1.0,
+        capacity_bps=capacity_bps,
     )
 
 

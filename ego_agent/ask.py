@@ -47,6 +47,10 @@ REQUESTS_UNDER_WAY = 2
 with one; more would queue at the robot and on the link."""
 
 
+PROBE_FRAMES = 5.0
+"""Frames that the answer to a probe counts for: there are few of them."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Ask:
     """One request under way."""
@@ -89,6 +93,12 @@ class FrameRound:
     """When each robot's answer was there, also one that was late."""
     encode_ms: dict[str, float] = field(default_factory=dict)
     """How long each contribution's robot took to encode it."""
+    rate_hz: float = 10.0
+    """Of the frames that wait for it."""
+    capacity_bps: float = 1.0
+    """C(t) when it began."""
+    probe: bool = False
+    """It is asked for the sake of its time: nobody fuses what comes."""
     closed_at: float | None = None
     """When the last robot had answered or the deadline had passed; None until then."""
     _arrived: queue.SimpleQueue[Contribution | None] = field(default_factory=queue.SimpleQueue)
@@ -146,7 +156,7 @@ class Asker:
         self._ego = ego
         self._monitor = monitor
         self._link = link
-        self._knowledge = knowledge
+        self.knowledge = knowledge
         self._tally = tally
         self._clock = clock
         self._max_skew_ns = round(MAX_SKEW_FRAMES * frame_period_s * 1e9)
@@ -169,21 +179,27 @@ class Asker:
         capture_ns: int,
         deadline_s: float,
         tell: Ask | None = None,
+        *,
+        rate_hz: float = 10.0,
+        probe: bool = False,
     ) -> FrameRound:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
         within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode.
+        `probe`: only for the sake of its time, beside a frame.
 
         `attend` takes up the answers; a round in which nobody could be asked is closed at once.
         """
         tell = tell or Ask()
         now = time.monotonic()
-        done = FrameRound(algorithm, now, deadline_s)
+        done = FrameRound(algorithm, now, deadline_s, rate_hz=rate_hz, probe=probe)
         asked: list[str] = []
         for robot in robots:
             if session is None:
                 done.missing[robot] = "offline: no router"
             elif not self._monitor.is_alive(robot):
                 done.missing[robot] = "left: its liveliness token is gone"
+            elif any(owed.round.probe for owed in self._owing.get(robot, ())):
+                done.missing[robot] = "probe: asked for another algorithm instead"
             elif self._is_busy(robot, now):
                 done.missing[robot] = "busy: still owes the answer for an earlier frame"
             else:
@@ -192,6 +208,7 @@ class Asker:
             done.close(now)
             return done
         capacity_bps, _ = self._link.capacity(now)
+        done.capacity_bps = capacity_bps
         limits = self._link.robot_limits(now)
         done.waiting.update(asked)
         done.open.update(asked)
@@ -241,7 +258,11 @@ class Asker:
     def _close_rounds(self, now: float) -> None:
         for done in [r for r in self._rounds if not r.waiting or now >= r.due_at]:
             self._rounds.remove(done)
-            if done.waiting and not any(t.end_s >= done.begun_at for t in self._transfers):
+            if (
+                done.waiting
+                and not done.probe
+                and not any(t.end_s >= done.begun_at for t in self._transfers)
+            ):
                 self._link.silence(now)
             done.close(now)
 
@@ -296,15 +317,18 @@ class Asker:
         """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
         self._learn(arrival)
+        self._remember(arrival)
         self._settle(ask)
         late = ask.robot not in done.waiting
         done.waiting.discard(ask.robot)
         if isinstance(arrival.outcome, CoAdaptError):
-            self._prompt.discard(ask.robot)
+            if not done.probe:
+                self._prompt.discard(ask.robot)
             if not late:
                 done.missing[ask.robot] = _why(arrival.outcome)
             return
-        (self._prompt.discard if late else self._prompt.add)(ask.robot)
+        if not done.probe:
+            (self._prompt.discard if late else self._prompt.add)(ask.robot)
         done.arrived_at[ask.robot] = arrival.at
         answer = arrival.outcome
         seen = answer.message
@@ -313,8 +337,8 @@ class Asker:
         wrong = self._mismatch(ask, seen)
         if wrong is None:
             size, at_ns = len(seen.payload), self._clock.now_ns()
-            self._knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
-        if late:
+            self.knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
+        if late or done.probe:
             return
         if wrong is not None:
             done.missing[ask.robot] = wrong
@@ -324,6 +348,20 @@ class Asker:
         age_s = (ask.request.capture_ns - seen.capture_ns) * 1e-9
         pose = seen.sensor_pose().matrix()
         done.take(Contribution(ask.robot, seen.payload, pose, age_s))
+
+    def _remember(self, arrival: _Arrival) -> None:
+        """Teaches how long the robot took; a late answer kept all frames waiting until it came."""
+        ask, done, outcome = arrival.ask, arrival.ask.round, arrival.outcome
+        came = outcome if isinstance(outcome, Answer) else None
+        waited_s = arrival.at - done.asked_at[ask.robot]
+        self.knowledge.experience.record(
+            ask.robot,
+            done.algorithm,
+            math.inf if came is None else waited_s,
+            frames=PROBE_FRAMES if done.probe else waited_s * done.rate_hz,
+            encode_s=None if came is None else came.message.encode_ms * 1e-3,
+            capacity_bps=done.capacity_bps,
+        )
 
     def _learn(self, arrival: _Arrival) -> None:
         """Notes when an answer was on its way; the last one of its frame, be it late, completes
@@ -362,6 +400,7 @@ class Asker:
 
 MISSING_KINDS = (
     "offline", "left", "busy", "deadline", "refused", "invalid", "unanswered", "skew", "rejected",
+    "probe",
 )  # fmt: skip
 """Why a chosen robot is not in a fused frame: the part of a reason before its colon."""
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ego_agent.ask import Asker, FrameRound, kind_of
+from ego_agent.pace import stride
 from ego_agent.pipeline import AskedFrame, Pipeline
 from ego_agent.sense import OwnFrame, OwnSensor
 from ego_agent.tally import TallyKeeper
@@ -86,7 +87,9 @@ class FusionLoop:
         self._motion = motion
         self._tally = tally
         self._log = log
-        self._stride = max(1, round(sensor.rate_hz / rate_hz))
+        self._rate_hz = rate_hz
+        self._probed: Decision | None = None
+        """The decision whose probe has been sent."""
         self._deadline_s = deadline_s
         self._decision: Decision | None = None
         self._session: Session | None = None
@@ -132,17 +135,18 @@ class FusionLoop:
     def _ask_frames(self) -> None:
         last: int | None = None
         while not self._stop.is_set():
-            newest = self._sensor.newest()
-            frame = newest - newest % self._stride
             decision = self._decision
+            step = 1 if decision is None else stride(decision, self._sensor.rate_hz, self._rate_hz)
+            newest = self._sensor.newest()
+            frame = newest - newest % step
             if decision is None or frame == last:
-                self._attend(self._sensor.until(frame + self._stride))
+                self._attend(self._sensor.until(frame + step))
                 continue
             if (full_s := self._pipeline.full_for_s(time.monotonic())) > 0.0:
                 self._attend(full_s)
                 continue
-            if last is not None and frame > last + self._stride:
-                self._tally.skipped((frame - last) // self._stride - 1)
+            if last is not None and frame > last + step:
+                self._tally.skipped((frame - last) // step - 1)
             last = frame
             try:
                 own = self._sensor.read(frame)
@@ -189,20 +193,42 @@ class FusionLoop:
         fusion = self._fusions[decision.algorithm]
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
+        self._probe(decision, own)
         done = self._asker.ask(
             self._session,
             others,
             decision.algorithm,
             own.capture_ns,
-            self._deadline_s,
+            decision.deadline_s or self._deadline_s,
             gathering.ask(),
+            rate_hz=decision.rate_hz,
         )
         return AskedFrame(decision, own, fusion, gathering, done)
+
+    def _probe(self, decision: Decision, own: OwnFrame) -> None:
+        """Asks the decision's question on the side, once: its answer teaches, and is not fused."""
+        probe = decision.probe
+        if probe is None or decision is self._probed:
+            return
+        self._probed = decision
+        fusion = self._fusions[probe.algorithm]
+        self._asker.ask(
+            self._session,
+            (probe.robot,),
+            probe.algorithm,
+            own.capture_ns,
+            decision.deadline_s or self._deadline_s,
+            fusion.begin(own.points, own.world_from_sensor).ask(),
+            rate_hz=decision.rate_hz,
+            probe=True,
+        )
 
     def _fused(self, frame: AskedFrame, taken_at: float) -> FrameResult:
         """Takes up what arrives until the frame's round is closed, and fuses it."""
         own, gathering, done = frame.own, frame.gathering, frame.round
+        prepare_at = time.monotonic()
         gathering.prepare()
+        prepare_s = time.monotonic() - prepare_at
         rejected: dict[str, str] = {}
         add_s = 0.0
         for contribution in done.contributions_in_turn():
@@ -223,6 +249,9 @@ class FusionLoop:
             rejected = {c.robot: why for c in done.contributions}
             boxes = frame.fusion.begin(own.points, own.world_from_sensor).finish()
         end_at = time.monotonic()
+        fixed_s = prepare_s + end_at - fuse_at
+        count = len(done.contributions)
+        self._asker.knowledge.own_costs.record(frame.decision.algorithm, count, fixed_s, add_s)
         missing = dict(done.missing)
         missing.update({robot: f"rejected: {why}" for robot, why in rejected.items()})
         used = tuple(c.robot for c in done.contributions if c.robot not in rejected)

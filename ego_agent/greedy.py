@@ -1,6 +1,7 @@
 """Greedy growth of a set of participants under the link's budget.
 
-Coverage is monotone and submodular (areas: union; objects: maximum), so the better of the order by
+Coverage is monotone and submodular (areas: union; objects: maximum), and so is its expectation over
+independent arrivals (union.py); so the better of the order by
 gain a byte and the order by gain reaches at least (1 - 1/e)/2 of the best gain under a budget
 (Leskovec et al., "Cost-effective Outbreak Detection in Networks", KDD 2007).
 """
@@ -13,6 +14,7 @@ import numpy as np
 
 from ego_agent.model import Candidate
 from ego_agent.scoring import Score, Scorer
+from ego_agent.union import Union
 from swarm.messages import Algorithm
 
 SMALLEST_GAIN = 1e-9
@@ -30,11 +32,11 @@ def grow(
     able = sorted((c for c in candidates if scorer.can(c.robot, algorithm)), key=lambda c: c.robot)
     rows = np.array([scorer.row_of[c.robot] for c in able], dtype=np.intp)
     sizes = np.array([c.sizes[algorithm] for c in able], dtype=np.int64)
-    bits, evidence = scorer.bits[0], scorer.evidence[0]
+    arrival, union = scorer.arrival(algorithm), Union(scorer.views)
     share, spent = scorer.share([0]), 0
     chosen: list[int] = []
     while rows.size:
-        gains = scorer.gains(rows, bits, evidence)
+        gains = union.gains(rows, arrival[rows])
         useful = (gains > SMALLEST_GAIN) & (spent + sizes <= scorer.budget_bytes)
         rows, sizes, gains = rows[useful], sizes[useful], gains[useful]
         if not rows.size:
@@ -43,7 +45,7 @@ def grow(
         row = int(rows[at])
         chosen.append(row)
         share, spent = share + float(gains[at]), spent + int(sizes[at])
-        bits, evidence = bits | scorer.bits[row], np.maximum(evidence, scorer.evidence[row])
+        union.add(row, float(arrival[row]))
         rows, sizes = np.delete(rows, at), np.delete(sizes, at)
         robots = tuple(scorer.scene.candidates[r - 1].robot for r in sorted(chosen))
         yield scorer.score_of(robots, algorithm, share, spent)

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
+
 from ego_agent.scoring import Score, Scorer
 from swarm.messages import Decision
+
+ARRIVES = 0.5
+"""Of a decision whose contributions are in time less often than this, on average, nothing comes."""
+MAX_CYCLE_S = 5.0
+"""A decision is taken to have been in force no longer than this until the next one, however the
+clock jumps."""
 
 
 def best_option(scorer: Scorer, options: Sequence[Score]) -> Score:
@@ -20,6 +28,9 @@ def still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
     """The decision in force, scored in the new scene; None where it cannot be carried on."""
     if previous is None or previous.algorithm not in scorer.knowledge.algorithms:
         return None
+    scorer = scorer.at_rate(previous.rate_hz)
+    if scorer.pace.rate_hz != previous.rate_hz:
+        return None
     others = [robot for robot in previous.participants if robot != scorer.scene.ego.robot]
     if not all(scorer.can(robot, previous.algorithm) for robot in others):
         return None
@@ -27,18 +38,22 @@ def still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
     return score if scorer.fits(score) else None
 
 
-def settle(scorer: Scorer, options: Sequence[Score], best: Score, held: Score) -> Score:
+def settle(
+    scorer: Scorer, options: Sequence[Score], best: Score, held: Score, held_s: float | None
+) -> Score:
     """Keeps the decision in force unless a change pays, so that decisions do not flap.
 
     A change must gain `switch_gain`; one that costs more must also leave `upgrade_reserve` of the
-    budget free, so that a small drop of C(t) does not undo it at once. Reaching Q_min goes before
-    both.
+    budget free, so that a small drop of C(t) does not undo it at once; and the decision in force
+    must be `dwell_s` old. Reaching Q_min goes before all of them, and so does leaving a decision
+    that brings nothing. `held_s` None: nobody knows how old it is.
     """
     objective = scorer.objective
+    if held_s is not None and held_s < objective.dwell_s and not _pressing(scorer, best, held):
+        return held
     if scorer.good_enough(best) and not scorer.good_enough(held):
         return best
-    roomy = scorer.budget_bytes * (1.0 - objective.upgrade_reserve)
-    best = best_option(scorer, [o for o in options if o.cost_bytes <= max(held.cost_bytes, roomy)])
+    best = best_option(scorer, [o for o in options if _roomy(scorer, o, held)])
     if not scorer.good_enough(held):
         gain = best.quality - held.quality
     elif scorer.good_enough(best):
@@ -46,3 +61,37 @@ def settle(scorer: Scorer, options: Sequence[Score], best: Score, held: Score) -
     else:
         return held
     return best if gain > objective.switch_gain else held
+
+
+def _roomy(scorer: Scorer, option: Score, held: Score) -> bool:
+    """Whether an option costs no more than what is held, or leaves the reserve."""
+    budget = scorer.at(option.pace).budget_bytes
+    free = budget * (1.0 - scorer.objective.upgrade_reserve)
+    cheaper = option.cost_bytes * option.pace.rate_hz <= held.cost_bytes * held.pace.rate_hz
+    return cheaper or option.cost_bytes <= free
+
+
+def _pressing(scorer: Scorer, best: Score, held: Score) -> bool:
+    """Whether what is held cannot wait for its time to be over."""
+    lost = scorer.objective.q_min - scorer.objective.switch_gain
+    if scorer.good_enough(best) and held.quality < lost:
+        return True
+    if not held.participants:
+        return bool(best.participants)
+    at = scorer.at(held.pace)
+    chances = [at.in_time(robot, held.algorithm) for robot in held.participants]
+    return sum(chances) < ARRIVES * len(chances)
+
+
+def held(decision: Decision, previous: Decision | None, now_ns: int) -> Decision:
+    """The decision with the time for which it has been in force."""
+    if previous is None or _choice(decision) != _choice(previous):
+        return msgspec.structs.replace(decision, held_s=0.0)
+    elapsed_s = (now_ns - previous.decided_ns) * 1e-9
+    held_s = (previous.held_s or 0.0) + min(MAX_CYCLE_S, max(0.0, elapsed_s))
+    return msgspec.structs.replace(decision, held_s=held_s)
+
+
+def _choice(decision: Decision) -> tuple[frozenset[str], str, float]:
+    """What a change of a decision changes."""
+    return frozenset(decision.participants), decision.algorithm, decision.rate_hz

@@ -18,7 +18,7 @@ from typing import BinaryIO
 import msgspec
 
 from swarm.errors import JournalError
-from swarm.messages import AdviceReport, Algorithm, Source
+from swarm.messages import AdviceReport, Algorithm, Probe, Source
 
 VERSION = 1
 MAX_PENDING = 600
@@ -39,6 +39,10 @@ class RobotInput(msgspec.Struct, frozen=True, kw_only=True):
     """Bytes of one observation by algorithm."""
     capacity_bps: float | None = None
     """Of its own link, where that is known to be less than C(t)."""
+    in_time: Mapping[str, float] = {}
+    """Probability that its answers meet the deadline in force, by algorithm that was tried."""
+    answer_ms: Mapping[str, float] = {}
+    """Median time from question to answer, by algorithm."""
 
 
 class Inputs(msgspec.Struct, frozen=True, kw_only=True):
@@ -67,6 +71,14 @@ class Decided(msgspec.Struct, frozen=True, kw_only=True):
     cost_bytes: int
     model: str = ""
     """The language model whose advice it follows."""
+    rate_hz: float | None = None
+    deadline_s: float | None = None
+    arrival: Mapping[str, float] = {}
+    """Probability that each participant's observation is in time."""
+    probe: Probe | None = None
+    """What was asked on the side."""
+    held_s: float | None = None
+    """For how long the same had been decided."""
 
 
 class Frames(msgspec.Struct, frozen=True, kw_only=True):

@@ -12,7 +12,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from statistics import median
 
+from ego_agent.experience import Experience
 from ego_agent.objective import Objective
+from ego_agent.own_costs import OwnCosts
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
@@ -66,8 +68,15 @@ class Knowledge:
         receipts: int = 15,
         receipt_max_age_s: float = 10.0,
         results: int = 256,
+        learns: bool = True,
     ) -> None:
-        """`algorithms`: those that can be fused, early to late."""
+        """`algorithms`: those that can be fused, early to late. `learns`: whether decisions heed
+        what came of those before."""
+        self.learns = learns
+        self.experience = Experience()
+        """How long robots take to answer."""
+        self.own_costs = OwnCosts()
+        """What a frame takes the ego itself."""
         self.objective = objective or Objective()
         self.algorithms = tuple(dict.fromkeys(algorithms))
         if not self.algorithms:

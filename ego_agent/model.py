@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ego_agent.experience import AnswerTimes
 from swarm.geometry import Pose
 from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, Source
 
@@ -70,6 +71,8 @@ class Candidate:
     """(K,) how well the robot sees each unified object, in [0, 1]."""
     capacity_bps: float = math.inf
     """What its own link delivers, where that is known to be less than C(t)."""
+    answers: Mapping[Algorithm, AnswerTimes] = field(default_factory=dict)
+    """How long its answers take, as far as anything is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +106,5 @@ class Proposal:
     """What was changed or refused on the way to it, one sentence each; goes before `repairs`."""
     advice: AdviceReport | None = None
     """How the policy stands with its language model, where it has one."""
+    rate_hz: float | None = None
+    """Frames a second; None leaves the best pace to validation."""

@@ -22,6 +22,10 @@ class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Smallest predicted quality that is good enough."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
     """Fused frames a second, each of which costs C(P, a)."""
+    deadline_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 0.25
+    """How long a frame waits for the robots at that rate."""
+    slower_hz: tuple[Annotated[float, msgspec.Meta(gt=0, le=1000)], ...] = ()
+    """Lower rates that a decision may choose instead."""
     comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=1e5)] = 45.0
     """Farthest participant, in the ground plane; the paper's com_range_m in most scenes."""
     headroom: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
@@ -38,12 +42,16 @@ class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """An older proposal is refused."""
     switch_gain: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.02
     """A new decision must be better by this much than the one in force."""
+    dwell_s: Annotated[float, msgspec.Meta(ge=0, le=3600)] = 10.0
+    """A decision stays at least this long, unless it cannot be carried on, loses Q_min or brings
+    nothing."""
     upgrade_reserve: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.1
     """Share of the budget that a change to a more costly decision must leave free."""
 
-    def budget_bytes(self, capacity_bps: float) -> int:
-        """Bytes that one fused frame may cost on a link of that capacity."""
-        return int(capacity_bps * self.headroom / (8.0 * self.rate_hz))
+    def budget_bytes(self, capacity_bps: float, rate_hz: float | None = None) -> int:
+        """Bytes that one fused frame may cost on a link of that capacity, at that rate."""
+        rate_hz = self.rate_hz if rate_hz is None else rate_hz
+        return int(capacity_bps * self.headroom / (8.0 * rate_hz))
 
     def value(self, quality: float, cost_bytes: int) -> float:
         """Q - lambda C."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from ego_agent.hysteresis import held
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Snapshot, UnifiedScene
 from ego_agent.policies.base import Policy
@@ -30,6 +31,18 @@ def plan(
     source `fallback`; else the ego alone. `Decision.policy` names the policy that was asked, and
     `repairs` tells the whole story.
     """
+    decision = _decided(scene, policy, knowledge, previous, cycle, now_ns)
+    return held(decision, previous, now_ns)
+
+
+def _decided(
+    scene: UnifiedScene,
+    policy: Policy,
+    knowledge: Knowledge,
+    previous: Decision | None,
+    cycle: int,
+    now_ns: int,
+) -> Decision:
     repairs: tuple[str, ...] = ()
     for proposer in (policy, _FALLBACK):
         decision, found = _ask(proposer, scene, knowledge, previous, policy.name, cycle, now_ns)

@@ -30,6 +30,8 @@ def cycle_record(
     demand: NetDemand | None = None,
 ) -> CycleRecord:
     """The line of a cycle from what it saw, decided and received."""
+    known = {c.robot: c.answers for c in scene.candidates} if scene else {}
+    deadline_s = decision.deadline_s or 0.0
     distances = {c.robot: c.distance_m for c in scene.candidates} if scene else {}
     own = snapshot.robots[snapshot.ego].beacon
     robots = {}
@@ -46,6 +48,15 @@ def cycle_record(
             clock_offset_s=round(view.clock_offset_s, 4),
             sizes=view.beacon.sizes if view.beacon else {},
             capacity_bps=round(view.capacity_bps) if math.isfinite(view.capacity_bps) else None,
+            in_time={
+                name: round(answers.in_time(deadline_s), 3)
+                for name, answers in known.get(robot, {}).items()
+            },
+            answer_ms={
+                name: round(answers.answer_s * 1e3, 1)
+                for name, answers in known.get(robot, {}).items()
+                if answers.answer_s is not None
+            },
         )
     return CycleRecord(
         ego=snapshot.ego,
@@ -69,6 +80,11 @@ def cycle_record(
             quality=decision.quality,
             cost_bytes=decision.cost_bytes,
             model=decision.model,
+            rate_hz=decision.rate_hz,
+            deadline_s=decision.deadline_s,
+            arrival=decision.arrival,
+            probe=decision.probe,
+            held_s=_rounded(decision.held_s, 3),
         ),
         published=published,
         bytes=_nested(tally.received),

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ego_agent.experience import UNTRIED
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import UnifiedScene
+from ego_agent.pace import USUAL, Pace, paces
+from ego_agent.union import Union, Views
 from swarm.messages import Algorithm
+
+ARRIVAL_STEPS = 20
+"""Probabilities to be in time count in steps of 1/20: a frame more or less moves no decision, and
+what is nearly always in time counts as certain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,60 +34,95 @@ class Score:
     """C(P, a): bytes of one fused frame over all participants but the ego."""
     value: float
     """Q - lambda C."""
+    pace: Pace = USUAL
 
 
 class Scorer:
-    """Scores choices in one scene.
+    """Scores choices in one scene, at one pace: the fastest, unless `at` says otherwise.
 
-    Row 0 of its arrays is the ego, row i the (i-1)th candidate; area masks are packed into 64-bit
-    words, so that a union of 20,000 cells takes microseconds.
+    Row 0 of its arrays is the ego, row i the (i-1)th candidate.
     """
 
     def __init__(
-        self, scene: UnifiedScene, knowledge: Knowledge, *, budget_bytes: int | None = None
+        self,
+        scene: UnifiedScene,
+        knowledge: Knowledge,
+        *,
+        budget_bytes: int | None = None,
+        hopes: bool = False,
     ) -> None:
-        """`budget_bytes` is what a fused frame may cost; by default what C(t) carries."""
+        """`budget_bytes` is what a fused frame may cost; by default what C(t) carries. `hopes`:
+        everyone counts as in time, whatever has been learnt."""
         self.scene = scene
         self.knowledge = knowledge
         self.objective = knowledge.objective
+        self.paces = paces(self.objective)
+        """Fastest first."""
+        self.pace = self.paces[0]
         if budget_bytes is None:
             budget_bytes = self.objective.budget_bytes(scene.capacity_bps)
         self.budget_bytes = budget_bytes
+        self._hopes = hopes
+        self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
-        self.bits = pack_areas(np.stack([c.area for c in robots]))
-        self.evidence = np.stack([c.evidence for c in robots]).astype(np.float64)
-        area = int(np.bitwise_count(np.bitwise_or.reduce(self.bits, axis=0)).sum())
-        objects = float(self.evidence.max(axis=0).sum())
+        areas = np.stack([c.area for c in robots])
+        evidence = np.stack([c.evidence for c in robots]).astype(np.float64)
+        area = int(areas.any(axis=0).sum())
+        objects = float(evidence.max(axis=0).sum())
         alpha = self.objective.alpha if objects > 0.0 else 1.0
         if area == 0:
             alpha = 0.0
-        self._area_weight = alpha / area if area else 0.0
-        self._object_weight = (1.0 - alpha) / objects if objects > 0.0 else 0.0
+        area_weight = alpha / area if area else 0.0
+        object_weight = (1.0 - alpha) / objects if objects > 0.0 else 0.0
+        self.views = Views(areas, evidence, area_weight, object_weight)
         self.nothing_to_see = area == 0 and objects == 0.0
 
-    def share(self, rows: Collection[int]) -> float:
-        """The part of all that anyone sees that these rows see, in [0, 1].
+    def at(self, pace: Pace) -> Scorer:
+        """The same scene at another pace."""
+        if pace == self.pace:
+            return self
+        other = copy.copy(self)
+        other.pace = pace
+        other.budget_bytes = self.objective.budget_bytes(self.scene.capacity_bps, pace.rate_hz)
+        other._arrival = {}
+        return other
 
-        1 when nobody sees anything: then nobody can add anything to the ego.
+    def at_rate(self, rate_hz: float | None) -> Scorer:
+        """The same scene at the pace with that rate; the fastest where there is none."""
+        found = (pace for pace in self.paces if pace.rate_hz == rate_hz)
+        return self.at(next(found, self.paces[0]))
+
+    def arrival(self, algorithm: Algorithm) -> NDArray[np.float64]:
+        """Probability that each row's observation is in time, float64 (rows,); the ego's is 1."""
+        known = self._arrival.get(algorithm)
+        if known is None:
+            chances = [1.0, *(self.in_time(c.robot, algorithm) for c in self.scene.candidates)]
+            known = np.round(np.array(chances) * ARRIVAL_STEPS) / ARRIVAL_STEPS
+            self._arrival[algorithm] = known
+        return known
+
+    def in_time(self, robot: str, algorithm: Algorithm) -> float:
+        """Probability that a candidate's observation is in time."""
+        if self._hopes:
+            return 1.0
+        answers = self.scene.candidates[self.row_of[robot] - 1].answers
+        return answers.get(algorithm, UNTRIED).in_time(self.pace.deadline_s)
+
+    def share(self, rows: Collection[int], algorithm: Algorithm | None = None) -> float:
+        """The part of all that anyone sees that these rows, the ego first, see, in [0, 1].
+
+        With an algorithm the part that is expected to arrive in time; else as if all did. 1 when
+        nobody sees anything: then nobody can add anything to the ego.
         """
         if self.nothing_to_see:
             return 1.0
-        picked = list(rows)
-        bits = np.bitwise_or.reduce(self.bits[picked], axis=0)
-        evidence = self.evidence[picked].max(axis=0)
-        seen = self._area_weight * int(np.bitwise_count(bits).sum())
-        return min(1.0, seen + self._object_weight * float(evidence.sum()))
-
-    def gains(
-        self, rows: NDArray[np.intp], bits: NDArray[np.uint64], evidence: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """What each of the rows adds to the share of a union that already has `bits` (words) and
-        `evidence` (objects,): float64 (rows,)."""
-        cells = np.bitwise_count(self.bits[rows] & ~bits).sum(axis=1, dtype=np.int64)
-        objects = np.maximum(self.evidence[rows] - evidence, 0.0).sum(axis=1)
-        added: NDArray[np.float64] = self._area_weight * cells + self._object_weight * objects
-        return added
+        first, *others = rows
+        arrival = None if algorithm is None else self.arrival(algorithm)
+        union = Union(self.views, first)
+        for row in others:
+            union.add(row, 1.0 if arrival is None else float(arrival[row]))
+        return min(1.0, union.share())
 
     def known(self, robot: str, algorithm: Algorithm) -> bool:
         """Whether the robot is a candidate with a known size for the algorithm."""
@@ -93,9 +136,12 @@ class Scorer:
             self.needs_bps(robot, algorithm) <= self.allowed_bps(robot)
         )
 
+    def _can(self, row: int, algorithm: Algorithm) -> bool:
+        return self.can(self.scene.candidates[row - 1].robot, algorithm)
+
     def needs_bps(self, robot: str, algorithm: Algorithm) -> float:
         """bit/s of a robot's observations. Raises KeyError where `known` is false."""
-        return self.size(robot, algorithm) * 8.0 * self.objective.rate_hz
+        return self.size(robot, algorithm) * 8.0 * self.pace.rate_hz
 
     def allowed_bps(self, robot: str) -> float:
         """bit/s that observations may take of a candidate's own link; may be infinite."""
@@ -113,29 +159,36 @@ class Scorer:
         """
         rows = sorted({self.row_of[r] for r in participants} - {0})
         chosen = tuple(self.scene.candidates[row - 1].robot for row in rows)
-        share = self.share([0, *rows])
+        share = self.share([0, *rows], algorithm)
         cost = sum(self.size(robot, algorithm) for robot in chosen)
         return self.score_of(chosen, algorithm, share, cost)
 
     def score_of(
         self, participants: tuple[str, ...], algorithm: Algorithm, share: float, cost: int
     ) -> Score:
-        """The score of a choice whose share and cost in bytes are known already."""
+        """The score of a choice whose expected share and cost in bytes are known already."""
         quality = self.knowledge.factors[algorithm] * min(1.0, share)
+        quality *= self.freshness(algorithm, len(participants))
         value = self.objective.value(quality, cost)
-        return Score(participants, algorithm, quality, cost, value)
+        return Score(participants, algorithm, quality, cost, value, self.pace)
+
+    def most(self, algorithm: Algorithm) -> float:
+        """More quality than any choice with this algorithm has at this pace."""
+        able = [row for row in range(1, len(self.row_of)) if self._can(row, algorithm)]
+        share = self.share([0, *able], algorithm)
+        return self.knowledge.factors[algorithm] * share * self.freshness(algorithm, 0)
+
+    def freshness(self, algorithm: Algorithm, participants: int) -> float:
+        """What results at this pace are worth against those at the fastest, in (0, 1]."""
+        if not self.knowledge.learns:
+            return 1.0
+        frame_s = self.knowledge.own_costs.frame_s(algorithm, participants)
+        return self.pace.freshness(self.paces[0], frame_s)
 
     def fits(self, score: Score) -> bool:
-        """Whether the link can carry the choice at the fusion rate."""
+        """Whether the link can carry the choice at the pace."""
         return score.cost_bytes <= self.budget_bytes
 
     def good_enough(self, score: Score) -> bool:
         """Q >= Q_min."""
         return score.quality >= self.objective.q_min
-
-
-def pack_areas(areas: NDArray[np.bool_]) -> NDArray[np.uint64]:
-    """Area masks, bool (n, G, G), as rows of 64-bit words."""
-    packed = np.packbits(areas.reshape(len(areas), -1), axis=1)
-    padding = -packed.shape[1] % 8
-    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view(np.uint64)

@@ -26,6 +26,9 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     deadline_s: Annotated[float, msgspec.Meta(gt=0, le=4)] = 0.25
     """How long a fused frame waits for the robots. Zenoh closes a transport that is blocked for
     5 s, so it must stay below that."""
+    learn: bool = True
+    """Whether decisions heed how long answers have taken, and may choose a lower rate; without,
+    rate and deadline stay as they are set here."""
     q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
     cost_weight: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
     """lambda of the objective Q - lambda * C: quality that one megabyte a frame must bring."""

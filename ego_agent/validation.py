@@ -39,17 +39,18 @@ def validate(
     None instead of a decision means that the proposal cannot be used; the last sentence says why.
     A decision is valid when its participants are the ego, first, and candidates of the scene, each
     once; its algorithm is available and everyone's size for it is known; and
-    C(P, a) * 8 * rate <= headroom * C(t), and the same for each one's size and its own link, or the
-    ego is alone.
+    C(P, a) * 8 * rate <= headroom * C(t), at the rate that is decided, and the same for each one's
+    size and its own link, or the ego is alone.
     """
     repairs: list[str] = []
     if trouble := _unusable(proposal, knowledge, now_ns):
         return None, (trouble,)
     repairs.extend(proposal.notes)
-    scorer = Scorer(scene, knowledge)
+    fastest = Scorer(scene, knowledge)
     asked = _known_once(proposal.participants, scene, repairs)
     if not asked and any(name != scene.ego.robot for name in proposal.participants):
         return None, bounded([*repairs, "refused: nobody of those it names can take part"])
+    scorer = _paced(fastest, asked, proposal)
     score = _carried(scorer, asked, proposal.algorithm, repairs)
     if asked and not score.participants:
         why = "refused: nobody of those it names fits the link and adds anything"
@@ -86,8 +87,9 @@ def make_decision(
     model: object = "",
     advice: AdviceReport | None = None,
 ) -> Decision:
-    """The message of a choice that has been checked."""
+    """The message of a choice that has been checked, by a scorer of its scene."""
     ego = scorer.scene.ego.robot
+    at = scorer.at(score.pace)
     return Decision(
         ego=ego,
         cycle=cycle,
@@ -102,9 +104,13 @@ def make_decision(
         repairs=bounded(repairs),
         quality=score.quality,
         cost_bytes=score.cost_bytes,
-        rate_hz=scorer.objective.rate_hz,
+        rate_hz=score.pace.rate_hz,
         capacity_bps=scorer.scene.capacity_bps,
         advice=advice,
+        deadline_s=score.pace.deadline_s,
+        arrival={
+            robot: round(at.in_time(robot, score.algorithm), 3) for robot in score.participants
+        },
     )
 
 
@@ -192,6 +198,20 @@ def _carried(scorer: Scorer, asked: list[str], wanted: object, repairs: list[str
         if robot not in best.participants:
             repairs.append(f"dropped {robot}: {_why_dropped(scorer, robot, best)}")
     return best
+
+
+def _paced(fastest: Scorer, asked: list[str], proposal: Proposal) -> Scorer:
+    """At the pace that was proposed, or else at the one that suits the choice best; a slower one
+    must gain `switch_gain`."""
+    if proposal.rate_hz is not None or proposal.algorithm not in fastest.knowledge.algorithms:
+        return fastest.at_rate(proposal.rate_hz)
+    taken, best = fastest, _trimmed(fastest, asked, proposal.algorithm)
+    for pace in fastest.paces[1:]:
+        slower = fastest.at(pace)
+        score = _trimmed(slower, asked, proposal.algorithm)
+        if score.value > best.value + fastest.objective.switch_gain:
+            taken, best = slower, score
+    return taken
 
 
 def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:

@@ -146,10 +146,10 @@ def assert_valid(decision: Decision, scene: UnifiedScene, knowledge: Knowledge) 
     assert decision.algorithm in ALGORITHMS
     assert decision.cost_bytes == sum(by_id[r].sizes[decision.algorithm] for r in others)
     allowed_bps = scene.capacity_bps * knowledge.objective.headroom
-    needed_bps = decision.cost_bytes * 8 * knowledge.objective.rate_hz
+    needed_bps = decision.cost_bytes * 8 * decision.rate_hz
     assert not others or needed_bps <= allowed_bps * (1 + 1e-12)
     for robot in others:
-        size_bps = by_id[robot].sizes[decision.algorithm] * 8 * knowledge.objective.rate_hz
+        size_bps = by_id[robot].sizes[decision.algorithm] * 8 * decision.rate_hz
         own_bps = by_id[robot].capacity_bps * knowledge.objective.headroom
         assert size_bps <= own_bps * (1 + 1e-12)
     assert 0.0 <= decision.quality <= 1.0

@@ -31,6 +31,7 @@ from swarm.messages import (
     NetState,
     Observation,
     ObservationRequest,
+    Probe,
     Refusal,
     RobotSteered,
     RobotSteering,
@@ -126,6 +127,10 @@ SAMPLES: tuple[Message, ...] = (
                 tokens=LlmTokens(prompt=900, reused=700, output=40),
             ),
         ),
+        deadline_s=0.25,
+        arrival={"R1": 0.97},
+        probe=Probe(robot="R1", algorithm="early", bytes=12_000),
+        held_s=11.5,
     ),
     Detections(
         ego="R2",

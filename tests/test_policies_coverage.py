@@ -119,10 +119,12 @@ def test_decisions_do_not_flap_with_a_link_that_hovers_at_a_threshold() -> None:
     found = scene(candidate("E", range(20)), candidate("A", range(20, 64)))
     hovering = [0.98e6, 0.94e6] * 10  # 12.2 and 11.7 kB: the points just fit, or just do not
     calm = _flapping(found, knowledge(headroom=1), hovering)
-    nervous = _flapping(found, knowledge(headroom=1, upgrade_reserve=0, switch_gain=0), hovering)
+    nobody_waits = knowledge(headroom=1, upgrade_reserve=0, switch_gain=0, dwell_s=0)
+    nervous = _flapping(found, nobody_waits, hovering)
     assert _changes(calm) == 1
     assert _changes(nervous) == 19
-    assert _flapping(found, knowledge(headroom=1), [0.94e6, 1.1e6])[-1].algorithm == "early"
+    wider = _flapping(found, knowledge(headroom=1, dwell_s=0), [0.94e6, 1.1e6])
+    assert wider[-1].algorithm == "early"
 
 
 def test_a_change_must_pay() -> None:

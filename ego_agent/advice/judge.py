@@ -63,7 +63,8 @@ def judge(
         else:
             kind = "infeasible" if known else "unknown_robot"
         return Verdict(kind, sentences[-1], notes=sentences)
-    ours, theirs = scorer.score(decision.participants, decision.algorithm), fallback
+    at = scorer.at_rate(decision.rate_hz)
+    ours, theirs = at.score(decision.participants, decision.algorithm), fallback
     if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
         estimate = Estimate(scorer, surrogate)
         ours = estimate.score(ours.participants, ours.algorithm)
@@ -71,7 +72,7 @@ def judge(
     if why := _worse(scorer, ours, theirs, margin):
         return Verdict("worse", why, notes=sentences)
     repaired: list[Refused] = ["unknown_robot"] if named - known else []
-    repaired += _repaired(scorer, known, algorithm, decision)
+    repaired += _repaired(at, known, algorithm, decision)
     return Verdict(None, "", decision.participants, decision.algorithm, tuple(repaired), sentences)
 
 

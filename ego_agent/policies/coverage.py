@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ego_agent.explain import told
 from ego_agent.greedy import grow
 from ego_agent.hysteresis import best_option, settle, still_possible
 from ego_agent.knowledge import Knowledge
@@ -33,6 +34,7 @@ class Coverage:
             algorithm=best.algorithm,
             reason=reason,
             source="policy",
+            rate_hz=best.pace.rate_hz,
         )
 
     def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
@@ -41,27 +43,42 @@ class Coverage:
         best = best_option(scorer, options)
         held = still_possible(scorer, previous)
         if held is not None:
-            best = settle(scorer, options, best, held)
+            best = settle(scorer, options, best, held, previous.held_s if previous else None)
         return best, _reason(scorer, best, kept=best is held)
 
 
 def _options(scorer: Scorer) -> Iterator[Score]:
-    """The ego alone, and all sets on the way of the greedy orders."""
+    """The ego alone, and all sets on the way of the greedy orders, at each pace that may be worth
+    its slowness."""
     knowledge = scorer.knowledge
-    yield scorer.score((), knowledge.best_algorithm())
+    alone = scorer.score((), knowledge.best_algorithm())
+    yield alone
+    best = alone.value
     for algorithm in knowledge.algorithms:
-        for by_byte in (True, False):
-            yield from grow(scorer, scorer.scene.candidates, algorithm, by_byte=by_byte)
+        for pace in scorer.paces:
+            at = scorer.at(pace)
+            if pace is not scorer.paces[0] and at.most(algorithm) <= best:
+                continue
+            for by_byte in (True, False):
+                for score in grow(at, scorer.scene.candidates, algorithm, by_byte=by_byte):
+                    best = max(best, score.value)
+                    yield score
 
 
 def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
     """One sentence for people."""
-    share = score.quality / scorer.knowledge.factors[score.algorithm]
+    at = scorer.at(score.pace)
+    rows = [0, *(scorer.row_of[robot] for robot in score.participants)]
+    share = at.share(rows, score.algorithm)
     text = (
         f"The ego and {len(score.participants)} of {len(scorer.scene.candidates)} robots in range "
         f"see {100 * share:.0f} % of what all see; {score.algorithm} fusion costs "
-        f"{score.cost_bytes / 1e3:.1f} of {scorer.budget_bytes / 1e3:.1f} kB a frame"
+        f"{score.cost_bytes / 1e3:.1f} of {at.budget_bytes / 1e3:.1f} kB a frame"
     )
+    if score.pace != scorer.paces[0]:
+        text += f" at {score.pace.rate_hz:g} frames a second"
+    if late := told(at):
+        text += f"; {late}"
     if not scorer.good_enough(score):
         text += f"; {score.quality:.2f} is the best quality, below {scorer.objective.q_min:.2f}"
     return text + ("; kept, no change pays." if kept else ".")

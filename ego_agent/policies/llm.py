@@ -14,6 +14,7 @@ from ego_agent.advice.judge import Verdict, judge
 from ego_agent.advice.outcomes import plain
 from ego_agent.advice.questions import Asking, Heard, Question, Questions
 from ego_agent.advice.standing import Advice, Cycle, answer_report
+from ego_agent.hysteresis import held
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Proposal, UnifiedScene
 from ego_agent.policies.coverage import Coverage
@@ -102,7 +103,8 @@ class Llm:
         """The fallback is what `coverage` would decide, had it decided so far: advice that it would
         not have chosen must not become what it holds on to."""
         score, reason = self._coverage.choose(scorer, self._shadow)
-        self._shadow = make_decision(
+        now_ns = round(self._clock() * 1e9)
+        shadow = make_decision(
             scorer,
             score,
             reason=reason,
@@ -110,8 +112,9 @@ class Llm:
             repairs=(),
             policy=self.name,
             cycle=0,
-            now_ns=0,
+            now_ns=now_ns,
         )
+        self._shadow = held(shadow, self._shadow, now_ns)
         alive = questions is not None and questions.alive()
         return Cycle(scorer, score, reason, self._clock(), alive)
 
@@ -234,6 +237,7 @@ class Llm:
             "fallback",
             notes=(note,) if note else (),
             advice=report,
+            rate_hz=cycle.fallback.pace.rate_hz,
         )
 
     def _report(self, cycle: Cycle) -> AdviceReport:

@@ -45,7 +45,7 @@ class BySurrogate:
         held = still_possible(scorer, previous)
         if held is not None and (not held.participants or held.algorithm in estimate.algorithms):
             held = estimate.score(held.participants, held.algorithm)
-            best = settle(scorer, options, best, held)
+            best = settle(scorer, options, best, held, previous.held_s if previous else None)
         return Proposal(
             participants=(scene.ego.robot, *best.participants),
             algorithm=best.algorithm,

@@ -15,6 +15,7 @@ from ego_agent.greedy import SMALLEST_GAIN
 from ego_agent.model import Candidate
 from ego_agent.prompting.steps import coarse, percent, place, shown
 from ego_agent.scoring import Scorer
+from ego_agent.union import Union
 from swarm.errors import KeyspaceError
 from swarm.keyspace import check_name
 from swarm.messages import Algorithm
@@ -64,19 +65,16 @@ def ranked(scorer: Scorer, limit: int = MAX_LISTED) -> tuple[Ranked, ...]:
         key=lambda c: c.robot,
     )
     rows = np.array([scorer.row_of[c.robot] for c in able], dtype=np.intp)
-    bits, evidence = scorer.bits[0], scorer.evidence[0]
-    keep = scorer.gains(rows, bits, evidence) > SMALLEST_GAIN if able else np.zeros(0, bool)
+    union, certain = Union(scorer.views), np.ones(len(rows))
+    keep = union.gains(rows, certain) > SMALLEST_GAIN if able else np.zeros(0, bool)
     rows, left = rows[keep], [c for c, kept in zip(able, keep, strict=True) if kept]
     found: list[Ranked] = []
     while left and len(found) < limit:
-        gains = scorer.gains(rows, bits, evidence)
+        gains = union.gains(rows, np.ones(len(rows)))
         # Gains that look the same in the table go by id, so that its order does not tremble.
         at = min(range(len(left)), key=lambda i: (-percent(float(gains[i])), left[i].robot))
         found.append(Ranked(left.pop(at), float(gains[at])))
-        bits, evidence = (
-            bits | scorer.bits[rows[at]],
-            np.maximum(evidence, scorer.evidence[rows[at]]),
-        )
+        union.add(int(rows[at]), 1.0)
         rows = np.delete(rows, at)
     return tuple(found)
 
@@ -86,8 +84,8 @@ def robot_row(scorer: Scorer, entry: Ranked, costs: Sequence[Algorithm]) -> str:
     candidate = entry.candidate
     row = scorer.row_of[candidate.robot]
     alone = scorer.share([0, row]) - scorer.share([0])
-    ego_sees = scorer.evidence[0] >= HALF_SEEN
-    new = int(np.count_nonzero((scorer.evidence[row] >= HALF_SEEN) & ~ego_sees))
+    ego_sees = scorer.views.evidence[0] >= HALF_SEEN
+    new = int(np.count_nonzero((scorer.views.evidence[row] >= HALF_SEEN) & ~ego_sees))
     cells = [
         candidate.robot,
         *(str(place(way, STEP_M)) for way in (candidate.pose.x, candidate.pose.y)),

@@ -100,11 +100,21 @@ class Estimate:
         if not sets:
             return
         precision = self._predict(sets, algorithms)
+        arriving = [self._arriving(*choice) for choice in zip(sets, algorithms, strict=True)]
+        if min(arriving) < 1.0:
+            alone = self._predict([()], [""])[0]
+            precision = alone + (precision - alone) * np.array(arriving)
         for rows, algorithm, ap_70 in zip(sets, algorithms, precision.tolist(), strict=True):
             cost = self._cost(rows, algorithm)
             chosen = tuple(self._names[row - 1] for row in rows)
             value = self.scorer.objective.value(ap_70, cost)
-            yield Score(chosen, algorithm, min(1.0, ap_70 / self._most), cost, value)
+            quality = min(1.0, ap_70 / self._most)
+            yield Score(chosen, algorithm, quality, cost, value, self.scorer.pace)
+
+    def _arriving(self, rows: tuple[int, ...], algorithm: Algorithm) -> float:
+        """The share of the participants that is expected to be in time: as much of what they add
+        to the ego alone is counted."""
+        return float(self.scorer.arrival(algorithm)[list(rows)].mean()) if rows else 1.0
 
     def _predict(
         self, sets: Sequence[tuple[int, ...]], algorithms: Sequence[Algorithm]

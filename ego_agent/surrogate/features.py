@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.model import UnifiedScene
-from ego_agent.scoring import pack_areas
+from ego_agent.union import pack_areas
 
 NEAR_M = 25.0
 """Boxes count within this of the ego along x and y; about the area of the factory's detector."""

@@ -19,7 +19,7 @@ from swarm.messages.base import (
     RobotId,
     Source,
 )
-from swarm.messages.ego import AdviceReport, AdviceState, AnswerReport, Decision, Detections
+from swarm.messages.ego import AdviceReport, AdviceState, AnswerReport, Decision, Detections, Probe
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
     ChatMessage,
@@ -81,6 +81,7 @@ __all__ = [
     "Ns",
     "Observation",
     "ObservationRequest",
+    "Probe",
     "Profile",
     "Refusal",
     "RobotId",

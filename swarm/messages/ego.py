@@ -10,6 +10,7 @@ from swarm.arrays import Array
 from swarm.messages.base import Algorithm, Count, Message, Ns, Positive, RobotId, Source
 from swarm.messages.llm import LlmTokens, NonNegative
 
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 ModelName = Annotated[str, msgspec.Meta(max_length=200)]
 AdviceState = Literal["none", "asked", "waiting", "adopted", "held", "refused"]
 """Adopted in this cycle; in force since an earlier one; else none is in force, and the newest
@@ -58,6 +59,15 @@ class AdviceReport(msgspec.Struct, frozen=True, kw_only=True):
     """What came of a question in this cycle."""
 
 
+class Probe(msgspec.Struct, frozen=True, kw_only=True):
+    """One question on the side: whether what the ego would rather have comes in time by now."""
+
+    robot: RobotId
+    algorithm: Algorithm
+    bytes: Count = 0
+    """What its answer is expected to cost, once."""
+
+
 class Decision(Message, frozen=True, kw_only=True):
     """Who takes part in the fusion and with which algorithm, and where that came from."""
 
@@ -81,10 +91,19 @@ class Decision(Message, frozen=True, kw_only=True):
     cost_bytes: Count = 0
     """Predicted C(P, a): bytes a fused frame over all participants but the ego."""
     rate_hz: Positive = 10.0
+    """Fused frames a second."""
     capacity_bps: Positive = 1.0
     """C(t) that the decision was checked against."""
     advice: AdviceReport | None = None
     """None for policies that ask no language model."""
+    deadline_s: Positive | None = None
+    """How long a frame waits for the robots; None leaves it to the ego's settings."""
+    arrival: dict[RobotId, Share] = msgspec.field(default_factory=dict)
+    """Probability that each participant's observation is in time, as far as it has been learnt."""
+    probe: Probe | None = None
+    """A question beside the decision, in its first frame."""
+    held_s: NonNegative | None = None
+    """Since participants, algorithm or rate were changed last; None: not known."""
 
 
 class Detections(Message, frozen=True, kw_only=True):

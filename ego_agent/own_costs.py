@@ -1,0 +1,38 @@
+"""What a fused frame costs the ego itself, by algorithm: the pace that it can keep."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from statistics import median
+
+from swarm.messages import Algorithm
+
+FRAMES = 10
+"""Frames of which the median counts."""
+
+
+class OwnCosts:
+    """Seconds of the ego's work a frame. The fusion thread records, the control cycle reads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._fixed_s: dict[Algorithm, deque[float]] = {}
+        self._add_s: dict[Algorithm, deque[float]] = {}
+
+    def record(
+        self, algorithm: Algorithm, contributions: int, fixed_s: float, add_s: float
+    ) -> None:
+        """Notes a fused frame: `fixed_s` whoever takes part, `add_s` for taking up all
+        contributions."""
+        with self._lock:
+            self._fixed_s.setdefault(algorithm, deque(maxlen=FRAMES)).append(fixed_s)
+            if contributions:
+                each = self._add_s.setdefault(algorithm, deque(maxlen=FRAMES))
+                each.append(add_s / contributions)
+
+    def frame_s(self, algorithm: Algorithm, contributions: int) -> float:
+        """What a frame with that many contributions takes; 0 where nothing is known."""
+        with self._lock:
+            fixed = median(self._fixed_s.get(algorithm, (0.0,)))
+            return fixed + contributions * median(self._add_s.get(algorithm, (0.0,)))

@@ -1,0 +1,151 @@
+"""What a growing set of robots shows together, in expectation: each arrives, or not, on its own.
+
+Of the ground, a cell counts with the probability that anyone who sees it arrives; of objects, the
+best evidence that arrives is expected. Both are expectations of coverage functions over independent
+arrivals, so they stay monotone and submodular, and where all arrive for certain they are coverage
+itself, to the bit.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEVELS = 10
+"""Steps of evidence in which robots that may not arrive are counted."""
+
+
+class Views:
+    """What each robot of a scene sees; row 0 is the ego."""
+
+    def __init__(
+        self,
+        areas: NDArray[np.bool_],
+        evidence: NDArray[np.float64],
+        area_weight: float,
+        object_weight: float,
+    ) -> None:
+        """`areas` (n, G, G), `evidence` (n, K) in [0, 1]; the weights of a cell and of an object
+        in the share of all that is seen."""
+        self.bits = pack_areas(areas)
+        """(n, W) words of 64 cells, so that a union of 20,000 cells takes microseconds."""
+        self.evidence = evidence
+        self.area_weight = area_weight
+        self.object_weight = object_weight
+        self._areas = areas
+
+    @cached_property
+    def cells(self) -> NDArray[np.float32]:
+        """(n, C): 1 where a robot sees a cell, of those that some robot sees and the ego does not.
+        Needed only where somebody may not arrive."""
+        flat = self._areas.reshape(len(self._areas), -1)
+        open_cells = flat.any(axis=0) & ~flat[0]
+        return flat[:, open_cells].astype(np.float32)
+
+    @cached_property
+    def level(self) -> NDArray[np.intp]:
+        """(n, K): the step of LEVELS that each evidence lies in."""
+        steps: NDArray[np.intp] = np.minimum(self.evidence * LEVELS, LEVELS - 1).astype(np.intp)
+        return steps
+
+    @cached_property
+    def beyond(self) -> NDArray[np.float64]:
+        """(n, K): how far each evidence reaches into its step."""
+        over: NDArray[np.float64] = self.evidence - self.level / LEVELS
+        return over
+
+
+class Union:
+    """The ego and those who were added, each with the probability that it arrives."""
+
+    def __init__(self, views: Views, first: int = 0) -> None:
+        """`first`: the row to begin with. Only to the ego's can others be added that may not
+        arrive."""
+        self._views = views
+        self._first = first
+        self._bits = views.bits[first]
+        self._evidence = views.evidence[first]
+        """The best of those who arrive for certain."""
+        self._sure: list[int] = []
+        self._missed: NDArray[np.float32] | None = None
+        """(C,) probability that nobody who sees a cell arrives; None while all arrive for
+        certain."""
+        self._above: NDArray[np.float64] = np.zeros(0)
+        """(LEVELS, K) probability that the best evidence that arrives lies below each step."""
+
+    def gains(self, rows: NDArray[np.intp], arrival: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What each of the rows adds to the share of all that is seen, float64 (rows,);
+        `arrival`: with which probability each arrives."""
+        views = self._views
+        if self._missed is None:
+            cells = np.bitwise_count(views.bits[rows] & ~self._bits).sum(axis=1, dtype=np.int64)
+            objects = np.maximum(views.evidence[rows] - self._evidence, 0.0).sum(axis=1)
+        else:
+            cells = (views.cells[rows] @ self._missed).astype(np.float64)
+            objects = self._expected_above(rows)
+        added: NDArray[np.float64] = views.area_weight * cells + views.object_weight * objects
+        return arrival * added
+
+    def add(self, row: int, arrival: float) -> None:
+        """Takes a robot in."""
+        views = self._views
+        if arrival < 1.0 and self._missed is None:
+            self._missed = np.ones(views.cells.shape[1], dtype=np.float32)
+            for sure in self._sure:
+                self._missed *= 1.0 - views.cells[sure]
+            self._above = np.ones((LEVELS, views.evidence.shape[1]))
+        if self._missed is not None:
+            self._missed *= 1.0 - arrival * views.cells[row]
+        if arrival >= 1.0:
+            self._sure.append(row)
+            self._bits = self._bits | views.bits[row]
+            self._evidence = np.maximum(self._evidence, views.evidence[row])
+        else:
+            steps = np.arange(LEVELS)[:, None]
+            reach = np.clip(views.evidence[row] * LEVELS - steps, 0.0, 1.0)
+            self._above *= 1.0 - arrival * reach
+
+    def share(self) -> float:
+        """The part of all that is seen that they show; a rounding error may lead above 1."""
+        views = self._views
+        if self._missed is None:
+            cells = float(np.bitwise_count(self._bits).sum())
+            objects = float(self._evidence.sum())
+        else:
+            cells = float(np.bitwise_count(views.bits[self._first]).sum())
+            cells += float((1.0 - self._missed).sum(dtype=np.float64))
+            below, floor = self._below()
+            objects = float((1.0 - (below[LEVELS] - floor)).sum())
+        return views.area_weight * cells + views.object_weight * objects
+
+    def _expected_above(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Sum over objects of E[max(0, e - best evidence that arrives)]: the integral of the
+        probability that the best lies below, from the best certain one to e."""
+        views = self._views
+        below, floor = self._below()
+        objects = np.arange(views.evidence.shape[1])
+        level, beyond = views.level[rows], views.beyond[rows]
+        risen = below[level, objects] + self._above[level, objects] * beyond - floor
+        summed: NDArray[np.float64] = np.maximum(risen, 0.0).sum(axis=1)
+        return summed
+
+    def _below(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The integral of that probability from 0 to each step, (LEVELS + 1, K), and to the best
+        certain evidence, (K,)."""
+        below = np.zeros((LEVELS + 1, self._views.evidence.shape[1]))
+        np.cumsum(self._above / LEVELS, axis=0, out=below[1:])
+        objects = np.arange(below.shape[1])
+        at = np.minimum(self._evidence * LEVELS, LEVELS - 1).astype(np.intp)
+        floor: NDArray[np.float64] = below[at, objects] + self._above[at, objects] * (
+            self._evidence - at / LEVELS
+        )
+        return below, floor
+
+
+def pack_areas(areas: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Area masks, bool (n, G, G), as rows of 64-bit words."""
+    packed = np.packbits(areas.reshape(len(areas), -1), axis=1)
+    padding = -packed.shape[1] % 8
+    return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view(np.uint64)
