@@ -92,11 +92,8 @@ class AnswerTimes:
     """Median of its own encoding times."""
     answer_s: float | None = None
     """Median from question to answer, of the answers that came."""
-
-    @property
-    def frames(self) -> float:
-        """Frames that its own evidence counts for."""
-        return sum(weight for _, weight in self.own)
+    frames: float = 0.0
+    """Frames that its own evidence counts for."""
 
     @property
     def lost(self) -> float:
@@ -113,7 +110,10 @@ class AnswerTimes:
 
     def in_time(self, deadline_s: float) -> float:
         """Probability that an answer comes within the deadline."""
-        hits = PRIOR_WEIGHT + sum(w for seconds, w in self.own if seconds <= deadline_s)
+        hits = PRIOR_WEIGHT
+        for seconds, weight in self.own:
+            if seconds <= deadline_s:
+                hits += weight
         total = PRIOR_WEIGHT + self.frames
         if self.pool is not None:
             borrowed = min(POOL_WEIGHT, float(self.pool.weights[-1]))
@@ -204,6 +204,7 @@ class Learnt:
                     self._slowness.get(robot, 1.0),
                     self._encode_s.get(key),
                     self._answer_s.get(key),
+                    sum(weight for _, weight in own),
                 )
         return known
 

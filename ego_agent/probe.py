@@ -89,14 +89,16 @@ class Prober:
 
 
 def _of(scorer: Scorer, hoped: Score, decision: Decision) -> Probe | None:
-    """The hoped-for participant to ask: of those that are doubted, the one whose answers are known
-    least. None where nobody is, or where the link does not carry the answer within a second."""
+    """The hoped-for participant to ask: of those that are doubted and not asked for the same
+    anyway, the one whose answers are known least. None where nobody is, or where the link does not
+    carry the answer within a second."""
+    same = decision.participants if decision.algorithm == hoped.algorithm else ()
     scene, objective = scorer.scene, scorer.objective
     free_bps = (
         objective.headroom * scene.capacity_bps - 8.0 * decision.cost_bytes * decision.rate_hz
     )
     able = []
-    for robot in hoped.participants:
+    for robot in set(hoped.participants) - set(same):
         size = scorer.size(robot, hoped.algorithm)
         if scorer.in_time(robot, hoped.algorithm) < DOUBTED and 8.0 * size <= free_bps:
             answers = scene.candidates[scorer.row_of[robot] - 1].answers.get(hoped.algorithm)
