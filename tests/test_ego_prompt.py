@@ -77,6 +77,27 @@ def test_whole_prompts_are_as_recorded(
     assert whole == path.read_text()
 
 
+def test_how_often_answers_are_in_time_is_told_in_one_line_once_some_are_late() -> None:
+    known, found = knowledge(), floor(6, knowledge(), 20e6)
+    for robot in ("R2", "R3", "R4", "R5", "R6"):
+        for _ in range(20):
+            known.experience.record(robot, "late", 0.4)
+            known.experience.record(robot, "early", 2.0 if robot == "R4" else 0.1)
+    learnt = known.experience.learnt()
+    late = dataclasses.replace(
+        found,
+        candidates=tuple(
+            dataclasses.replace(c, answers=learnt.of(c.robot, c.sizes)) for c in found.candidates
+        ),
+    )
+    before_it, told = (make_prompt(s, known, None, None) for s in (found, late))
+    line = "In time, percent: early 100 (R4 0), late 0. What comes late adds nothing.\n"
+    assert user(told) == user(before_it).replace("Before:", line + "Before:")
+    assert told.messages[0] == before_it.messages[0]
+    assert told.fingerprint != before_it.fingerprint
+    assert len(line) < 90
+
+
 def test_what_an_ego_asks_fits_the_message_and_says_the_same_each_time() -> None:
     one, other = (make_prompt(floor(6, knowledge()), knowledge(), None, None) for _ in range(2))
     assert one == other

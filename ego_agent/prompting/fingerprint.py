@@ -13,6 +13,7 @@ import msgspec
 
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Candidate, UnifiedScene
+from ego_agent.prompting.arrival import mostly_late
 from ego_agent.scoring import Scorer
 
 VERSION = 1
@@ -44,6 +45,8 @@ def scene_fingerprint(scorer: Scorer) -> str:
         _step(len(scene.objects), OBJECTS_STEP),
         _capacity(scorer),
     ]
+    if late := [name for name in knowledge.algorithms if mostly_late(scorer, name)]:
+        quantised.append(late)
     return hashlib.sha256(msgspec.json.encode(quantised)).hexdigest()
 
 

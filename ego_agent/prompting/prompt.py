@@ -15,6 +15,7 @@ from string import Template
 
 from ego_agent.knowledge import CycleResult, Knowledge
 from ego_agent.model import UnifiedScene
+from ego_agent.prompting.arrival import arrival_line
 from ego_agent.prompting.fingerprint import scene_fingerprint
 from ego_agent.prompting.schema import Choice, answer_schema, choices
 from ego_agent.prompting.steps import at_most, coarse, percent, place, shown
@@ -128,7 +129,7 @@ def _user(
         columns=" ".join(costs),
         rows="\n".join(robot_row(scorer, entry, costs) for entry in listed) or "(nobody)",
         others=f"Not listed: {others} more.",
-        before=_before(scorer, previous, result),
+        before=arrival_line(scorer, listed) + _before(scorer, previous, result),
         link=_link(scorer, found),
     )
 
