@@ -100,6 +100,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         argv=(
             *(place.python, "-m", "swarm.router"),
             *("--host", place.listen_host, "--port", str(spec.router_port)),
+            *("--swarm", spec.swarm),
             *("--metrics-port", str(ROUTER_METRICS_PORT)),
             *(("--unix-socket", place.unix_socket) if place.unix_socket else ()),
         ),

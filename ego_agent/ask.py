@@ -12,15 +12,14 @@ import itertools
 import math
 import queue
 import time
-from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
+from ego_agent.evidence import Queues
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
-from ego_agent.rounds import Transfer, measure
 from ego_agent.tally import TallyKeeper
 from perception.fusion.base import Ask, Contribution
 from swarm import keyspace
@@ -33,8 +32,8 @@ MAX_TRANSFER_S = 1.0
 """No payload may take the link longer than this: what is older shows another moment."""
 MIN_PAYLOAD_BYTES = 2048
 """Boxes must always fit."""
-MAX_TRANSFERS = 512
-"""Answers that are remembered to see what else was on the link while one was on its way."""
+SILENT_S = 1.0
+"""When neither a beacon nor an answer has come for so long, the link carries nothing."""
 LATE_S = 1.25
 """How long after the deadline an answer may still come; its bytes are counted then."""
 SMALL_OFFSET_NS = 50_000_000
@@ -85,8 +84,6 @@ class FrameRound:
     missing: dict[str, str] = field(default_factory=dict)
     """Robots without a contribution: `kind: detail`."""
     waiting: set[str] = field(default_factory=set)
-    open: set[str] = field(default_factory=set)
-    """Robots whose request has not ended, be it late."""
     asked_at: dict[str, float] = field(default_factory=dict)
     """When each robot was asked, `time.monotonic()` seconds like all times here."""
     arrived_at: dict[str, float] = field(default_factory=dict)
@@ -169,7 +166,8 @@ class Asker:
         """Robots whose newest answer came in time."""
         self._rounds: list[FrameRound] = []
         """Those that still wait for answers."""
-        self._transfers: deque[Transfer] = deque(maxlen=MAX_TRANSFERS)
+        self._queues = Queues()
+        self._answered_at = time.monotonic()
 
     def ask(
         self,
@@ -211,7 +209,6 @@ class Asker:
         done.capacity_bps = capacity_bps
         limits = self._link.robot_limits(now)
         done.waiting.update(asked)
-        done.open.update(asked)
         for robot in asked:
             own_bps = min(capacity_bps / len(asked), limits.get(robot, capacity_bps))
             share = min(int(own_bps / 8.0 * MAX_TRANSFER_S), MAX_MESSAGE_BYTES - 4096)
@@ -258,11 +255,8 @@ class Asker:
     def _close_rounds(self, now: float) -> None:
         for done in [r for r in self._rounds if not r.waiting or now >= r.due_at]:
             self._rounds.remove(done)
-            if (
-                done.waiting
-                and not done.probe
-                and not any(t.end_s >= done.begun_at for t in self._transfers)
-            ):
+            silent_s = min(now - self._answered_at, self._monitor.silent_s())
+            if done.waiting and not done.probe and silent_s >= SILENT_S:
                 self._link.silence(now)
             done.close(now)
 
@@ -364,17 +358,14 @@ class Asker:
         )
 
     def _learn(self, arrival: _Arrival) -> None:
-        """Notes when an answer was on its way; the last one of its frame, be it late, completes
-        what the frame shows of the links."""
-        ask, done = arrival.ask, arrival.ask.round
-        if isinstance(arrival.outcome, Answer):
-            encoded_at = done.begun_at + arrival.outcome.message.encode_ms * 1e-3
-            size, start = arrival.outcome.wire_bytes, min(encoded_at, arrival.at)
-            self._transfers.append(Transfer(ask.robot, size, start, arrival.at))
-        done.open.discard(ask.robot)
-        shown = None if done.open else measure(self._transfers, done.begun_at)
+        """Takes what a robot's kernel says of its own link, also in an answer that is late."""
+        if not isinstance(arrival.outcome, Answer):
+            return
+        self._answered_at = arrival.at
+        robot, seen = arrival.ask.robot, arrival.outcome.message
+        shown = self._queues.take((robot, seen.instance), seen.uplink)
         if shown is not None:
-            self._link.add_round(shown, arrival.at)
+            self._link.add_robot(robot, shown, arrival.at)
 
     def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
         """Why an answer is not what was asked for."""

@@ -1,16 +1,17 @@
-"""C(t): how many bits a second the ego's link delivers, and each robot's own link, from the rounds.
+"""C(t): how many bits a second the ego's link delivers, and each robot's own link.
 
-Maximum filters over the delivery rates of the last `WINDOW_S`, in the manner of BBR (Cardwell et
-al., "BBR: Congestion-Based Congestion Control", ACM Queue 14-5, 2016). As in BBR, a round that did
-not fill a link cannot lower its estimate; `rounds.py` says which did. Rounds of comparable size
-vouch for each other, so that one hiccup of a busy machine lowers nothing, and a quick round raises
-an estimate to what it shows the link to carry at least.
+Maximum filters over the rates of the last `WINDOW_S`, in the manner of BBR (Cardwell et al., "BBR:
+Congestion-Based Congestion Control", ACM Queue 14-5, 2016): what did not fill a link cannot lower
+its estimate. The kernel says what did: its queue stood (`evidence.py`). How long an answer took in
+user space says nothing of the link, and is not asked.
 
-- A round without any answer in time says that the link is much slower than thought, or gone: each
-  takes the estimate down by `TIMEOUT_DECAY`.
-- Without rounds that fill the link, an estimate rises, doubling every `DOUBLING_S` (BBR probes for
-  bandwidth in the same spirit): the cell's towards the prior, a robot's until it is no narrower
-  than the cell. A link that has recovered is found out without traffic for its own sake.
+- The cell's queues are the shaper's (`net/state`) and the router's socket towards the ego
+  (`net/tcp`), a robot's are the shaper's of its link upwards and its own socket towards the router.
+- Without evidence that a link was filled, an estimate rises, doubling every `DOUBLING_S` (BBR
+  probes for bandwidth in the same spirit): the cell's towards the prior, a robot's until it is no
+  narrower than the cell. A link that has recovered is found out without traffic for its own sake.
+- When nothing at all comes from anybody any more, each frame takes the cell's down by
+  `SILENCE_DECAY`.
 
 The prior of the cell is what the network controller last said that fusion can have (`net/state`),
 else the setting; a robot's link counts as wide as the cell until something shows the contrary. No
@@ -24,14 +25,14 @@ import threading
 from collections import OrderedDict, deque
 from typing import NamedTuple
 
-from ego_agent.rounds import FLOOR_BPS, OUTPACED, Round, Sample
+from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
 
-WINDOW_S = 1.0
-MAX_SAMPLES = 10
-"""Samples of one link in the window; BBR keeps ten round trips."""
-COMPARABLE = 0.5
-"""Samples with at least this share of a sample's bytes are held against it."""
-TIMEOUT_DECAY = 0.85
+WINDOW_S = 1.25
+"""Holds two reports of a router, and one state of a controller."""
+AGREEING = 2
+"""Samples in the window that must have filled a link before it is believed to be narrow: a stall of
+TCP after a loss looks like one of them."""
+SILENCE_DECAY = 0.85
 DOUBLING_S = 5.0
 STATE_FRESH_S = 5.0
 """`net/state` comes at 1 Hz; after this silence it is only a prior. A measured rate counts as the
@@ -39,30 +40,33 @@ present one for as long."""
 NEW_LINK = 1.25
 """A link whose configured rate has moved by this factor, up or down, is another link: what was
 measured on the old one is forgotten. Less is telemetry that comes and goes."""
-MAX_ROBOTS = 512
-"""Robots whose links are remembered; the longest unheard is dropped."""
+OLD_LINK_S = 0.25
+"""How late word may come of what was on its way over the old link."""
 
 
 class _Filter:
     """The measured rate of one link; None until the link was the limit."""
 
-    def __init__(self) -> None:
-        self._samples: deque[tuple[float, Sample]] = deque(maxlen=MAX_SAMPLES)
+    def __init__(self, since_s: float = -math.inf) -> None:
+        """`since_s`: what was on its way before does not count."""
+        self._since_s = since_s
+        self._filled: deque[tuple[float, float]] = deque()
         self.measured: tuple[float, float] | None = None
         """bit/s and when."""
 
     def add(self, sample: Sample, now_s: float) -> None:
-        """Takes what one round shows."""
-        self._samples.append((now_s, sample))
-        if not sample.filled:
-            if self.measured is not None and sample.rate_bps > self.risen(now_s):
-                self.measured = (sample.rate_bps, now_s)
+        """Takes what a queue shows."""
+        if now_s - sample.span_s < self._since_s:
             return
-        least = sample.size * COMPARABLE
-        recent = [s for at, s in self._samples if now_s - at <= WINDOW_S and s.size >= least]
-        filled = [s.rate_bps for s in recent if s.filled]
-        if 2 * len(filled) > len(recent):
-            self.measured = (max(filled), now_s)
+        if sample.filled:
+            self._filled.append((now_s, sample.rate_bps))
+            while now_s - self._filled[0][0] > WINDOW_S:
+                self._filled.popleft()
+            if len(self._filled) >= AGREEING:
+                self.measured = (max(bps for _, bps in self._filled), now_s)
+                return
+        if self.measured is not None and sample.rate_bps > self.risen(now_s):
+            self.measured = (sample.rate_bps, now_s)
 
     def risen(self, now_s: float) -> float:
         """bit/s that are worth a try by now; infinite where nothing was measured."""
@@ -95,38 +99,37 @@ class LinkEstimate:
         self._robots: OrderedDict[str, _Filter] = OrderedDict()
         self._uplinks: dict[str, _Uplink] = {}
 
-    def add_round(self, done: Round, now_s: float) -> None:
-        """Takes what one round shows of the links."""
+    def add_cell(self, sample: Sample, now_s: float) -> None:
+        """Takes what a queue towards the ego shows."""
         with self._lock:
-            sole = done.sole
-            if sole is not None and done.cell.filled and self._own_doing(sole, done.cell, now_s):
-                self._filter(sole).add(done.cell, now_s)
-                return
-            self._cell.add(done.cell, now_s)
-            for robot, sample in done.robots.items():
-                self._filter(robot).add(sample, now_s)
+            self._cell.add(sample, now_s)
+
+    def add_robot(self, robot: str, sample: Sample, now_s: float) -> None:
+        """Takes what a queue from a robot shows."""
+        with self._lock:
+            self._keep(robot, self._robots.get(robot) or _Filter()).add(sample, now_s)
 
     def silence(self, now_s: float) -> None:
-        """Takes a round into the estimate in whose time nothing at all has arrived."""
+        """Takes a frame into the estimate in whose time nothing has come, nor for long before."""
         with self._lock:
             current_bps, _ = self._capacity(now_s)
-            self._cell.measured = (max(FLOOR_BPS, current_bps * TIMEOUT_DECAY), now_s)
+            self._cell.measured = (max(FLOOR_BPS, current_bps * SILENCE_DECAY), now_s)
 
     def set_state(self, available_bps: float, now_s: float) -> None:
         """Takes the network controller's word for what fusion can have of the cell."""
         with self._lock:
             available_bps = max(FLOOR_BPS, available_bps)
             if self._state_at is None or _another(available_bps, self._reference_bps):
-                self._forget(available_bps)
+                self._forget(available_bps, now_s)
             self._prior_bps = available_bps
             self._state_at = now_s
 
-    def clear_state(self) -> None:
+    def clear_state(self, now_s: float) -> None:
         """The network controller shapes the cell no longer: the setting is the prior again."""
         with self._lock:
             self._state_at = None
             self._prior_bps = self._setting_bps
-            self._forget(self._setting_bps)
+            self._forget(self._setting_bps, now_s)
 
     def set_uplink(self, robot: str, available_bps: float | None, now_s: float) -> None:
         """Takes the network controller's word for what fusion can have of a robot's link upwards;
@@ -134,15 +137,15 @@ class LinkEstimate:
         with self._lock:
             if available_bps is None:
                 if self._uplinks.pop(robot, None) is not None:
-                    self._robots.pop(robot, None)
+                    self._keep(robot, _new_link(now_s))
                 return
             available_bps = max(FLOOR_BPS, available_bps)
             before = self._uplinks.get(robot)
             reference_bps = available_bps if before is None else before.reference_bps
             if before is None or _another(available_bps, reference_bps):
-                self._robots.pop(robot, None)
+                self._keep(robot, _new_link(now_s))
                 reference_bps = available_bps
-            if before is not None or len(self._uplinks) < MAX_ROBOTS:
+            if before is not None or len(self._uplinks) < MAX_QUEUES:
                 self._uplinks[robot] = _Uplink(available_bps, reference_bps, now_s)
 
     def capacity(self, now_s: float) -> tuple[float, str]:
@@ -191,25 +194,21 @@ class LinkEstimate:
         held = self._robots.get(robot)
         return min(said_bps, held.risen(now_s)) if held is not None else said_bps
 
-    def _own_doing(self, robot: str, cell: Sample, now_s: float) -> bool:
-        """Whether a robot that sent alone was slow of its own, as far as anybody can tell: the
-        controller says that the cell is wider, or its link was found narrow beside others."""
-        if self._fresh(now_s):
-            return cell.rate_bps * OUTPACED < self._prior_bps
-        return self._limit(robot, now_s) <= cell.rate_bps * OUTPACED
-
-    def _filter(self, robot: str) -> _Filter:
-        held = self._robots.setdefault(robot, _Filter())
+    def _keep(self, robot: str, held: _Filter) -> _Filter:
+        self._robots[robot] = held
         self._robots.move_to_end(robot)
-        if len(self._robots) > MAX_ROBOTS:
+        if len(self._robots) > MAX_QUEUES:
             self._robots.popitem(last=False)
         return held
 
-    def _forget(self, reference_bps: float) -> None:
-        """Rounds over a link that was configured otherwise say nothing about this one."""
+    def _forget(self, reference_bps: float, now_s: float) -> None:
+        """What was seen of a link that was configured otherwise says nothing about this one."""
         self._reference_bps = reference_bps
-        self._cell = _Filter()
-        self._robots.clear()
+        self._cell = _new_link(now_s)
+
+
+def _new_link(now_s: float) -> _Filter:
+    return _Filter(now_s + OLD_LINK_S)
 
 
 def _another(bps: float, reference_bps: float) -> bool:

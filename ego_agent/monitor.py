@@ -19,7 +19,7 @@ from ego_agent.link import LinkEstimate
 from ego_agent.model import RobotView, Snapshot
 from ego_agent.netstate import LinkWatch
 from swarm import keyspace
-from swarm.messages import Beacon, NetState, SceneDescription
+from swarm.messages import Beacon, NetState, SceneDescription, TcpState
 from swarm.process import Clock
 from swarm.session import Session
 
@@ -108,6 +108,7 @@ class Monitor:
             keyspace.scene(swarm, keyspace.ANY), SceneDescription, lambda m, _: self.on_scene(m)
         )
         session.subscribe(keyspace.net_state(swarm), NetState, lambda m, _: self.on_net_state(m))
+        session.subscribe(keyspace.net_tcp(swarm), TcpState, lambda m, _: self.on_tcp_state(m))
         session.watch_alive(self.on_join, self.on_leave)
 
     def on_beacon(self, beacon: Beacon) -> None:
@@ -155,6 +156,18 @@ class Monitor:
         with self._lock:
             if not self._watch.take(state, self._monotonic()):
                 self._out_of_order += 1
+
+    def on_tcp_state(self, state: TcpState) -> None:
+        """Takes a router's word on its connections."""
+        with self._lock:
+            if not self._watch.take_tcp(state, self._monotonic()):
+                self._out_of_order += 1
+
+    def silent_s(self) -> float:
+        """For how long no robot has been heard; infinite where none ever was."""
+        with self._lock:
+            heard = (entry.heard_at for entry in self._robots.values())
+            return self._monotonic() - max(heard, default=-math.inf)
 
     def on_join(self, robot: str) -> None:
         """A liveliness token appeared."""

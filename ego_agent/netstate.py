@@ -1,22 +1,29 @@
-"""What network controllers say of the links (`net/state`), as far as an ego is concerned.
+"""What network controllers (`net/state`) and routers (`net/tcp`) say of the links, as far as an ego
+is concerned.
 
 There is one controller a host, and each speaks for the links that it has shaped. A link that its
-own controller no longer mentions is unshaped; that another one does not mention it means nothing.
+own controller no longer mentions is unshaped; that another one does not mention it means nothing. A
+router tells of the queues of its sockets; an ego knows its own by their addresses.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict, deque
+from collections.abc import Callable, Collection, Hashable
 from dataclasses import dataclass, field
 
+from ego_agent.evidence import Queues
 from ego_agent.link import LinkEstimate
-from swarm.messages import Direction, LinkState, NetState
+from swarm.messages import Backlog, Direction, LinkState, NetState, TcpState
+from swarm.tcp import connections
+from swarm.traffic import TrafficClass
 
 STEADY_S = 3.0
 """While a link's configuration stays the same, the least that was available in this time counts:
 telemetry that comes and goes each second must not make decisions come and go with it. What is
 configured anew counts at once, up and down."""
-MAX_CONTROLLERS = 64
+MAX_SENDERS = 64
+"""Controllers and routers whose messages are counted; the longest unheard is dropped."""
 MAX_LINKS = 1024
 
 _Link = tuple[str, Direction]
@@ -33,26 +40,35 @@ class _Word:
     """When, and bit/s that this ego could have."""
 
 
+def own_addresses() -> frozenset[str]:
+    """This process's ends of its connections of the fusion class."""
+    return frozenset(c.local for c in connections(TrafficClass.FUSION))
+
+
 class LinkWatch:
-    """Passes on to the estimate what controllers say of the ego's cell and the robots' up-links.
+    """Passes on to the estimate what is said of the ego's cell and the robots' up-links.
 
     Not thread-safe: its owner calls it from one thread at a time.
     """
 
-    def __init__(self, ego: str, link: LinkEstimate) -> None:
+    def __init__(
+        self,
+        ego: str,
+        link: LinkEstimate,
+        own: Callable[[], Collection[str]] = own_addresses,
+    ) -> None:
         self._ego = ego
         self._link = link
+        self._own = own
+        self._mine: Collection[str] = ()
+        self._queues = Queues()
         self._seqs: OrderedDict[int, int] = OrderedDict()
         self._words: dict[_Link, _Word] = {}
 
     def take(self, state: NetState, now_s: float) -> bool:
         """Takes a state; False where it is no newer than the last one of its controller."""
-        if state.seq <= self._seqs.get(state.controller, -1):
+        if not self._newer(state.controller, state.seq):
             return False
-        self._seqs[state.controller] = state.seq
-        self._seqs.move_to_end(state.controller)
-        if len(self._seqs) > MAX_CONTROLLERS:
-            self._seqs.popitem(last=False)
         heard: set[_Link] = set()
         for link in state.links:
             if link.direction == "up" or link.robot == self._ego:
@@ -62,6 +78,26 @@ class LinkWatch:
             if word.controller == state.controller and name not in heard:
                 del self._words[name]
                 self._pass_on(name, None, now_s)
+        return True
+
+    def take_tcp(self, state: TcpState, now_s: float) -> bool:
+        """Takes a router's word; False where it is no newer than its last one."""
+        if not self._newer(state.router, state.seq):
+            return False
+        if not any(peer in state.peers for peer in self._mine):
+            self._mine = self._own()  # Also where a connection was lost and is a new one.
+        for peer in self._mine:
+            if peer in state.peers:
+                self._show((self._ego, "down"), (state.router, peer), state.peers[peer], now_s)
+        return True
+
+    def _newer(self, sender: int, seq: int) -> bool:
+        if seq <= self._seqs.get(sender, -1):
+            return False
+        self._seqs[sender] = seq
+        self._seqs.move_to_end(sender)
+        if len(self._seqs) > MAX_SENDERS:
+            self._seqs.popitem(last=False)
         return True
 
     def _hear(self, controller: int, link: LinkState, now_s: float) -> None:
@@ -74,16 +110,28 @@ class LinkWatch:
         if word.configured != (link.capacity_bps, link.level):
             word.configured = (link.capacity_bps, link.level)
             word.recent.clear()
+            self._queues.forget((controller, name))
         granted_bps = link.grants.get(self._ego, link.available_bps)
         word.recent.append((now_s, min(link.available_bps, granted_bps)))
         least = min(bps for at, bps in word.recent if now_s - at <= STEADY_S)
         self._pass_on(name, float(least), now_s)
+        if "fusion" in link.classes:
+            self._show(name, (controller, name), link.classes["fusion"].backlog, now_s)
 
     def _pass_on(self, name: _Link, bps: float | None, now_s: float) -> None:
         if name == (self._ego, "down"):
             if bps is None:
-                self._link.clear_state()
+                self._link.clear_state(now_s)
             else:
                 self._link.set_state(bps, now_s)
         elif name[1] == "up" and name[0] != self._ego:
             self._link.set_uplink(name[0], bps, now_s)
+
+    def _show(self, name: _Link, queue: Hashable, backlog: Backlog, now_s: float) -> None:
+        sample = self._queues.take(queue, backlog)
+        if sample is None:
+            return
+        if name == (self._ego, "down"):
+            self._link.add_cell(sample, now_s)
+        elif name[1] == "up" and name[0] != self._ego:
+            self._link.add_robot(name[0], sample, now_s)

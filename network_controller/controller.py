@@ -25,6 +25,7 @@ from network_controller.model import Link
 from network_controller.notes import Notes
 from network_controller.observe import Observer, link_state
 from network_controller.operators import Operators
+from network_controller.queues import QueueWatch
 from network_controller.slow_loop import Action, SlowLoop
 from network_controller.targets import Targets
 from network_controller.telemetry.flows import Flows
@@ -82,6 +83,7 @@ class Controller:
         self._notes = Notes(journal, metrics, log, clock)
         self._enforcer = Enforcer(driver, self._link_event)
         self._observer = Observer(metrics)
+        self._queues = QueueWatch(log)
         self._targets = Targets(wishes, loop, clock)
         self._operators = Operators(
             driver,
@@ -118,16 +120,24 @@ class Controller:
             self._enforcer.reconcile(self._targets.shapes())
 
     def run(self, stop: threading.Event, publish: Callable[[tuple[LinkState, ...]], None]) -> None:
-        """Follows profiles and measures until `stop` is set; `publish` gets the states, 1 Hz."""
+        """Follows profiles and measures until `stop` is set; `publish` gets the states, 1 Hz and
+        at once when a link has another shape."""
         state_due = time.monotonic()
+        self._queues.start()
+        told = self._enforcer.changes
         while not stop.is_set():
             self._wake.clear()
             due_s = RETRY_S
             try:
                 self.follow()
-                if (late_s := time.monotonic() - state_due) >= 0.0:
+                late_s = time.monotonic() - state_due
+                if late_s >= 0.0:
                     state_due += (1 + int(late_s / STATE_S)) * STATE_S
                     publish(self.observe())
+                    told = self._enforcer.changes
+                elif told != self._enforcer.changes:
+                    publish(self.observe(between=True))
+                    told = self._enforcer.changes
                 self._tell_lost()
                 due_s = self._next_change_s()
             except NetworkError as error:
@@ -136,6 +146,7 @@ class Controller:
                 # One broken step must not leave links without anybody who follows their profile.
                 self._log.error("step_failed", exc_info=True)
             self._wake.wait(max(MIN_WAIT_S, min(state_due - time.monotonic(), due_s)))
+        self._queues.close()
 
     def wake(self) -> None:
         """Has `run` look again at once: at what has changed, or whether it should stop."""
@@ -158,8 +169,9 @@ class Controller:
             self._wishes.changed()
 
     @_locked
-    def observe(self) -> tuple[LinkState, ...]:
-        """Reads all counters, takes the slow loop's steps, and returns the links' states."""
+    def observe(self, *, between: bool = False) -> tuple[LinkState, ...]:
+        """Reads all counters, takes the slow loop's steps, and returns the links' states; see
+        `Observer.look` for `between`."""
         if self._closed:
             return ()
         self._look_around()
@@ -169,7 +181,9 @@ class Controller:
         now_s = time.monotonic()
         readings = self._driver.read(self._enforcer.links())
         self._enforcer.check(readings, self._robots)
-        classes = self._observer.look(readings, now_s)
+        self._queues.watch(self._driver.devices(self._enforcer.links()))
+        backlogs = {link: self._queues.read(link) for link in readings}
+        classes = self._observer.look(readings, backlogs, now_s, between=between)
         loads = {link: self._observer.load(link, reading) for link, reading in readings.items()}
         while self._heard:
             self._loop.on_demand(*self._heard.popleft())

@@ -24,6 +24,8 @@ class Enforcer:
         self._touched: set[Link] = set()
         """Links that may carry a shape, also one that is not as it should be."""
         self._renewed: Link | None = None
+        self.changes = 0
+        """How often a link was given another shape, or none."""
         self.problems: dict[Link, str] = {}
         """Links that are not as they should be, and why."""
 
@@ -44,11 +46,13 @@ class Enforcer:
         """Shapes a link, or clears it for None. Raises NetworkError; it is then as before."""
         if shape is None:
             self._driver.clear(link)
+            self.changes += 1
             self._applied.pop(link, None)
             self._touched.discard(link)
         elif self._applied.get(link) != shape:
             self._touched.add(link)
             self._driver.apply(link, shape)
+            self.changes += 1
             self._applied[link] = shape
         self.problems.pop(link, None)
 

@@ -10,7 +10,7 @@ from network_controller.fairness import max_min
 from network_controller.metrics import ControllerMetrics
 from network_controller.model import ClassReading, Link, LinkReading
 from network_controller.slow_loop import Load
-from swarm.messages import ClassName, LinkClass, LinkState
+from swarm.messages import Backlog, ClassName, LinkClass, LinkState
 from swarm.traffic import TrafficClass
 
 CLASS_NAMES: Mapping[TrafficClass, ClassName] = {
@@ -28,31 +28,44 @@ class Observer:
     def __init__(self, metrics: ControllerMetrics) -> None:
         self._metrics = metrics
         self._before: dict[Link, tuple[float, LinkReading]] = {}
+        self._throughput: dict[tuple[Link, TrafficClass], float] = {}
         self._smooth: dict[tuple[Link, TrafficClass], float] = {}
 
     def look(
-        self, readings: Mapping[Link, LinkReading], now_s: float
+        self,
+        readings: Mapping[Link, LinkReading],
+        backlogs: Mapping[Link, Mapping[TrafficClass, Backlog]],
+        now_s: float,
+        *,
+        between: bool = False,
     ) -> Mapping[Link, Mapping[TrafficClass, LinkClass]]:
-        """The classes of all links since the last look; the first look has no throughput."""
+        """The classes of all links since the last look; the first look has no throughput.
+        `between` two looks throughputs stay: over so short a time they would be a burst's."""
         seen = {}
+        self._before = {link: self._before[link] for link in self._before if link in readings}
         for link, reading in readings.items():
             at, before = self._before.get(link, (now_s, reading))
+            if not between or link not in self._before:
+                self._before[link] = (now_s, reading)
+                for traffic, now in reading.classes.items():
+                    self._count(link, traffic, now, before.classes.get(traffic), now_s - at)
+            told = backlogs.get(link, {})
             seen[link] = {
-                traffic: self._class(link, traffic, now, before.classes.get(traffic), now_s - at)
+                traffic: self._class(link, traffic, now, told.get(traffic, Backlog()))
                 for traffic, now in reading.classes.items()
             }
-        self._before = {link: (now_s, reading) for link, reading in readings.items()}
         self._smooth = {k: bps for k, bps in self._smooth.items() if k[0] in readings}
+        self._throughput = {k: bps for k, bps in self._throughput.items() if k[0] in readings}
         return seen
 
-    def _class(
+    def _count(
         self,
         link: Link,
         traffic: TrafficClass,
         now: ClassReading,
         before: ClassReading | None,
         elapsed_s: float,
-    ) -> LinkClass:
+    ) -> None:
         if before is None or before.sent_bytes > now.sent_bytes:
             before = now  # a new class: its counters began anew
         sent = now.sent_bytes - before.sent_bytes
@@ -65,15 +78,21 @@ class Observer:
         self._smooth[link, traffic] = max(
             throughput_bps, old_bps + SMOOTHING * (throughput_bps - old_bps)
         )
+        self._throughput[link, traffic] = throughput_bps
+
+    def _class(
+        self, link: Link, traffic: TrafficClass, now: ClassReading, backlog: Backlog
+    ) -> LinkClass:
         return LinkClass(
             rate_bps=now.shape.rate_bps,
             ceil_bps=now.shape.ceil_bps,
             priority=now.shape.priority,
-            throughput_bps=round(throughput_bps),
+            throughput_bps=round(self._throughput.get((link, traffic), 0.0)),
             sent_bytes=now.sent_bytes,
             backlog_bytes=now.backlog_bytes,
             drops=now.drops,
             overlimits=now.overlimits,
+            backlog=backlog,
         )
 
     def load(self, link: Link, reading: LinkReading) -> Load:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+import msgspec
+
 from robot_agent.agent import RobotAgent
 from robot_agent.metrics import RobotMetrics
 from swarm import keyspace
 from swarm.errors import DutyError
 from swarm.log import Logger
-from swarm.messages import Observation, ObservationRequest, RobotSteered, RobotSteering
+from swarm.messages import Backlog, Observation, ObservationRequest, RobotSteered, RobotSteering
 from swarm.session import Session
 
 
@@ -18,14 +20,21 @@ class Duty:
     """One robot's duty. Off duty it is alive for nobody and answers nothing but steering."""
 
     def __init__(
-        self, agent: RobotAgent, session: Session, metrics: RobotMetrics, log: Logger
+        self,
+        agent: RobotAgent,
+        session: Session,
+        metrics: RobotMetrics,
+        log: Logger,
+        uplink: Callable[[], Backlog],
     ) -> None:
-        """Serves the robot's queries and shows it as alive."""
+        """Serves the robot's queries and shows it as alive. `uplink()` is how the connection
+        upwards does."""
         self.on = True
         """Read by the robot's loops."""
         self._agent = agent
         self._session = session
         self._log = log
+        self._uplink = uplink
         self._shown = metrics.on_duty.labels(agent.robot)
         self._shown.set(1)
         self._lock = threading.Lock()
@@ -45,7 +54,7 @@ class Duty:
     def _observe(self, request: ObservationRequest) -> Observation:
         if not self.on:
             raise DutyError(f"robot {self._agent.robot} is off duty (by {self._operator})")
-        return self._agent.observe(request)
+        return msgspec.structs.replace(self._agent.observe(request), uplink=self._uplink())
 
     def _steer(self, request: RobotSteering) -> RobotSteered:
         with self._lock:

@@ -14,6 +14,7 @@ from swarm import keyspace
 from swarm.errors import CoAdaptError
 from swarm.log import Logger
 from swarm.session import Session
+from swarm.tcp_watch import TcpWatch
 
 JOIN_S = 0.5
 IDLE_S = 0.005
@@ -42,6 +43,7 @@ class RobotHost:
         self._stop = threading.Event()
         self._faults: set[tuple[str, str]] = set()
         self._duties: dict[str, Duty] = {}
+        self._uplink = TcpWatch()
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
@@ -53,11 +55,12 @@ class RobotHost:
         for thread in self._threads:
             thread.start()
         for agent in agents:
-            self._duties[agent.robot] = Duty(agent, session, metrics, log)
+            self._duties[agent.robot] = Duty(agent, session, metrics, log, self._uplink.total)
 
     def close(self) -> None:
         """Stops the loops. Does not wait for one that is stuck in a scan."""
         self._stop.set()
+        self._uplink.close()
         deadline = time.monotonic() + JOIN_S
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))

@@ -87,6 +87,11 @@ def net_state(swarm: str) -> str:
     return _net_key(swarm, "state")
 
 
+def net_tcp(swarm: str) -> str:
+    """`messages.TcpState`, 2 Hz, from a router."""
+    return _net_key(swarm, "tcp")
+
+
 def net_demand(swarm: str) -> str:
     """`messages.NetDemand` of every ego, every control cycle."""
     return _net_key(swarm, "demand")

@@ -13,6 +13,7 @@ from swarm.arrays import pack
 from swarm.messages import (
     AdviceReport,
     AnswerReport,
+    Backlog,
     Beacon,
     ChatMessage,
     DecideAnswer,
@@ -39,6 +40,7 @@ from swarm.messages import (
     ShapeInForce,
     ShapeReply,
     ShapeRequest,
+    TcpState,
     encode,
 )
 
@@ -93,6 +95,7 @@ SAMPLES: tuple[Message, ...] = (
         pose=POSE,
         payload=bytes(range(256)),
         encode_ms=4.25,
+        uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
     ),
     Refusal(robot="R1", request=9, reason="no frame yet: über"),
     Decision(
@@ -169,11 +172,24 @@ SAMPLES: tuple[Message, ...] = (
                         backlog_bytes=0,
                         drops=2,
                         overlimits=3,
+                        backlog=Backlog(
+                            seen_ms=4_000, sent_bytes=9_000, stood_ms=250, stood_bytes=8_000
+                        ),
                     )
                 },
                 grants={"R2": 15_000_000},
             ),
         ),
+    ),
+    TcpState(
+        router=281_474_976_710_655,
+        seq=5,
+        sent_ns=NOW,
+        peers={
+            "10.77.1.1:40332": Backlog(
+                seen_ms=500, sent_bytes=62_500, stood_ms=100, stood_bytes=12_500
+            )
+        },
     ),
     NetDemand(
         ego="R2",

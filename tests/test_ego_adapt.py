@@ -16,15 +16,15 @@ from ego_scenes import NOW_NS, assert_valid, candidate, knowledge, scene
 from ego_swarm import Heard, Swarm, factory, hear, metrics_of, stop, swarm_of
 from free_ports import free_ports
 
+from ego_agent.evidence import Queues
 from ego_agent.journal import read_journal
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
 from ego_agent.plan import plan
 from ego_agent.policies.coverage import Coverage
-from ego_agent.rounds import Transfer, measure
 from swarm import keyspace
-from swarm.messages import Decision, LinkState, NetDemand, NetState
+from swarm.messages import Backlog, Decision, LinkState, NetDemand, NetState
 from swarm.session import Session
 
 FLOOR = scene(
@@ -34,6 +34,9 @@ FLOOR = scene(
     candidate("C", range(48, 64)),
 )
 EGO = "R1"
+REPORT_S = 0.5
+FREE_S = 0.02
+"""What passes in so short a time leaves no queue behind."""
 
 
 def cell(ego: str, available_bps: float, capacity_bps: float) -> LinkState:
@@ -59,6 +62,8 @@ class Cycles:
         self.known: Knowledge = knowledge(q_min=0.5)
         self.decision: Decision | None = None
         self._seq = 0
+        self._queues = Queues()
+        self._seen = Backlog()
 
     def say(self, available_bps: float, capacity_bps: float) -> None:
         self._seq += 1
@@ -70,18 +75,28 @@ class Cycles:
         found = replace(FLOOR, capacity_bps=shot.capacity_bps)
         self.decision = plan(shot, found, Coverage(), self.known, self.decision, 1, NOW_NS)
         assert_valid(self.decision, found, self.known)
-        others = self.decision.participants[1:]
-        took_s = self.decision.cost_bytes * 8.0 / true_bps
-        end = self.now_s + 1.0
-        while others and self.now_s < end:
-            over = self.now_s + took_s
-            size = self.decision.cost_bytes // len(others)
-            shown = measure([Transfer(r, size, self.now_s, over) for r in others], self.now_s)
-            assert shown is not None
-            self.link.add_round(shown, over)
-            self.now_s = max(self.now_s + 0.1, over)
-        self.now_s = max(self.now_s, end)
+        size = self.decision.cost_bytes
+        for _ in range(2):
+            self.now_s += REPORT_S
+            self._report(size, true_bps)
         return self.decision
+
+    def _report(self, size: int, true_bps: float) -> None:
+        """What a router tells of the last half second: five frames of so many bytes."""
+        frames = 5
+        stood_s = frames * max(0.0, size * 8.0 / true_bps - FREE_S)
+        stood_s = min(stood_s, REPORT_S)
+        stood_bytes = int(stood_s * true_bps / 8.0)
+        seen = self._seen
+        self._seen = Backlog(
+            seen_ms=seen.seen_ms + round(REPORT_S * 1e3),
+            sent_bytes=seen.sent_bytes + min(frames * size, int(true_bps / 8.0 * REPORT_S)),
+            stood_ms=seen.stood_ms + round(stood_s * 1e3),
+            stood_bytes=seen.stood_bytes + stood_bytes,
+        )
+        shown = self._queues.take("cell", self._seen)
+        if shown is not None:
+            self.link.add_cell(shown, self.now_s)
 
 
 def fits(decision: Decision, true_bps: float) -> bool:

@@ -6,120 +6,95 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ego_agent.link import DOUBLING_S, STATE_FRESH_S, LinkEstimate
-from ego_agent.rounds import FLOOR_BPS, Round, Transfer, measure
+from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
+from ego_agent.link import DOUBLING_S, OLD_LINK_S, STATE_FRESH_S, LinkEstimate
 
 PRIOR = 55e6
-FRAME_S = 0.1
-SIZE = 12_000
-ROBOTS = ("R2", "R3", "R4", "R5")
+REPORT_S = 0.5
+EVER = 1e9
 
 
-def round_of(*transfers: Transfer, begun_s: float) -> Round:
-    found = measure(transfers, begun_s)
-    assert found is not None
-    return found
+def filled(rate_bps: float, span_s: float = REPORT_S) -> Sample:
+    """A queue stood, and that left it meanwhile."""
+    return Sample(rate_bps, filled=True, span_s=span_s)
 
 
-def shared(
-    rate_bps: float, begun_s: float, robots: tuple[str, ...] = ROBOTS, size: int = SIZE
-) -> Round:
-    """The robots' answers share a link of that rate fairly."""
-    took_s = len(robots) * size * 8.0 / rate_bps
-    return round_of(
-        *(Transfer(r, size, begun_s, begun_s + took_s) for r in robots), begun_s=begun_s
-    )
+def carried(rate_bps: float) -> Sample:
+    """A queue was empty most of the time."""
+    return Sample(rate_bps, filled=False, span_s=REPORT_S)
 
 
-def straggling(
-    slow_bps: float, begun_s: float, slow: str = "R5", *, others: tuple[str, ...] = ("R2", "R3")
-) -> Round:
-    """A robot comes in over a slow link of its own; the others take 5 ms."""
-    quick = [Transfer(r, SIZE, begun_s, begun_s + 0.005) for r in others]
-    tail = Transfer(slow, SIZE, begun_s, begun_s + SIZE * 8.0 / slow_bps)
-    return round_of(*quick, tail, begun_s=begun_s)
-
-
-def feed(link: LinkEstimate, rate_bps: float, seconds: float, begun_s: float) -> float:
-    """Frames over a link of that rate for so many seconds; returns when the last one was over."""
-    now, end = begun_s, begun_s + seconds
-    over = begun_s
-    while now < end:
-        done = shared(rate_bps, now)
-        over = now + len(ROBOTS) * SIZE * 8.0 / rate_bps
-        link.add_round(done, over)
-        now = max(now + FRAME_S, over)
-    return over
+def feed(link: LinkEstimate, sample: Sample, seconds: float, begun_s: float) -> float:
+    """Reports of a router for so many seconds; returns when the last one came."""
+    reports = round(seconds / REPORT_S)
+    for i in range(1, reports + 1):
+        link.add_cell(sample, begun_s + i * REPORT_S)
+    return begun_s + reports * REPORT_S
 
 
 def test_before_anything_was_measured_the_setting_counts() -> None:
     assert LinkEstimate(PRIOR).capacity(0.0) == (PRIOR, "prior")
 
 
-def test_rounds_that_fill_the_link_measure_it() -> None:
+def test_a_queue_that_stands_measures_the_link() -> None:
     link = LinkEstimate(PRIOR)
-    link.add_round(shared(5e6, 1.0), 1.1)
-    assert link.capacity(1.1) == (pytest.approx(5e6), "measured")
+    now = feed(link, filled(5e6), 1.0, 1.0)
+    assert link.capacity(now) == (pytest.approx(5e6), "measured")
 
 
-def test_small_rounds_cannot_lower_the_estimate() -> None:
+def test_what_went_through_an_empty_queue_lowers_nothing() -> None:
     link = LinkEstimate(PRIOR)
-    for i in range(50):
-        link.add_round(shared(PRIOR / 1000, i * 0.1, size=50), i * 0.1 + 0.03)
-    assert link.capacity(5.0) == (PRIOR, "prior")
+    now = feed(link, carried(200e3), 60.0, 0.0)
+    assert link.capacity(now) == (PRIOR, "prior")
+    link.add_robot("R2", carried(100e3), now)
+    assert link.robot_limits(now) == {}
 
 
-def test_boxes_that_a_busy_machine_delays_do_not_lower_the_estimate() -> None:
-    link = LinkEstimate(PRIOR)
-    for i in range(50):
-        boxes = [Transfer(r, 300, i * 0.3, i * 0.3 + 0.04 * n) for n, r in enumerate(ROBOTS, 3)]
-        link.add_round(round_of(*boxes, begun_s=i * 0.3), i * 0.3 + 0.24)
-    assert link.capacity(15.0) == (PRIOR, "prior")
-    assert link.robot_limits(15.0) == {}
-
-
-def test_one_hiccup_of_a_busy_machine_lowers_nothing() -> None:
+def test_a_single_report_of_a_queue_that_stood_lowers_nothing() -> None:
     link = LinkEstimate(PRIOR)
     for i in range(20):
-        link.add_round(shared(1e6 if i == 15 else PRIOR, i * 0.1), i * 0.1)
-    assert link.capacity(2.0) == (PRIOR, "prior")
-    assert link.robot_limits(2.0) == {}
+        link.add_cell(filled(0.3e6) if i % 3 == 0 else carried(1e6), i * REPORT_S)
+        assert link.capacity(i * REPORT_S) == (PRIOR, "prior")
 
 
 @pytest.mark.parametrize("to_bps", [20e6, 5e6, 1e6, 300e3])
-def test_a_drop_of_the_link_is_found_within_two_cycles(to_bps: float) -> None:
+def test_a_drop_of_the_link_is_found_within_two_reports(to_bps: float) -> None:
     link = LinkEstimate(PRIOR)
-    feed(link, PRIOR, 5.0, 0.0)
-    fits = len(ROBOTS) * SIZE * 8.0 <= to_bps * 0.05
-    over = feed(link, to_bps, 1.9, 5.0)
-    rate, _ = link.capacity(over)
-    assert fits or rate == pytest.approx(to_bps, rel=0.05)
-    assert over <= 7.0 or to_bps < 1e6
+    now = feed(link, carried(30e6), 5.0, 0.0)
+    now = feed(link, filled(to_bps), 2 * REPORT_S, now)
+    assert link.capacity(now) == (pytest.approx(to_bps), "measured")
 
 
-def test_after_a_hiccup_that_was_believed_quick_rounds_raise_the_estimate_at_once() -> None:
+def test_a_further_drop_is_believed_when_the_faster_reports_have_left_the_window() -> None:
     link = LinkEstimate(PRIOR)
-    link.add_round(shared(0.3e6, 0.0), 1.3)
-    assert link.capacity(1.3)[0] == pytest.approx(0.3e6)
-    link.add_round(shared(PRIOR, 1.4), 1.41)
-    assert 10e6 < link.capacity(1.41)[0] < PRIOR
+    now = feed(link, filled(5e6), 5.0, 0.0)
+    now = feed(link, filled(1e6), 2.0, now)
+    assert link.capacity(now) == (pytest.approx(1e6), "measured")
 
 
-def test_a_burst_through_a_shapers_bucket_shows_no_more_than_the_link_carries() -> None:
+def test_a_steady_queue_gives_a_steady_estimate() -> None:
     link = LinkEstimate(PRIOR)
-    now = feed(link, 5e6, 2.0, 0.0)
-    # 12 kB that pass a bucket of 20 ms at 5 Mbit/s in a moment.
-    link.add_round(round_of(Transfer("R2", 12_000, now, now + 0.001), begun_s=now), now)
-    assert link.capacity(now)[0] == pytest.approx(5e6, rel=0.05)
+    found = []
+    for i in range(40):
+        link.add_cell(filled(5e6 * (1.05 if i % 2 else 0.95)), i * REPORT_S)
+        found.append(link.capacity(i * REPORT_S)[0])
+    assert max(found[2:]) <= 1.11 * min(found[2:])
 
 
-def test_a_filled_round_may_show_more_than_the_prior() -> None:
+def test_what_a_recovered_link_carries_at_least_raises_the_estimate_at_once() -> None:
+    link = LinkEstimate(PRIOR)
+    now = feed(link, filled(0.3e6), 2.0, 0.0)
+    link.add_cell(carried(10e6), now + REPORT_S)
+    assert link.capacity(now + REPORT_S)[0] == pytest.approx(10e6)
+
+
+def test_a_queue_that_stands_may_show_more_than_the_prior() -> None:
     link = LinkEstimate(1e6)
-    link.add_round(shared(40e6, 1.0, size=100_000), 1.1)
-    assert link.capacity(1.1) == (pytest.approx(40e6), "measured")
+    now = feed(link, filled(40e6), 1.0, 0.0)
+    assert link.capacity(now) == (pytest.approx(40e6), "measured")
 
 
-def test_nothing_but_silence_makes_the_estimate_decay_to_a_floor() -> None:
+def test_silence_makes_the_estimate_decay_to_a_floor() -> None:
     link = LinkEstimate(PRIOR)
     rates = []
     for i in range(60):
@@ -132,70 +107,44 @@ def test_nothing_but_silence_makes_the_estimate_decay_to_a_floor() -> None:
 
 def test_without_new_evidence_the_estimate_rises_to_the_prior_and_no_further() -> None:
     link = LinkEstimate(PRIOR)
-    link.add_round(shared(5e6, 0.0), 0.0)
-    assert link.capacity(DOUBLING_S)[0] == pytest.approx(10e6)
-    assert link.capacity(1e6) == (PRIOR, "prior")
+    now = feed(link, filled(5e6), 1.0, 0.0)
+    assert link.capacity(now + DOUBLING_S)[0] == pytest.approx(10e6)
+    assert link.capacity(EVER) == (PRIOR, "prior")
 
 
 def test_a_robot_with_a_slow_link_of_its_own_lowers_its_own_estimate_only() -> None:
     link = LinkEstimate(PRIOR)
-    for i in range(20):
-        link.add_round(straggling(0.5e6, i * 0.3), i * 0.3 + 0.2)
-        assert link.capacity(i * 0.3 + 0.2) == (PRIOR, "prior")
-    assert link.robot_limits(6.0) == {"R5": pytest.approx(0.5e6, rel=0.05)}
+    for i in range(10):
+        link.add_robot("R5", filled(0.5e6), i * REPORT_S)
+        link.add_cell(carried(1e6), i * REPORT_S)
+    assert link.capacity(4.5) == (PRIOR, "prior")
+    assert link.robot_limits(4.5) == {"R5": pytest.approx(0.5e6)}
 
 
-def test_a_slow_robot_takes_nothing_from_what_a_filled_cell_shows() -> None:
+def test_a_slow_cell_is_no_robots_doing() -> None:
     link = LinkEstimate(PRIOR)
     for i in range(10):
-        begun = i * 1.0
-        # Two share 2 Mbit/s for 96 ms; the third comes in at 0.1 Mbit/s.
-        others = [Transfer(r, SIZE, begun, begun + 0.096) for r in ("R2", "R3")]
-        slow = Transfer("R5", SIZE, begun, begun + 0.96)
-        link.add_round(round_of(*others, slow, begun_s=begun), begun + 0.96)
-    assert link.capacity(9.96) == (pytest.approx(2e6), "measured")
-    assert link.robot_limits(9.96) == {"R5": pytest.approx(0.1e6)}
-
-
-def test_robots_that_share_a_slow_cell_are_not_taken_for_slow() -> None:
-    link = LinkEstimate(PRIOR)
-    now = feed(link, 2e6, 3.0, 0.0)
-    assert link.robot_limits(now) == {}
-
-
-def test_a_robot_that_is_alone_is_to_blame_where_the_controller_knows_the_cell_is_wide() -> None:
-    link = LinkEstimate(PRIOR)
-    link.set_state(20e6, 0.0)
-    for i in range(10):
-        link.add_round(straggling(0.5e6, i * 0.2, others=()), i * 0.2 + 0.192)
-        link.set_state(20e6, i * 0.2 + 0.192)
-    assert link.capacity(2.0) == (20e6, "net/state")
-    assert link.robot_limits(2.0) == {"R5": pytest.approx(0.5e6, rel=0.05)}
-
-
-def test_a_robot_that_is_known_to_be_slow_says_nothing_of_the_cell_when_it_is_alone() -> None:
-    link = LinkEstimate(PRIOR)
-    for i in range(5):
-        link.add_round(straggling(0.5e6, i * 0.2), i * 0.2 + 0.192)
-    for i in range(5, 10):
-        link.add_round(straggling(0.5e6, i * 0.2, others=()), i * 0.2 + 0.192)
-    assert link.capacity(2.0) == (PRIOR, "prior")
-
-
-def test_without_anything_to_compare_with_a_lone_slow_robot_is_the_cell() -> None:
-    link = LinkEstimate(PRIOR)
-    link.add_round(straggling(0.5e6, 0.0, others=()), 0.2)
-    assert link.capacity(0.2)[0] == pytest.approx(0.5e6)
-    assert link.robot_limits(0.2) == {}
+        link.add_robot("R5", carried(0.5e6), i * REPORT_S)
+        link.add_cell(filled(1e6), i * REPORT_S)
+    assert link.capacity(4.5) == (pytest.approx(1e6), "measured")
+    assert link.robot_limits(4.5) == {}
 
 
 def test_a_robots_link_that_has_recovered_is_found_out() -> None:
     link = LinkEstimate(PRIOR)
-    for i in range(5):
-        link.add_round(straggling(0.5e6, i * 0.2), i * 0.2 + 0.192)
+    for i in range(2):
+        link.add_robot("R5", filled(0.5e6), i * REPORT_S)
     assert link.robot_limits(1.0)["R5"] < 1e6
     assert link.robot_limits(1.0 + 4 * DOUBLING_S)["R5"] > 5e6
     assert link.robot_limits(1.0 + 10 * DOUBLING_S) == {}
+
+
+def test_the_links_of_a_flood_of_robots_cost_bounded_memory() -> None:
+    link = LinkEstimate(PRIOR)
+    for i in range(2 * MAX_QUEUES):
+        for _ in range(2):
+            link.add_robot(f"X{i}", filled(1e5), 0.0)
+    assert len(link.robot_limits(0.0)) == MAX_QUEUES
 
 
 def test_the_controllers_word_bounds_a_robots_link() -> None:
@@ -214,40 +163,60 @@ def test_the_controllers_word_about_a_robots_link_goes_stale() -> None:
     assert link.robot_limits(STATE_FRESH_S + 0.1) == {}
 
 
-def test_a_robots_link_that_is_configured_anew_forgets_what_was_measured() -> None:
+@pytest.mark.parametrize("said_bps", [10e6, None])
+def test_a_robots_link_that_is_configured_anew_forgets_what_was_measured(
+    said_bps: float | None,
+) -> None:
     link = LinkEstimate(PRIOR)
     link.set_uplink("R5", 1e6, 0.0)
-    for i in range(5):
-        link.add_round(straggling(0.5e6, i * 0.2), i * 0.2 + 0.192)
-    assert link.robot_limits(1.0)["R5"] < 0.7e6
-    link.set_uplink("R5", 10e6, 1.0)
-    assert link.robot_limits(1.0) == {"R5": 10e6}
+    for i in range(4):
+        link.add_robot("R5", filled(0.5e6), 1.0 + i * REPORT_S)
+    assert link.robot_limits(2.5)["R5"] < 0.7e6
+    link.set_uplink("R5", said_bps, 3.0)
+    for i in range(2):
+        link.add_robot("R5", filled(0.5e6), 3.0 + i * 0.1)
+    assert link.robot_limits(3.1) == ({} if said_bps is None else {"R5": said_bps})
 
 
 def test_the_controllers_word_is_a_better_prior_and_a_ceiling_while_it_is_fresh() -> None:
     link = LinkEstimate(PRIOR)
     link.set_state(5e6, 0.0)
     assert link.capacity(1.0) == (5e6, "net/state")
-    link.add_round(shared(40e6, 1.0, size=100_000), 1.1)
-    assert link.capacity(1.1) == (5e6, "net/state")
-    now = feed(link, 2e6, 2.0, 1.5)
-    assert link.capacity(now) == (pytest.approx(2e6, rel=0.1), "measured")
+    now = feed(link, filled(40e6), 1.0, 1.0)
+    assert link.capacity(now) == (5e6, "net/state")
+    now = feed(link, filled(2e6), 2.0, now)
+    assert link.capacity(now) == (pytest.approx(2e6), "measured")
 
 
 @pytest.mark.parametrize("said_bps", [20e6, 1e6])
 def test_a_new_word_of_the_controller_ends_what_was_measured_before(said_bps: float) -> None:
     link = LinkEstimate(PRIOR)
     link.set_state(5e6, 0.0)
-    link.add_round(shared(4e6, 0.4), 0.5)
-    assert link.capacity(0.5)[1] == "measured"
-    link.set_state(said_bps, 1.0)
-    assert link.capacity(1.0) == (said_bps, "net/state")
+    now = feed(link, filled(4e6), 1.0, 1.0)
+    assert link.capacity(now)[1] == "measured"
+    link.set_state(said_bps, now)
+    assert link.capacity(now) == (said_bps, "net/state")
+
+
+@pytest.mark.parametrize("unshaped", [True, False])
+def test_what_was_on_its_way_over_the_old_link_says_nothing_about_the_new_one(
+    unshaped: bool,
+) -> None:
+    link = LinkEstimate(PRIOR)
+    link.set_state(1e6, 0.0)
+    if unshaped:
+        link.clear_state(10.0)
+    else:
+        link.set_state(PRIOR, 10.0)
+    for late_s in (0.1, 0.2, REPORT_S, REPORT_S + OLD_LINK_S - 0.01):
+        link.add_cell(filled(0.9e6), 10.0 + late_s)
+    assert link.capacity(10.8)[0] == PRIOR
 
 
 def test_a_word_that_wavers_by_a_few_percent_does_not_end_what_was_measured() -> None:
     link = LinkEstimate(PRIOR)
     link.set_state(5e6, 0.0)
-    now = feed(link, 4e6, 1.0, 0.0)
+    now = feed(link, filled(4e6), 1.0, 1.0)
     for i, said_bps in enumerate((5.2e6, 4.9e6, 5.1e6)):
         link.set_state(said_bps, now + 0.1 * i)
         assert link.capacity(now)[1] == "measured"
@@ -256,23 +225,36 @@ def test_a_word_that_wavers_by_a_few_percent_does_not_end_what_was_measured() ->
 def test_a_rate_that_creeps_away_is_another_link_in_the_end() -> None:
     link = LinkEstimate(PRIOR)
     link.set_state(5e6, 0.0)
-    link.add_round(shared(4e6, 0.4), 0.5)
+    now = feed(link, filled(4e6), 1.0, 1.0)
     for i in range(12):
-        link.set_state(5e6 * 1.1**i, 0.5 + 0.01 * i)
-    assert link.capacity(0.65) == (pytest.approx(5e6 * 1.1**11), "net/state")
+        link.set_state(5e6 * 1.1**i, now + 0.01 * i)
+    assert link.capacity(now + 0.15) == (pytest.approx(5e6 * 1.1**11), "net/state")
 
 
-def test_the_last_word_of_a_controller_that_is_gone_stays_the_prior() -> None:
+def test_when_the_controller_dies_its_last_word_is_the_prior_and_tcps_view_goes_on() -> None:
     link = LinkEstimate(PRIOR)
     link.set_state(5e6, 0.0)
-    assert link.capacity(STATE_FRESH_S + 1.0) == (5e6, "prior")
+    dead_s = STATE_FRESH_S + 1.0
+    assert link.capacity(dead_s) == (5e6, "prior")
+    now = feed(link, filled(2e6), 1.0, dead_s)
+    assert link.capacity(now) == (pytest.approx(2e6), "measured")
+    now = feed(link, filled(9e6), 2.0, now)
+    assert link.capacity(now) == (pytest.approx(9e6), "measured")
+
+
+def test_when_nobody_reports_any_more_the_last_measure_rises_and_never_falls() -> None:
+    link = LinkEstimate(PRIOR)
+    now = feed(link, filled(2e6), 1.0, 0.0)
+    found = [link.capacity(now + i)[0] for i in range(40)]
+    assert found == sorted(found)
+    assert found[-1] == PRIOR
 
 
 def test_a_cell_that_is_shaped_no_longer_is_as_wide_as_the_setting_says() -> None:
     link = LinkEstimate(PRIOR)
     link.set_state(5e6, 0.0)
-    now = feed(link, 4e6, 1.0, 0.0)
-    link.clear_state()
+    now = feed(link, filled(4e6), 1.0, 1.0)
+    link.clear_state(now)
     assert link.capacity(now) == (PRIOR, "prior")
 
 
@@ -281,38 +263,40 @@ def test_the_error_is_that_of_what_was_measured_and_not_of_what_is_reckoned_with
     assert link.error_ratio(0.0) is None
     link.set_state(5e6, 0.0)
     assert link.error_ratio(0.0) is None
-    link.add_round(shared(6e6, 0.1), 0.2)
-    assert link.capacity(0.2) == (5e6, "net/state")
-    assert link.error_ratio(0.2) == pytest.approx(0.2)
-    assert link.error_ratio(0.2 + STATE_FRESH_S + 1.0) is None
+    now = feed(link, filled(6e6), 1.0, 1.0)
+    assert link.capacity(now) == (5e6, "net/state")
+    assert link.error_ratio(now) == pytest.approx(0.2)
+    link.set_state(5e6, now + STATE_FRESH_S)
+    assert link.error_ratio(now + STATE_FRESH_S + 1.0) is None
 
 
 @given(
     st.lists(
-        st.lists(
-            st.tuples(
-                st.sampled_from(ROBOTS),
-                st.integers(0, 8_000_000),
-                st.floats(-1, 1),
-                st.floats(0, 5),
-            ),
-            max_size=8,
+        st.tuples(
+            st.sampled_from(("cell", "R2", "R3", "silence", "state")),
+            st.floats(FLOOR_BPS, 1e11),
+            st.booleans(),
+            st.floats(0, 5),
         ),
-        max_size=30,
+        max_size=60,
     )
 )
 def test_the_estimate_is_always_a_positive_number(
-    rounds: list[list[tuple[str, int, float, float]]],
+    steps: list[tuple[str, float, bool, float]],
 ) -> None:
     link = LinkEstimate(PRIOR)
-    for i, answers in enumerate(rounds):
-        now = i * 0.1
-        done = measure([Transfer(r, n, now + s, now + s + t) for r, n, s, t in answers], now)
-        if done is None:
+    now = 0.0
+    for what, rate_bps, full, after_s in steps:
+        now += after_s
+        sample = Sample(rate_bps, filled=full, span_s=after_s)
+        if what == "cell":
+            link.add_cell(sample, now)
+        elif what == "silence":
             link.silence(now)
+        elif what == "state":
+            link.set_state(rate_bps, now)
         else:
-            link.add_round(done, now)
-        rate, source = link.capacity(now)
+            link.add_robot(what, sample, now)
+        rate, _ = link.capacity(now)
         assert FLOOR_BPS <= rate < 1e12
-        assert source in ("measured", "prior")
         assert all(FLOOR_BPS <= limit < rate for limit in link.robot_limits(now).values())

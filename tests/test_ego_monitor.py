@@ -274,3 +274,14 @@ def test_any_sequence_of_events_leaves_a_consistent_snapshot(
             assert held.robot == name
             assert held.beacon_age_s >= 0
             assert held.scene_age_s >= 0
+
+
+def test_it_is_silent_since_any_robot_was_heard_last(monitor: Monitor, time: Time) -> None:
+    assert monitor.silent_s() == float("inf")
+    monitor.on_beacon(beacon("R2"))
+    time.now_s += 3.0
+    monitor.on_scene(scene("R3"))
+    time.now_s += 1.0
+    assert monitor.silent_s() == 1.0
+    monitor.note_own(beacon("R1"))
+    assert monitor.silent_s() == 1.0

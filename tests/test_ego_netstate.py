@@ -6,8 +6,8 @@ import pytest
 
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
-from ego_agent.netstate import MAX_CONTROLLERS, MAX_LINKS, STEADY_S
-from swarm.messages import Direction, LinkState, NetState
+from ego_agent.netstate import MAX_LINKS, MAX_SENDERS, STEADY_S, LinkWatch
+from swarm.messages import Backlog, Direction, LinkClass, LinkState, NetState, TcpState
 
 PRIOR = 55e6
 EGO = "R1"
@@ -50,6 +50,7 @@ def state(
     capacity_bps: float = 20e6,
     level: int = 0,
     grants: dict[str, int] | None = None,
+    fusion: Backlog | None = None,
 ) -> LinkState:
     return LinkState(
         robot=robot,
@@ -58,9 +59,30 @@ def state(
         available_bps=int(available_bps),
         latency_ms=0.0,
         level=level,
-        classes={},
+        classes={} if fusion is None else {"fusion": class_of(fusion)},
         grants=grants or {},
     )
+
+
+def class_of(backlog: Backlog) -> LinkClass:
+    return LinkClass(
+        rate_bps=1,
+        ceil_bps=1,
+        priority=1,
+        throughput_bps=0,
+        sent_bytes=0,
+        backlog_bytes=0,
+        drops=0,
+        overlimits=0,
+        backlog=backlog,
+    )
+
+
+def stood(seconds: float, rate_bps: float) -> Backlog:
+    """A queue that has stood ever since it was first seen, so long ago."""
+    size = int(seconds * rate_bps / 8)
+    ms = round(seconds * 1e3)
+    return Backlog(seen_ms=ms, sent_bytes=size, stood_ms=ms, stood_bytes=size)
 
 
 def test_the_cell_is_the_egos_own_link_downwards(ego: Ego) -> None:
@@ -153,11 +175,106 @@ def test_what_is_configured_anew_counts_at_once(ego: Ego, capacity_bps: float, l
 
 
 def test_a_flood_of_controllers_and_links_costs_bounded_memory(ego: Ego) -> None:
-    for controller in range(3 * MAX_CONTROLLERS):
+    for controller in range(3 * MAX_SENDERS):
         links = (state(1e6, f"X{controller}-{i}", "up") for i in range(40))
         ego.hear(*links, controller=controller)
     watch = ego.monitor._watch
-    assert len(watch._seqs) <= MAX_CONTROLLERS
+    assert len(watch._seqs) <= MAX_SENDERS
     assert len(watch._words) <= MAX_LINKS
     ego.hear(state(5e6))
     assert ego.capacity == (5e6, "net/state")
+
+
+def test_a_shapers_queue_that_stood_measures_the_cell_and_no_other_link(ego: Ego) -> None:
+    for i in range(8):
+        ego.hear(
+            state(5e6, fusion=stood(float(i), 3e6)),
+            state(5e6, "R2", "up", fusion=stood(float(i), 1e6)),
+            state(5e6, "R3", "down", fusion=stood(float(i), 0.1e6)),
+        )
+        ego.now_s += 1.0
+        ego.hear(
+            state(5e6, fusion=stood(i + 0.5, 3e6)),
+            state(5e6, "R2", "up", fusion=stood(i + 0.5, 1e6)),
+        )
+    assert ego.capacity == (pytest.approx(3e6, rel=0.2), "measured")
+    assert ego.of("R2") == pytest.approx(1e6, rel=0.2)
+    assert ego.of("R3") == float("inf")
+
+
+def test_what_a_shapers_queue_showed_before_a_change_does_not_count_after_it(ego: Ego) -> None:
+    for i in range(6):
+        ego.hear(state(1e6, capacity_bps=1e6, fusion=stood(float(i), 1e6)))
+        ego.now_s += 1.0
+    ego.hear(state(20e6, fusion=stood(6.0, 1e6)))
+    ego.now_s += 0.5
+    ego.hear(state(20e6, fusion=stood(6.5, 1e6)))
+    assert ego.capacity == (20e6, "net/state")
+
+
+class Router:
+    """Tells an ego's watch of its sockets."""
+
+    def __init__(self, *own: str) -> None:
+        self.link = LinkEstimate(PRIOR)
+        self.own = set(own)
+        self.looked = 0
+        self.watch = LinkWatch(EGO, self.link, self._look)
+        self._seq = 0
+
+    def _look(self) -> set[str]:
+        self.looked += 1
+        return self.own
+
+    def tell(self, now_s: float, router: int = 3, **peers: Backlog) -> bool:
+        self._seq += 1
+        named = {f"10.77.1.{name[1:]}:4000": backlog for name, backlog in peers.items()}
+        told = TcpState(router=router, seq=self._seq, sent_ns=0, peers=named)
+        return self.watch.take_tcp(told, now_s)
+
+    def stand(self, rate_bps: float, begun_s: float = 0.0, **other: float) -> float:
+        """The socket towards the ego stands for three seconds; returns when that is over."""
+        for i in range(7):
+            peers = {name: stood(i / 2, bps) for name, bps in other.items()}
+            assert self.tell(begun_s + i / 2, h1=stood(i / 2, rate_bps), **peers)
+        return begun_s + 3.0
+
+
+def test_an_ego_takes_a_routers_word_on_its_own_connection_only() -> None:
+    router = Router("10.77.1.1:4000")
+    now = router.stand(2e6, h2=0.1e6, h3=40e6)
+    assert router.link.capacity(now) == (pytest.approx(2e6), "measured")
+
+
+def test_an_ego_that_finds_none_of_its_connections_believes_nothing() -> None:
+    router = Router("127.0.0.1:9")
+    now = router.stand(2e6)
+    assert router.link.capacity(now) == (PRIOR, "prior")
+
+
+def test_a_connection_that_was_replaced_is_found_and_its_counters_begin_anew() -> None:
+    router = Router("10.77.1.1:4000")
+    now = router.stand(2e6)
+    looked = router.looked
+    router.own = {"10.77.1.9:4000"}
+    assert router.tell(now + 0.5, h9=stood(0.5, 1e6))
+    assert router.looked > looked
+    assert router.link.capacity(now)[0] == pytest.approx(2e6)
+    router.tell(now + 1.0, h9=stood(1.0, 1e6))
+    router.tell(now + 1.5, h9=stood(1.5, 1e6))
+    assert router.link.capacity(now + 1.5)[0] == pytest.approx(1e6)
+
+
+def test_a_restarted_router_is_another_one() -> None:
+    router = Router("10.77.1.1:4000")
+    now = router.stand(2e6)
+    router._seq = 0
+    assert router.tell(now + 0.5, router=4, h1=stood(900.0, 0.2e6))
+    assert router.link.capacity(now)[0] == pytest.approx(2e6)
+
+
+def test_a_routers_word_that_was_overtaken_is_ignored() -> None:
+    router = Router("10.77.1.1:4000")
+    router.stand(2e6)
+    router._seq -= 2
+    assert not router.tell(9.0, h1=stood(9.0, 1e6))

@@ -83,6 +83,9 @@ class Memory:
             if link in links and link.robot in self.present
         }
 
+    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
+        return {link: f"no-{link.robot}" for link in links}
+
     def clear(self, link: Link) -> None:
         self.shapes.pop(link, None)
 
@@ -425,3 +428,38 @@ def test_what_a_delay_holds_does_not_count_as_waiting(site: Site) -> None:
     assert site.step()[CELL].latency_ms > 200.0
     site.driver.sent = 10**9
     assert site.step()[CELL].latency_ms == 200.0
+
+
+def test_what_is_configured_is_published_at_once(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("network_controller.controller.STATE_S", 3600.0)
+    published: Inbox[tuple[LinkState, ...]] = Inbox()
+    stop = threading.Event()
+    worker = threading.Thread(target=site.controller.run, args=(stop, published.put))
+    worker.start()
+    try:
+        assert published.next() == ()
+        for rate_bps in (20_000_000, 5_000_000):
+            site.ask(rate_bps=rate_bps)
+            assert [state.capacity_bps for state in published.next()] == [rate_bps]
+        site.ask("off")
+        assert published.next() == ()
+    finally:
+        stop.set()
+        site.controller.wake()
+        worker.join()
+
+
+def test_a_state_between_two_looks_keeps_the_throughput_of_the_last_second(site: Site) -> None:
+    site.ask(rate_bps=10_000_000)
+    site.step()
+    site.driver.sent = 10**6
+    (before,) = site.controller.observe()
+    site.driver.sent = 10**9
+    (between,) = site.controller.observe(between=True)
+    fusion = between.classes["fusion"]
+    assert fusion.throughput_bps == before.classes["fusion"].throughput_bps > 0
+    assert fusion.sent_bytes == 10**9
+    (after,) = site.controller.observe()
+    assert after.classes["fusion"].throughput_bps > fusion.throughput_bps

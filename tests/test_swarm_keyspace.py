@@ -32,6 +32,7 @@ def test_keys_are_spelled_as_the_contract_says(key: Key) -> None:
 
 def test_the_network_state_has_one_key_a_swarm() -> None:
     assert keyspace.net_state("S") == "coadapt/S/net/state"
+    assert keyspace.net_tcp("S") == "coadapt/S/net/tcp"
     assert keyspace.net_demand("S") == "coadapt/S/net/demand"
     assert keyspace.net_shape("S") == "coadapt/S/net/shape"
 

@@ -51,6 +51,10 @@ class Driver(Protocol):
         """Shapes and counters of links; those that are gone or not shaped are left out."""
         ...
 
+    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
+        """The interfaces of this network namespace whose HTB queues links, as last found."""
+        ...
+
     def clear(self, link: Link) -> None:
         """Makes a link unshaped. Clearing twice, or a link that is gone, is no error."""
         ...

@@ -96,6 +96,15 @@ class DockerDriver:
         places = {(ports[k.robot].device, k.direction): k for k in links if k.robot in ports}
         return {places[place]: found for place, found in shaping.read(list(places)).items()}
 
+    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
+        """See `Driver.devices`."""
+        ports = self._ports
+        return {
+            k: shaping.queueing_device(ports[k.robot].device, k.direction)
+            for k in links
+            if k.robot in ports
+        }
+
     def clear(self, link: Link) -> None:
         """See `Driver.clear`."""
         # Also when its container is gone: the `ifb` device of its link is still there.

@@ -128,6 +128,11 @@ def ifb_of(device: str) -> str:
     return IFB_PREFIX + hashlib.blake2s(device.encode(), digest_size=5).hexdigest()
 
 
+def queueing_device(device: str, direction: Direction) -> str:
+    """The name of the device whose HTB queues a direction of what goes through a device."""
+    return device if direction == "down" else ifb_of(device)
+
+
 def clear(device: str, direction: Direction) -> None:
     """Makes one direction unshaped; no error when it is so already, or the device is gone.
 
@@ -154,7 +159,7 @@ def forget(devices: Iterable[str]) -> None:
 
 def read(devices: Collection[tuple[str, Direction]]) -> Mapping[tuple[str, Direction], LinkReading]:
     """Readings of directions of devices; those that are not shaped are left out."""
-    names = {(d, way): d if way == "down" else ifb_of(d) for d, way in devices}
+    names = {(d, way): queueing_device(d, way) for d, way in devices}
     redirections = "".join(_show_redirection(d) for d, way in devices if way == "up")
     found, text = read_devices(sorted(set(names.values())), redirections)
     fed = _REDIRECT.findall(text)

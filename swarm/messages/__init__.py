@@ -31,6 +31,7 @@ from swarm.messages.llm import (
 from swarm.messages.net import (
     MAX_RATE_BPS,
     MIN_RATE_BPS,
+    Backlog,
     ClassName,
     Direction,
     Directions,
@@ -42,6 +43,7 @@ from swarm.messages.net import (
     ShapeInForce,
     ShapeReply,
     ShapeRequest,
+    TcpState,
 )
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
@@ -58,6 +60,7 @@ __all__ = [
     "AdviceState",
     "Algorithm",
     "AnswerReport",
+    "Backlog",
     "Beacon",
     "ChatMessage",
     "ClassName",
@@ -92,6 +95,7 @@ __all__ = [
     "ShapeReply",
     "ShapeRequest",
     "Source",
+    "TcpState",
     "decode",
     "encode",
 ]

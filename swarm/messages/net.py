@@ -25,6 +25,20 @@ NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Ratio = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
+class Backlog(msgspec.Struct, frozen=True, kw_only=True):
+    """Counters of a queue that only grow. While it stands, the link behind it is the limit: what
+    leaves it then is what that link carries."""
+
+    seen_ms: Count = 0
+    """For how long it has been watched."""
+    sent_bytes: Count = 0
+    """Left it in all."""
+    stood_ms: Count = 0
+    """For how long more waited than could leave."""
+    stood_bytes: Count = 0
+    """Left it in that time."""
+
+
 class LinkClass(msgspec.Struct, frozen=True, kw_only=True):
     """One traffic class on one link: what it may have, and what went through it."""
 
@@ -40,6 +54,8 @@ class LinkClass(msgspec.Struct, frozen=True, kw_only=True):
     drops: Count
     """Packets, since the class was made; so are the overlimits."""
     overlimits: Count
+    backlog: Backlog = Backlog()
+    """Of its queue, sampled several times a second since the controller found it."""
 
 
 class LinkState(msgspec.Struct, frozen=True, kw_only=True):
@@ -75,6 +91,20 @@ class NetState(Message, frozen=True, kw_only=True):
             if (state.robot, state.direction) == (robot, direction):
                 return state
         return None
+
+
+class TcpState(Message, frozen=True, kw_only=True):
+    """What the kernel tells a router of its own connections of the fusion class; 2 Hz, those that
+    carried something or stood since the last one."""
+
+    router: Count
+    """Random number drawn at the router's start."""
+    seq: Count
+    sent_ns: Ns
+    peers: Annotated[
+        dict[Annotated[str, msgspec.Meta(max_length=64)], Backlog], msgspec.Meta(max_length=256)
+    ]
+    """By address and port of the other end (`10.77.1.1:40332`): of what the router sends there."""
 
 
 class NetDemand(Message, frozen=True, kw_only=True):

@@ -20,6 +20,7 @@ from swarm.messages.base import (
     Vector3,
     Vector6,
 )
+from swarm.messages.net import Backlog
 
 
 class Beacon(Message, frozen=True, kw_only=True):
@@ -102,6 +103,8 @@ class Observation(Message, frozen=True, kw_only=True):
     pose: Vector6
     payload: bytes
     encode_ms: Annotated[float, msgspec.Meta(ge=0)]
+    uplink: Backlog = Backlog()
+    """Of what the robot's process has sent in the fusion class since its start, by its kernel."""
 
     def sensor_pose(self) -> Pose:
         """The sensor's pose in the world frame."""

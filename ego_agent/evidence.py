@@ -1,0 +1,74 @@
+"""What two readings of a queue's counters show of the link behind it.
+
+While a queue stands, what leaves it is what the link carries; without that the link carries at
+least what went through. Both are the kernel's own counts, so a machine whose processors are busy
+does not look like a narrow link.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from swarm.messages import Backlog
+
+MIN_STOOD_MS = 30
+"""A queue that stood for less between two readings filled no link."""
+MIN_SPAN_MS = 200
+"""Between readings, to show what is carried at least: a shaper lets what it would send in 20 ms
+pass at once."""
+MAX_SPAN_MS = 5_000
+"""Readings farther apart do not tell of now."""
+FLOOR_BPS = 50_000.0
+"""No estimate is lower, so that a link that comes back can be found again."""
+MAX_QUEUES = 512
+"""Queues that are remembered; the longest unheard is dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What a queue shows of the link behind it."""
+
+    rate_bps: float
+    """What it carried while the queue stood; where it did not: what it carries at least."""
+    filled: bool
+    """The link was the limit."""
+    span_s: float
+    """For how long before its reading was taken it holds."""
+
+
+class Queues:
+    """The last reading of each queue, by any name."""
+
+    def __init__(self) -> None:
+        self._last: OrderedDict[Hashable, Backlog] = OrderedDict()
+
+    def take(self, queue: Hashable, now: Backlog) -> Sample | None:
+        """What a reading shows beside the one before; None for a first one. Where a counter is
+        smaller than before, who counts has begun anew: that is a first one, too."""
+        before = self._last.get(queue)
+        self._last[queue] = now
+        self._last.move_to_end(queue)
+        if len(self._last) > MAX_QUEUES:
+            self._last.popitem(last=False)
+        if before is None:
+            return None
+        span_ms = now.seen_ms - before.seen_ms
+        sent, stood_ms = now.sent_bytes - before.sent_bytes, now.stood_ms - before.stood_ms
+        stood_bytes = now.stood_bytes - before.stood_bytes
+        if min(sent, stood_ms, stood_bytes, span_ms) < 0 or span_ms > MAX_SPAN_MS:
+            return None
+        if stood_ms >= MIN_STOOD_MS:
+            return Sample(_rate(stood_bytes, stood_ms), filled=True, span_s=span_ms * 1e-3)
+        if span_ms >= MIN_SPAN_MS:
+            return Sample(_rate(sent, span_ms), filled=False, span_s=span_ms * 1e-3)
+        return None
+
+    def forget(self, queue: Hashable) -> None:
+        """What was read of a queue does not hold any more: its next reading is a first one."""
+        self._last.pop(queue, None)
+
+
+def _rate(size: int, ms: int) -> float:
+    return max(FLOOR_BPS, size * 8e3 / ms)

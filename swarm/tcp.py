@@ -1,0 +1,86 @@
+"""What the kernel says of this process's own TCP connections (`TCP_INFO`); no privileges needed.
+
+Zenoh does not give its sockets away, so they are found among the process's descriptors. A traffic
+class has a connection of its own, which is known by the mark of its packets.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from swarm.traffic import TrafficClass
+
+_FIELDS = struct.Struct("=8B24IQQQQIIIIIIQQQQ")
+"""`struct tcp_info` of linux/tcp.h as far as Linux 4.10 has it."""
+_BYTES_ACKED, _NOTSENT, _BUSY, _RWND_LIMITED, _SNDBUF_LIMITED = 34, 38, 43, 44, 45
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """One end of a TCP connection of this process."""
+
+    descriptor: int
+    inode: str
+    local: str
+    """Address and port, `10.77.1.1:40332`."""
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class TcpInfo:
+    """The sender's side of a connection; counters begin with the connection."""
+
+    acked_bytes: int
+    unsent_bytes: int
+    """In the socket's queue, never sent so far: the link, or the receiver, takes no more."""
+    link_limited_us: int
+    """Time with data under way that neither the receiver's window nor the send buffer held up."""
+
+
+def tcp_info(descriptor: int) -> TcpInfo | None:
+    """What the kernel says of a descriptor; None where it is no TCP socket (any more)."""
+    buffer = ctypes.create_string_buffer(_FIELDS.size)
+    length = ctypes.c_uint32(_FIELDS.size)
+    failed = _libc.getsockopt(
+        descriptor, socket.IPPROTO_TCP, socket.TCP_INFO, buffer, ctypes.byref(length)
+    )
+    if failed or length.value < _FIELDS.size:
+        return None
+    told = _FIELDS.unpack(buffer.raw)
+    limited_us = told[_BUSY] - told[_RWND_LIMITED] - told[_SNDBUF_LIMITED]
+    return TcpInfo(told[_BYTES_ACKED], told[_NOTSENT], limited_us)
+
+
+def connections(traffic: TrafficClass) -> Iterator[Connection]:
+    """This process's established TCP connections of a traffic class."""
+    for name in os.listdir("/proc/self/fd"):
+        try:
+            inode = os.readlink(f"/proc/self/fd/{name}")
+            if not inode.startswith("socket:"):
+                continue
+            # A copy of the descriptor: who owns the socket may close it at any time.
+            with socket.socket(fileno=os.dup(int(name))) as held:
+                if held.family not in (socket.AF_INET, socket.AF_INET6):
+                    continue
+                if held.type != socket.SOCK_STREAM or _tos(held) != traffic.tos:
+                    continue
+                local, peer = held.getsockname(), held.getpeername()
+        except OSError:
+            continue  # It listens, or is closed by now.
+        yield Connection(int(name), inode, _written(local), _written(peer))
+
+
+def _tos(held: socket.socket) -> int:
+    if held.family == socket.AF_INET6:
+        return held.getsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS)
+    return held.getsockopt(socket.IPPROTO_IP, socket.IP_TOS)
+
+
+def _written(address: tuple[str, int]) -> str:
+    return f"{address[0]}:{address[1]}"

@@ -1,0 +1,109 @@
+"""Watches the queues of this process's own TCP connections of one traffic class."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from swarm.backlog import BacklogMeter, QueueSample
+from swarm.messages import Backlog
+from swarm.tcp import Connection, TcpInfo, connections, tcp_info
+from swarm.traffic import TrafficClass
+
+IDLE_S = 0.05
+STANDING_S = 0.01
+"""Between samples while a queue stands. What never stands for so long fills no link."""
+LOOK_S = 0.5
+"""Between looks for connections: a new one is found, and one that was closed forgotten."""
+LINK_LIMITED = 0.8
+"""Share of the time between two samples in which the connection must have waited for the link."""
+
+
+class TcpWatch:
+    """Samples on a thread of its own until closed, about 0.3 % of a core for one connection."""
+
+    def __init__(
+        self,
+        traffic: TrafficClass = TrafficClass.FUSION,
+        on_look: Callable[[Mapping[str, Backlog]], None] = lambda seen: None,
+    ) -> None:
+        """`on_look(seen)` hears every LOOK_S, on that thread, of the connections by peer."""
+        self._traffic = traffic
+        self._on_look = on_look
+        self._meters: dict[Connection, _Meter] = {}
+        self._past = Backlog()
+        self._began_s = time.monotonic()
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="tcp", daemon=True)
+        self._thread.start()
+
+    def total(self) -> Backlog:
+        """Counters of all connections since the start, also of those that are closed by now."""
+        with self._lock:
+            counted = _sum(self._past, *(meter.read() for meter in self._meters.values()))
+        seen_ms = round((time.monotonic() - self._began_s) * 1e3)
+        return msgspec.structs.replace(counted, seen_ms=seen_ms)
+
+    def close(self) -> None:
+        """Ends the thread."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        look_due = time.monotonic()
+        wait_s = 0.0
+        while not self._stop.wait(wait_s):
+            now_s = time.monotonic()
+            if now_s >= look_due:
+                look_due = now_s + LOOK_S
+                self._look()
+            with self._lock:
+                standing = [self._sample(c, meter) for c, meter in self._meters.items()]
+            wait_s = STANDING_S if any(standing) else IDLE_S
+
+    def _look(self) -> None:
+        found = set(connections(self._traffic))
+        with self._lock:
+            gone = self._meters.keys() - found
+            self._past = _sum(self._past, *(self._meters.pop(c).read() for c in gone))
+            for connection in found - self._meters.keys():
+                self._meters[connection] = _Meter()
+            seen = {c.peer: meter.read() for c, meter in self._meters.items()}
+        self._on_look(seen)
+
+    def _sample(self, connection: Connection, meter: _Meter) -> bool:
+        info = tcp_info(connection.descriptor)
+        return info is not None and meter.add(info, time.monotonic())
+
+
+class _Meter:
+    """Of one connection."""
+
+    def __init__(self) -> None:
+        self._meter = BacklogMeter()
+        self._limited_us = 0
+        self._at_s = 0.0
+
+    def add(self, info: TcpInfo, now_s: float) -> bool:
+        """Takes a sample; returns whether the queue stands."""
+        waiting = info.unsent_bytes > 0
+        limited_s = (info.link_limited_us - self._limited_us) * 1e-6
+        between = limited_s >= LINK_LIMITED * (now_s - self._at_s)
+        self._meter.add(QueueSample(now_s, waiting, info.acked_bytes), between=between)
+        self._limited_us, self._at_s = info.link_limited_us, now_s
+        return waiting
+
+    def read(self) -> Backlog:
+        return self._meter.read()
+
+
+def _sum(*parts: Backlog) -> Backlog:
+    return Backlog(
+        sent_bytes=sum(part.sent_bytes for part in parts),
+        stood_ms=sum(part.stood_ms for part in parts),
+        stood_bytes=sum(part.stood_bytes for part in parts),
+    )
