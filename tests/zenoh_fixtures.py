@@ -67,7 +67,8 @@ class Inbox(Generic[T]):
 class RouterProcess:
     """`python -m swarm.router` on free ports of the loopback interface."""
 
-    def __init__(self) -> None:
+    def __init__(self, *options: str) -> None:
+        self._options = options
         self.port = free_ports(3)
         self.address = f"tcp/127.0.0.1:{self.port}"
         self._process: subprocess.Popen[str] | None = None
@@ -76,7 +77,7 @@ class RouterProcess:
     def start(self) -> None:
         """Returns when it serves."""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "swarm.router", "--port", str(self.port)],
+            [sys.executable, "-m", "swarm.router", "--port", str(self.port), *self._options],
             stderr=subprocess.PIPE,
             text=True,
         )
