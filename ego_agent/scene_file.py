@@ -51,6 +51,8 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     duplicate: bool = False
     capacity_bps: Annotated[float, msgspec.Meta(ge=1, le=1e15)] | None = None
     """What its own link delivers, bit/s, where that is less than the cell does."""
+    answers_s: dict[Algorithm, tuple[Age | None, ...]] = {}
+    """How many seconds its last answers took by algorithm, oldest first; null: it never came."""
 
 
 class PreviousEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -97,17 +99,20 @@ def read_scene(document: bytes, now_ns: int) -> Case:
     available = ALGORITHMS if scene.algorithms is None else scene.algorithms
     _check_algorithms("algorithms", available)
     knowledge = Knowledge(scene.objective, available)
+    entries = {
+        robot: _decode(entry, RobotEntry, f"robot {robot}: ")
+        for robot, entry in scene.robots.items()
+    }
     snapshot = Snapshot(
         ego=scene.ego,
         cycle=0,
         now_ns=now_ns,
-        robots={
-            robot: _view(robot, _decode(entry, RobotEntry, f"robot {robot}: "), now_ns)
-            for robot, entry in scene.robots.items()
-        },
+        robots={robot: _view(robot, entry, now_ns) for robot, entry in entries.items()},
         capacity_bps=scene.capacity_bps,
         capacity_source="prior",
     )
+    for robot, entry in entries.items():
+        _teach(knowledge, robot, entry, scene.capacity_bps)
     return Case(snapshot, knowledge, _previous(scene, now_ns))
 
 
@@ -172,6 +177,14 @@ def _view(robot: str, entry: RobotEntry, now_ns: int) -> RobotView:
         duplicate=entry.duplicate,
         capacity_bps=math.inf if entry.capacity_bps is None else entry.capacity_bps,
     )
+
+
+def _teach(knowledge: Knowledge, robot: str, entry: RobotEntry, capacity_bps: float) -> None:
+    _check_algorithms(f"robot {robot}: answers_s", entry.answers_s)
+    for algorithm, answers_s in entry.answers_s.items():
+        for answer_s in answers_s:
+            took_s = math.inf if answer_s is None else answer_s
+            knowledge.experience.record(robot, algorithm, took_s, capacity_bps=capacity_bps)
 
 
 def _previous(scene: SceneFile, now_ns: int) -> Decision | None:

@@ -69,6 +69,32 @@ def test_explain_tells_what_each_robot_offers_and_who_is_left_out(
     assert "3.2 s old" in explanation["excluded"]["R6"]
 
 
+def test_answers_that_came_late_change_the_decision_and_are_told_robot_by_robot(
+    example: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example["robots"]["R3"]["answers_s"] = {"early": [0.8] * 9 + [None], "late": [0.1] * 10}
+    example["robots"]["R4"]["answers_s"] = {"early": [0.1] * 10}
+    feed(monkeypatch, json.dumps(example).encode())
+    assert main(["decide", "--explain"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert (report["algorithm"], "R3" in report["participants"]) == ("late", True)
+    assert report["arrival"]["R3"] == 1.0
+    assert "R3 arrives in time in 4 % of early, 100 % of late" in report["reason"]
+    answers = {c["robot"]: c["answers"] for c in report["explanation"]["candidates"]}["R3"]
+    assert answers["early"]["in_time"]["10"] < 0.2
+    assert answers["early"]["lost"] == pytest.approx(0.1)
+    assert answers["late"]["in_time"]["10"] == 1.0
+
+
+def test_answers_with_an_unknown_algorithm_are_refused(
+    example: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example["robots"]["R3"]["answers_s"] = {"psychic": [0.1]}
+    feed(monkeypatch, json.dumps(example).encode())
+    assert main(["decide"]) == 1
+    assert "robot R3: answers_s: algorithm 'psychic' is unknown" in capsys.readouterr().err
+
+
 def test_objective_algorithms_and_previous_decision_come_from_the_scene(
     example: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

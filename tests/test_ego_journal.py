@@ -30,6 +30,18 @@ from ego_agent.journal import (
 from swarm.errors import JournalError
 
 
+def test_a_line_of_a_program_that_learnt_nothing_is_read(tmp_path: Path) -> None:
+    line = json.loads(msgspec.json.encode(record(1)))
+    for name in ("rate_hz", "deadline_s", "arrival", "probe", "held_s"):
+        del line["decision"][name]
+    for name in ("in_time", "answer_ms"):
+        del line["inputs"]["robots"]["R2"][name]
+    path = tmp_path / "journal"
+    path.write_text(json.dumps(line) + "\n")
+    (read,) = read_journal(path)
+    assert read == record(1)
+
+
 def record(cycle: int, received: int = 100) -> CycleRecord:
     robot = RobotInput(
         alive=True,
