@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_worlds import ChosenWorld
+from prometheus_client import CollectorRegistry
+from robot_worlds import ChosenWorld, Robot
 from scipy.spatial import cKDTree
 from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, until
 
@@ -24,12 +25,17 @@ from perception.codec.boxes import decode_boxes
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
 from perception.fusion.algorithms.late import SENT_BOXES, SENT_SCORE
+from perception.fusion.base import EncodeOptions
 from perception.fusion.detectors import shared_finder
 from robot_agent.__main__ import run
+from robot_agent.duty import Duty
+from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import load_settings
 from swarm import keyspace
 from swarm.arrays import unpack_finite
 from swarm.errors import RefusedError
+from swarm.geometry import Points
+from swarm.log import make_logger
 from swarm.messages import Beacon, Observation, ObservationRequest, SceneDescription
 from swarm.session import Session
 from worlds.opv2v import Opv2vWorld
@@ -126,6 +132,34 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
     process.send_signal(signal.SIGTERM)
     assert process.wait(WAIT_S) == 0
     assert {events.next(), events.next()} == {("leave", "302"), ("leave", "311")}
+
+
+def test_requests_for_one_frame_that_come_together_encode_it_once(
+    ego: Session, shared_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    robot = Robot(ChosenWorld())
+    robot.sense()
+    fusion = robot.agent._encoder._fusions["early"]
+    encode = fusion.encode
+
+    def when_both_have_come(points: Points, options: EncodeOptions) -> bytes:
+        until(lambda: robot.agent._answering == 2, "both requests are being answered")
+        return encode(points, options)
+
+    fusion.encode = when_both_have_come  # type: ignore[method-assign]
+    host = open_session(shared_router.address)
+    Duty(robot.agent, host, RobotMetrics(CollectorRegistry()), make_logger("test"))
+    until(lambda: ego.alive() == ("R1",), "the robot is there")
+    key = keyspace.observation(ego.swarm, "R1")
+    beacon = robot.agent.beacon()
+    assert beacon is not None
+    both = [
+        ego.ask(key, request(ego=name, capture_ns=beacon.capture_ns), Observation, timeout_s=WAIT_S)
+        for name in ("E1", "E2")
+    ]
+    first, second = (future.result(WAIT_S).message for future in both)
+    assert first.payload == second.payload
+    assert robot.value("coadapt_robot_encode_seconds_count", algorithm="early") == 1
 
 
 def test_a_killed_robot_leaves(start: Start, ego: Session) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 
@@ -14,7 +14,7 @@ import pytest
 import zenoh
 from message_samples import SAMPLES
 from prometheus_client import CollectorRegistry
-from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, wait_until_served
+from zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, until, wait_until_served
 
 from swarm import keyspace, transport
 from swarm.chunks import PART_BYTES, Ask, More, split
@@ -58,11 +58,11 @@ def serve(
     handler: Callable[[ObservationRequest], Observation],
     *,
     robot: str = "R1",
-    workers: int = 2,
+    **options: int,
 ) -> None:
     """The first session answers for a robot, and the second one knows."""
     key = keyspace.observation(pair[0].swarm, robot)
-    pair[0].serve(key, ObservationRequest, handler, workers=workers)
+    pair[0].serve(key, ObservationRequest, handler, **options)
     wait_until_served(pair[1], key)
 
 
@@ -377,6 +377,66 @@ def test_a_server_with_too_many_requests_says_that_it_is_busy(pair: Pair) -> Non
         refused.pop().result()
     answered = [future.exception(WAIT_S) for future in (first, *rest)]
     assert answered.count(None) == MAX_WAITING_QUERIES
+
+
+@pytest.fixture
+def in_turn(pair: Pair) -> Iterator[tuple[threading.Event, list[int]]]:
+    """A server that takes the newest request first, three at a time, and is held at the first one,
+    number 1; what it has handled so far."""
+    go, handled = threading.Event(), []
+    begun = threading.Event()
+
+    def slow(request: ObservationRequest) -> Observation:
+        handled.append(request.request)
+        begun.set()
+        assert go.wait(WAIT_S)
+        return observation(request)
+
+    serve(pair, slow, workers=1, waiting=3, newest_first=True)
+    ask(pair[1], numbered(1))
+    assert begun.wait(WAIT_S)
+    yield go, handled
+    go.set()
+
+
+def numbered(number: int) -> ObservationRequest:
+    return ObservationRequest(ego="E1", request=number, algorithm="early", capture_ns=0)
+
+
+def queued(pair: Pair, *numbers: int) -> list[Future[Answer[Observation]]]:
+    """Requests that have come one after the other."""
+    queue = pair[0]._servers[0]._queries
+    futures = []
+    for number in numbers:
+        newest = queue[-1] if queue else None
+        futures.append(ask(pair[1], numbered(number)))
+        until(lambda newest=newest: bool(queue) and queue[-1] is not newest, "it has come")
+    return futures
+
+
+def test_the_newest_request_is_answered_first_where_a_server_says_so(
+    pair: Pair, in_turn: tuple[threading.Event, list[int]]
+) -> None:
+    go, handled = in_turn
+    rest = queued(pair, 2, 3)
+    go.set()
+    for future in rest:
+        future.result(WAIT_S)
+    assert handled == [1, 3, 2]
+
+
+def test_the_oldest_request_gives_way_where_the_newest_is_answered_first(
+    pair: Pair, in_turn: tuple[threading.Event, list[int]]
+) -> None:
+    go, handled = in_turn
+    rest = queued(pair, 2, 3, 4, 5)
+    for crowded_out in rest[:2]:
+        with pytest.raises(RefusedError, match="busy"):
+            crowded_out.result(WAIT_S)
+    go.set()
+    for future in rest[2:]:
+        future.result(WAIT_S)
+    assert handled == [1, 5, 4]
 
 
 def test_a_key_that_nobody_serves_is_told_at_once(pair: Pair) -> None:
