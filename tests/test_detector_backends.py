@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 import torch
 
-from perception.codec import points as codec
-from perception.codec import rans
 from perception.detector import backends, pillars
 from perception.detector.backends import CompiledBackend, TorchBackend, choose, fold_norms
 from perception.detector.grid import BevConfig, bev_config
@@ -22,7 +20,6 @@ from perception.detector.weights import load_weights
 from perception.kernels import library
 from perception.kernels.convolution import Convolution, Workers
 from swarm.errors import PerceptionError
-from tests.codec_scans import room_scan
 from tests.tiny_detector import TINY, random_cloud, random_network, tiny
 
 __all__ = ["tiny"]
@@ -235,16 +232,3 @@ def test_the_setting_forces_a_backend_and_an_unknown_one_is_refused(
     monkeypatch.setenv(backends.SETTING, "abacus")
     with pytest.raises(PerceptionError, match="'abacus' is not valid; allowed: auto, torch"):
         choose(random_network(), tiny)
-
-
-@pytest.mark.skipif(library.coding() is None, reason="perception was installed without a compiler")
-@pytest.mark.parametrize("seed", range(3))
-def test_the_entropy_coder_writes_and_reads_the_same_bytes_without_c(
-    monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
-    cloud = room_scan(seed=seed)
-    in_c = codec.encode_points(cloud)
-    decoded_in_c = codec.decode_points(in_c)
-    monkeypatch.setattr(rans, "coding", lambda: None)
-    assert codec.encode_points(cloud) == in_c
-    np.testing.assert_array_equal(codec.decode_points(in_c), decoded_in_c)

@@ -7,10 +7,13 @@ the two leading ones follow as raw bits (the "hybrid integers" of JPEG XL, ISO/I
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.codec.interlace import Flags, Ints
+from perception.kernels.library import coding, pointer
 from swarm.errors import PayloadError
 
 DIRECT_BITS = 4
@@ -25,6 +28,8 @@ _RAW_BITS = np.where(_CLASSES < DIRECT, 0, _OCTAVE - 1).astype(np.int32)
 _BASE = np.where(
     _CLASSES < DIRECT, _CLASSES, (2 + (_CLASSES - DIRECT) % 2) << np.maximum(_OCTAVE - 1, 0)
 ).astype(np.int32)
+
+_TOO_FEW = "raw bits of the residuals end too early"
 
 
 def to_symbols(residual: Ints, present: Flags) -> tuple[NDArray[np.uint8], bytes]:
@@ -44,12 +49,15 @@ class RawBits:
     """Reads raw bits in the order in which they were packed."""
 
     def __init__(self, data: bytes) -> None:
-        self._bytes = np.frombuffer(data + bytes(4), dtype=np.uint8).astype(np.uint32)
+        self._octets = np.frombuffer(data + bytes(4), dtype=np.uint8)
         self._end = 8 * len(data)
         self._at = 0
 
     def to_residuals(self, symbols: NDArray[np.uint8]) -> tuple[Ints, Flags]:
         """Residuals and presence of symbols. Raises PayloadError when the bits run out."""
+        compiled = coding()
+        if compiled is not None:
+            return self._read_in_c(compiled, symbols)
         kind = symbols.astype(np.int32)
         sign = 1 - 2 * (kind & 1)
         kind >>= 1
@@ -65,17 +73,29 @@ class RawBits:
         if self._end - self._at >= 8:
             raise PayloadError(f"{self._end - self._at} raw bits of the residuals are left over")
 
+    def _read_in_c(self, compiled: ctypes.CDLL, symbols: NDArray[np.uint8]) -> tuple[Ints, Flags]:
+        symbols = np.ascontiguousarray(symbols)
+        residual = np.empty(symbols.shape, dtype=np.int32)
+        present = np.empty(symbols.shape, dtype=np.bool_)
+        self._at = compiled.residuals_read(
+            *(pointer(symbols), symbols.size, pointer(_BASE), pointer(_RAW_BITS)),
+            *(pointer(self._octets), self._at, self._end, pointer(residual), pointer(present)),
+        )
+        if self._at < 0:
+            raise PayloadError(_TOO_FEW)
+        return residual, present
+
     def _read(self, lengths: Ints) -> Ints:
         ends = self._at + np.cumsum(lengths)
         starts = ends - lengths
         if len(ends):
             self._at = int(ends[-1])
         if self._at > self._end:
-            raise PayloadError("raw bits of the residuals end too early")
+            raise PayloadError(_TOO_FEW)
         octet = starts >> 3
-        window = self._bytes[octet] << np.uint32(24)
-        for place in (1, 2, 3):
-            window |= self._bytes[octet + place] << np.uint32(24 - 8 * place)
+        window = np.zeros(len(octet), dtype=np.uint32)
+        for place in range(4):
+            window |= self._octets[octet + place].astype(np.uint32) << np.uint32(24 - 8 * place)
         window <<= (starts & 7).astype(np.uint32)
         values: Ints = (window >> (32 - lengths).astype(np.uint32)).astype(np.int32)
         return values

@@ -1,5 +1,4 @@
-/* The entropy coder's loops: see perception/codec/rans.py, whose streams these write and read, bit
-   for bit. */
+/* The point codec's loops: see perception/codec, whose bytes these write and read, bit for bit. */
 
 #include <stdint.h>
 
@@ -45,6 +44,127 @@ long rans_take(const int32_t *contexts, long n, const uint8_t *slots, const uint
             at += hungry;
         }
         if (at > end) return -1;
+    }
+    return at;
+}
+
+enum { UNIT_BITS = 6, UNIT = 1 << UNIT_BITS, MAGNITUDES = 9, SURROUNDINGS = 9, ACTIVITY_CAP = 64 };
+
+/* int32 that wraps around, as NumPy's does */
+static int32_t sum(int32_t a, int32_t b) { return (int32_t)((uint32_t)a + (uint32_t)b); }
+static int32_t less(int32_t a, int32_t b) { return (int32_t)((uint32_t)a - (uint32_t)b); }
+static int32_t times(int32_t a, int32_t b) { return (int32_t)((uint32_t)a * (uint32_t)b); }
+static int32_t size_of(int32_t a) { return a < 0 ? less(0, a) : a; }
+
+typedef struct { int32_t prediction, gap, seen, activity; } Between;
+
+/* Mean and difference of two neighbours: see `_between` of perception/codec/interlace.py. */
+static Between between(int32_t value_a, int32_t value_b, int32_t present_a, int32_t present_b,
+                       int32_t activity_a, int32_t activity_b)
+{
+    int32_t difference = less(value_a, value_b);
+    int32_t lean = times(times(difference, 7) >> 4, present_a - present_b);
+    return (Between){
+        .prediction = sum(sum(value_a, value_b) >> 1, lean),
+        .gap = size_of(difference),
+        .seen = present_a + present_b,
+        .activity = sum(activity_a, activity_b),
+    };
+}
+
+static int32_t context_of(int32_t kind, int32_t expected, int32_t seen)
+{
+    static const int32_t limits[] = {3, 8, 16, 32, 64, 128, 256, 520};
+    int32_t magnitude = 0;
+    while (magnitude < 8 && expected >= limits[magnitude]) magnitude++;
+    return (magnitude + kind * MAGNITUDES) * SURROUNDINGS + seen;
+}
+
+/* Predictions and contexts of one pass over an image (columns, rings), of whose columns every
+   `spacing`-th is known: the columns in the middle between, in the even rings, or in the odd ones
+   when the even ones are known. Out: (new columns, rings of the pass). */
+void interlace_ask(const int32_t *value, const uint8_t *present, const int32_t *activity,
+                   long columns, long rings, long spacing, int odd, int32_t *prediction,
+                   int32_t *context)
+{
+    for (long column = spacing / 2; column < columns; column += spacing) {
+        long left = (column - spacing / 2) * rings;
+        long right = (column + spacing / 2) % columns * rings;
+        for (long ring = odd; ring < rings; ring += 2, prediction++, context++) {
+#define SIDES(r) between(value[left + (r)], value[right + (r)], present[left + (r)], \
+                         present[right + (r)], activity[left + (r)], activity[right + (r)])
+            Between sides = SIDES(ring);
+            if (!odd) {
+                Between above = ring > 0 ? SIDES(ring - 1) : sides;
+                Between below = ring + 1 < rings ? SIDES(ring + 1) : sides;
+                int32_t around = sum(above.activity, below.activity);
+                int32_t busy = sum(times(2, sides.activity), around) >> 2;
+                *prediction = sides.prediction;
+                *context = context_of(0, sum(sides.gap >> 3, busy),
+                                      2 * sides.seen + above.seen + below.seen);
+                continue;
+            }
+            long above = column * rings + ring - 1, below = ring + 1 < rings ? above + 2 : above;
+            Between levels = between(value[above], value[below], present[above],
+                                     below == above ? 0 : present[below], activity[above],
+                                     activity[below]);
+            int32_t doubt = sum(sides.gap, (2 - sides.seen) << UNIT_BITS);
+            int32_t level_doubt = sum(levels.gap, (2 - levels.seen) << UNIT_BITS);
+            int32_t most = doubt > level_doubt ? doubt : level_doubt;
+            int32_t least = doubt < level_doubt ? doubt : level_doubt;
+            int32_t gap = sides.gap < levels.gap ? sides.gap : levels.gap;
+            int32_t apart = sum(gap, size_of(less(sides.prediction, levels.prediction)));
+            *prediction = level_doubt < doubt ? levels.prediction : sides.prediction;
+            if (most < sum(times(3, least), 2 * UNIT))
+                *prediction = sum(sides.prediction, levels.prediction) >> 1;
+            *context = context_of(1, sum(apart >> 4, sum(sides.activity, levels.activity) >> 1),
+                                  2 * (sides.seen + levels.seen));
+        }
+    }
+}
+
+/* Takes up the answers to `interlace_ask`: residuals in steps and returns of the first `asked` new
+   columns; those beyond take their prediction. */
+void interlace_tell(int32_t *value, uint8_t *present, int32_t *activity, long columns, long rings,
+                    long spacing, int odd, long asked, const int32_t *prediction,
+                    const int32_t *residual, const uint8_t *answered)
+{
+    for (long column = spacing / 2, i = 0; column < columns; column += spacing, asked--) {
+        long left = (column - spacing / 2) * rings;
+        long right = (column + spacing / 2) % columns * rings;
+        for (long ring = odd; ring < rings; ring += 2, i++) {
+            long at = column * rings + ring;
+            value[at] = prediction[i];
+            present[at] = 0;
+            activity[at] = sum(activity[left + ring], activity[right + ring]) >> 1;
+            if (asked <= 0) continue;
+            value[at] = sum(value[at], times(residual[i], UNIT));
+            present[at] = answered[i];
+            if (answered[i]) {
+                int32_t size = size_of(residual[i]);
+                activity[at] = times(size < ACTIVITY_CAP ? size : ACTIVITY_CAP, 16);
+            }
+        }
+    }
+}
+
+/* Residuals and returns of symbols, with raw bits from bit `at` on of `bits`, which has 4 bytes more
+   than it says; `base` and `raw` are those of the classes. Returns the next bit, or -1 beyond
+   `end`. See perception/codec/residuals.py. */
+long residuals_read(const uint8_t *symbols, long n, const int32_t *base, const int32_t *raw,
+                    const uint8_t *bits, long at, long end, int32_t *residual, uint8_t *present)
+{
+    for (long i = 0; i < n; i++) {
+        int32_t kind = symbols[i] >> 1, size = base[kind], length = raw[kind];
+        if (length) {
+            const uint8_t *octet = bits + (at >> 3);
+            if ((at += length) > end) return -1;
+            uint32_t window = (uint32_t)octet[0] << 24 | octet[1] << 16 | octet[2] << 8 | octet[3];
+            window <<= (at - length) & 7;
+            size += (int32_t)(window >> (32 - length));
+        }
+        residual[i] = symbols[i] & 1 ? -size : size;
+        present[i] = symbols[i] > 0;
     }
     return at;
 }

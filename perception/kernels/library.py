@@ -40,6 +40,9 @@ _NETWORK = {
 _CODING = {
     "rans_put": "l ppl ppl pl pl",
     "rans_take": "l pl ppp l pl pll p",
+    "interlace_ask": "v ppp lll i pp",
+    "interlace_tell": "v ppp lll il ppp",
+    "residuals_read": "l pl pp pll pp",
 }
 """Each function's result and arguments, by their kinds."""
 
