@@ -88,9 +88,8 @@ types: setup ## Check types
 check: lint types test ## Everything that must be green before a commit
 
 bench: EXTRA = llm
-bench: setup ## Run the benchmarks; each writes build/bench/<name>.json
-	@for name in $(BENCHMARKS); do \
-		echo "bench $$name" >&2; $(PYTHON_ENV) -m benchmarks.$$name || exit 1; done
+bench: setup ## Run all benchmarks (BENCHMARKS='sam codec': those); each writes build/bench/<name>.json
+	@$(PYTHON_ENV) -m benchmarks $(BENCHMARKS)
 
 train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes on
 	@$(COADAPT) train --config $(CONFIG) $(ARGS)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from benchmarks.ending import signals_raise
 from benchmarks.processes import free_ports
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import NetnsRuntime
@@ -26,27 +27,29 @@ def why_not() -> str | None:
 
 @contextmanager
 def live_swarm(swarm: str, settings: Mapping[str, str], **values: Any) -> Iterator[State]:
-    """Six robots on a wide link, once the ego decides; `settings` are those of its processes.
+    """Six robots on a wide link, once the ego decides; `settings` are those of its processes, and
+    `values` those of `make_spec` that are to be otherwise.
 
-    Raises DeployError where it cannot be started; nothing of it is left then.
+    Raises DeployError where it cannot be started; nothing of it is left then, nor when a signal
+    ends this process.
     """
     runtime = NetnsRuntime()
-    with tempfile.TemporaryDirectory(prefix="cl-", dir="/tmp") as directory:
+    with signals_raise(), tempfile.TemporaryDirectory(prefix="cl-", dir="/tmp") as directory:
         before = dict(os.environ)
         os.environ.update(settings, COADAPT_RUN_DIR=directory)
-        first = free_ports(3)
-        spec = make_spec(
-            swarm=swarm,
-            robots=factory_robots(ROBOTS),
-            link_bps=55_000_000,
-            prometheus=False,
-            ego_metrics_port=first,
-            qod_port=first + 1,
-            console_port=first + 2,
-            run_dir=f"{directory}/{swarm}",
-            var_dir=f"{directory}/var",
-            **values,
-        )
+        first = free_ports(4)
+        usual: dict[str, Any] = {
+            "robots": factory_robots(ROBOTS),
+            "link_bps": 55_000_000,
+            "prometheus": False,
+            "ego_metrics_port": first,
+            "qod_port": first + 1,
+            "console_port": first + 2,
+            "llm_port": first + 3,
+            "run_dir": f"{directory}/{swarm}",
+            "var_dir": f"{directory}/var",
+        }
+        spec = make_spec(swarm=swarm, **(usual | values))
         try:
             runtime.up(spec)
             wait_ready(runtime, need_state(swarm), READY_S)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+from benchmarks.ending import signals_raise
 from deploy.ports import LOCALHOST
 
 WAIT_S = 30.0
@@ -19,18 +20,19 @@ WAIT_S = 30.0
 @contextmanager
 def process(module: str, *words: str, **settings: str) -> Iterator[subprocess.Popen[str]]:
     """`python -m module`, with one numerical thread; told to end at the context's end."""
-    started = subprocess.Popen(
-        [sys.executable, "-m", module, *words],
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **settings},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield started
-    finally:
-        started.terminate()
-        started.communicate(timeout=WAIT_S)
+    with signals_raise():
+        started = subprocess.Popen(
+            [sys.executable, "-m", module, *words],
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **settings},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            yield started
+        finally:
+            started.terminate()
+            started.communicate(timeout=WAIT_S)
 
 
 def free_port() -> int:

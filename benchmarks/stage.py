@@ -6,11 +6,12 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.ending import signals_raise
 from deploy.docker.image import ensure_image
 from deploy.netns import network
 from deploy.progress import say
@@ -82,7 +83,7 @@ def docker_stage(hosts: int) -> Iterator[Stage]:
 
     engine = docker.from_env()
     image = ensure_image(say)
-    with ExitStack() as stack:
+    with signals_raise(), ExitStack() as stack:
         net = engine.networks.create(SWARM, labels={LABEL: SWARM})
         stack.callback(net.remove)
         prefixes = {}
@@ -104,13 +105,30 @@ def docker_stage(hosts: int) -> Iterator[Stage]:
 
 def inside(module: str, *arguments: str) -> Any:
     """What `python -m module arguments` prints (JSON) in new network and mount namespaces."""
-    done = subprocess.run(
-        [
-            *("unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork"),
-            *("--kill-child", "--mount-proc", sys.executable, "-m", module, *arguments),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
+    return inside_together(module, [arguments])[0]
+
+
+def inside_together(module: str, jobs: Sequence[Sequence[str]]) -> list[Any]:
+    """The same of several lists of arguments, all running at once, each in namespaces of its own.
+
+    Raises CalledProcessError when one fails; nothing of the others is left then.
+    """
+    unshare = (
+        *("unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork"),
+        *("--kill-child", "--mount-proc", sys.executable, "-m", module),
     )
-    return json.loads(done.stdout.splitlines()[-1])
+    with signals_raise(), ExitStack() as stack:
+        started = []
+        for arguments in jobs:
+            process = subprocess.Popen((*unshare, *arguments), stdout=subprocess.PIPE, text=True)
+            stack.callback(process.wait)
+            # It takes its child with it, and that everything that is in there.
+            stack.callback(process.kill)
+            started.append(process)
+        printed = []
+        for process in started:
+            out, _ = process.communicate()
+            if process.returncode:
+                raise subprocess.CalledProcessError(process.returncode, process.args)
+            printed.append(json.loads(out.splitlines()[-1]))
+    return printed
