@@ -2,7 +2,8 @@
 
 Points to boxes on two threads; what a robot encodes on one core; what an ego does with the payloads
 of 2 to 50 robots on two threads (more than six: those of the five nearest repeated, so that every
-robot brings as much as a near one); memory of a process that encodes like a robot. Writes
+robot brings as much as a near one); memory of a process that encodes like a robot; our time over
+OpenCOOD's (`ratio_opencood_*`), where the reader has it (`benchmarks.peers.opencood`). Writes
 build/bench/detector.json and build/bench/detector.svg.
 """
 
@@ -24,6 +25,7 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
+from benchmarks.peers.opencood import ratios as opencood_ratios
 from benchmarks.report import write_report
 from evaluation.splits import Part, nearest_first
 from perception.detector.weight_files import has_weights
@@ -76,6 +78,8 @@ def main() -> None:
     }
     figures["memory_mb"] = {name: _memory_of_child(name) for name in DETECTORS}
     figures["rows"] = rows
+    peer, samples["opencood"] = opencood_ratios()
+    figures |= peer
     path = write_report("detector", figures, samples)
     chart = path.with_suffix(".svg")
     _draw(chart, figures["fuse_ms_p50"])
