@@ -25,8 +25,8 @@ from deploy.state import State
 SWARM = "bench-console-ego"
 FUSION_HZ = "1"
 TURNS = ("none", "idle", "looking")
-SECONDS = 10.0
-SETTLE_S = 3.0
+SECONDS = 6.0
+SETTLE_S = 2.0
 
 
 def ego_shares(rounds: int) -> tuple[dict[str, float], dict[str, Any]]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
 import threading
 import time
 from collections import Counter
@@ -21,20 +20,19 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from benchmarks.processes import free_port
+from benchmarks.intervals import share_interval
+from benchmarks.live import READY_S, live_swarm
 from benchmarks.report import write_report
 from deploy.ports import LOCALHOST
-from deploy.ready import wait_ready
-from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
 from deploy.spec import EMBEDDED, SwarmSpec, factory_robots, make_spec
-from deploy.state import need_state
 from swarm.errors import DeployError
 
-SECONDS = 600.0
+SECONDS = 160.0
+"""Of all phases: a phase holds a whole answer of SLOW_S."""
 SLOW_S = 30.0
-READY_S = 180.0
-SWARM = "deadline"
+COUNTS = ("missed", "cycles")
+SWARM = "bench-deadline"
 MODEL = "bench"
 
 
@@ -78,29 +76,14 @@ def model_server(wait_s: float, status: int) -> Iterator[str]:
 
 def run_swarm(llm: str, seconds: float) -> list[dict[str, Any]]:
     """The journal's lines of a swarm that was ready for so many seconds."""
-    with tempfile.TemporaryDirectory(prefix="cb-", dir="/tmp") as directory:
-        spec = make_spec(
-            swarm=SWARM,
-            robots=factory_robots(6),
-            policy="llm",
-            llm=llm,
-            llm_model=MODEL if llm.startswith("http") else "",
-            llm_port=free_port(),
-            prometheus=False,
-            ego_metrics_port=free_port(),
-            qod_port=free_port(),
-            var_dir=f"{directory}/var",
-        )
-        runtime = NetnsRuntime()
-        runtime.up(spec)
-        try:
-            wait_ready(runtime, need_state(spec.swarm), READY_S)
-            _await_gateway(spec)
-            begun_ns = time.time_ns()
-            time.sleep(seconds)
-        finally:
-            runtime.down(spec.swarm)
-        return [line for line in _lines(spec) if line["started_ns"] >= begun_ns]
+    values: dict[str, Any] = {"policy": "llm", "llm": llm, "link_bps": None}
+    if llm.startswith("http"):
+        values["llm_model"] = MODEL
+    with live_swarm(SWARM, {}, **values) as state:
+        _await_gateway(state.spec)
+        begun_ns = time.time_ns()
+        time.sleep(seconds)
+        return [line for line in _lines(state.spec) if line["started_ns"] >= begun_ns]
 
 
 def _await_gateway(spec: SwarmSpec) -> None:
@@ -148,7 +131,10 @@ def main() -> int:
     """Measures and writes deadline.json."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--seconds", type=float, default=SECONDS, help="of all phases together (default: 600)"
+        "--seconds",
+        type=float,
+        default=SECONDS,
+        help="of all phases together (default: %(default)s)",
     )
     each_s = parser.parse_args().seconds / 4
     rows = [phase("answering", EMBEDDED, each_s)]
@@ -160,6 +146,7 @@ def main() -> int:
     figures = {
         "cycles": sum(row["cycles"] for row in rows),
         "missed": sum(row["missed"] for row in rows),
+        "missed_ratio_interval": share_interval(*(sum(r[key] for r in rows) for key in COUNTS)),
         "rows": rows,
     }
     print(f"deadline: {figures['missed']} of {figures['cycles']} cycles missed")

@@ -188,6 +188,10 @@ async def measure(rounds: int, hits: int) -> tuple[dict[str, Any], dict[str, Any
         "miss_overhead_http_p99_ms": percentile(samples["http_overhead_ms"], 99),
         "direct_p50_ms": percentile(samples["direct_overhead_ms"], 50),
         "direct_p99_ms": percentile(samples["direct_overhead_ms"], 99),
+        **{
+            f"ratio_litellm_p{q}": of_theirs(samples["http_overhead_ms"], theirs, q)
+            for q in (50, 99)
+        },
         "litellm_p50_ms": percentile(theirs, 50),
         "litellm_p99_ms": percentile(theirs, 99),
         "litellm_missing": why,
@@ -199,6 +203,13 @@ async def measure(rounds: int, hits: int) -> tuple[dict[str, Any], dict[str, Any
 def percentile(samples: list[float] | None, share: float) -> float | None:
     """Rounded to microseconds; None of nothing."""
     return None if samples is None else round(float(np.percentile(samples, share)), 3)
+
+
+def of_theirs(ours: list[float], theirs: list[float] | None, share: float) -> float | None:
+    """A percentile of ours as a part of that of theirs; None without theirs."""
+    if theirs is None:
+        return None
+    return round(float(np.percentile(ours, share) / np.percentile(theirs, share)), 4)
 
 
 async def with_model(repeats: int) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -224,10 +235,10 @@ async def with_model(repeats: int) -> tuple[dict[str, Any], dict[str, Any]]:
 def main() -> int:
     """Measures and writes gateway.json."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=20, help="requests of each ego")
+    parser.add_argument("--rounds", type=int, default=8, help="requests of each ego")
     parser.add_argument("--hits", type=int, default=2000)
     parser.add_argument(
-        "--repeats", type=int, default=3, help="with the embedded model; 0: without"
+        "--repeats", type=int, default=1, help="with the embedded model; 0: without"
     )
     args = parser.parse_args()
     figures, samples = asyncio.run(measure(args.rounds, args.hits))

@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.factory_scenes import factory_scene
+from benchmarks.intervals import share_interval
 from benchmarks.report import write_report
 from ego_agent.advice.judge import judge
 from ego_agent.knowledge import Knowledge
@@ -53,7 +54,7 @@ from worlds.factory.world import FactoryWorld
 
 RATES_BPS = (5e6, 20e6, 55e6)
 ROBOTS = (3, 4, 5, 6)
-SCENES = 60
+SCENES = 16
 EGO = "R1"
 PARALLEL, CONTEXT, TIMEOUT_S = 4, 1_536, 600.0
 RESTART_S = 5.0
@@ -231,11 +232,13 @@ def row(
     flat = [case for group in groups for case in group]
     heard = list(map(judged, flat, bound))
     loose = list(map(judged, flat, free)) if free else []
+    followed = _followed(heard, groups)
     return {
         "model": model,
         "scenes": len(groups),
         "unanswered": bound.count(""),
-        "follows_link_ratio": ratio(_followed(heard, groups)),
+        "follows_link_ratio": ratio(followed),
+        "follows_link_interval": share_interval(sum(followed), len(followed)),
         "follows_link_ratio_unconstrained": ratio(_followed(loose, groups)) if loose else None,
         "same_algorithm_ratio": ratio([_same_algorithm(part) for part in _parts(heard)]),
         "valid_ratio_constrained": ratio([h.follows_schema and bool(h.decided) for h in heard]),

@@ -1,8 +1,8 @@
 """How much of a configured rate a fusion transfer gets, counted in bytes that arrive.
 
-One TCP stream with fusion's mark, in both directions of one link, in network namespaces and between
-containers; the first two seconds are left out. 100 % cannot be reached: rates are counted with
-headers, which are 4.4 % of full frames.
+TCP streams with fusion's mark, one on each link, all at once, first towards the robots and then
+from them, in network namespaces and between containers; the first two seconds are left out. 100 %
+cannot be reached: rates are counted with headers, which are 4.4 % of full frames.
 """
 
 from __future__ import annotations
@@ -25,18 +25,22 @@ SECONDS, SLOW_SECONDS = 10, 30
 """A slow link carries few segments a second, and TCP hands them on in bursts."""
 SLOW_BPS = 1_000_000
 SKIPPED = 2
+HOSTS = 2 * len(RATES_BPS)
 
 
 def rows(stage: Stage, runtime: str) -> Iterator[dict[str, Any]]:
     """One row a rate and direction."""
     for direction in DIRECTIONS:
-        source, target = ("R2", "R1") if direction == "down" else ("R1", "R2")
-        for rate_bps in RATES_BPS:
-            link = Link("R1", direction)
-            stage.driver.apply(link, ladder.shape(rate_bps, 0))
+        flows = []
+        for number, rate_bps in enumerate(RATES_BPS):
+            shaped, peer = f"R{2 * number + 1}", f"R{2 * number + 2}"
+            stage.driver.apply(Link(shaped, direction), ladder.shape(rate_bps, 0))
+            source, target = (peer, shaped) if direction == "down" else (shaped, peer)
             seconds = SLOW_SECONDS if rate_bps <= SLOW_BPS else SECONDS
-            counts = stage.flow(source, target, seconds, tos=TrafficClass.FUSION.tos).counts()
-            stage.driver.clear(link)
+            flows.append(stage.flow(source, target, seconds, tos=TrafficClass.FUSION.tos))
+        for number, (rate_bps, flow) in enumerate(zip(RATES_BPS, flows, strict=True)):
+            counts = flow.counts()
+            stage.driver.clear(Link(f"R{2 * number + 1}", direction))
             whole = counts["bytes"][SKIPPED:]
             yield {
                 "rate_bps": rate_bps,
@@ -52,13 +56,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     if parser.parse_args().inside:
-        with netns_stage(2) as stage:
+        with netns_stage(HOSTS) as stage:
             print(json.dumps(list(rows(stage, "netns"))))
         return 0
     found: list[dict[str, Any]] = inside("benchmarks.shaping", "--inside")
     why_not = DockerRuntime().available()
     if why_not is None:
-        with docker_stage(2) as stage:
+        with docker_stage(HOSTS) as stage:
             found += rows(stage, "docker")
     samples = {"bytes_by_second": [row.pop("bytes_by_second") for row in found]}
     figures = {"rows": found, "docker_missing": why_not}
