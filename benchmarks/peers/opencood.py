@@ -46,8 +46,6 @@ PAIRS = {"early": "early", "intermediate": "intermediate-codebook"}
 PARTS = ("preprocess", "network", "postprocess")
 ROUNDS = 2
 CANDIDATES = 100
-MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
-"""From our right-handed frames to CARLA's, and back."""
 
 
 def why_not() -> str | None:
@@ -161,16 +159,13 @@ def left_handed(points: Points) -> NDArray[np.float32]:
     """x, y, z and CARLA's intensity, float32 (N, 4), of points (N, 3) in the sensor's frame."""
     distance = np.linalg.norm(points, axis=1)
     intensity = np.exp(-ATTENUATION_PER_M * distance)
-    return np.column_stack([points * MIRROR.diagonal()[:3], intensity]).astype(np.float32)
+    return np.column_stack([points * [1.0, -1.0, 1.0], intensity]).astype(np.float32)
 
 
 def lidar_pose(pose: Pose) -> list[float]:
-    """A sensor's pose in the world, as OPV2V's files have it."""
-    matrix = MIRROR @ pose.matrix() @ MIRROR
-    pitch = math.asin(matrix[2, 0])
-    roll = math.atan2(-matrix[2, 1], matrix[2, 2])
-    yaw = math.atan2(matrix[1, 0], matrix[0, 0])
-    return [*map(float, matrix[:3, 3]), *map(math.degrees, (roll, yaw, pitch))]
+    """A sensor's pose in the world, as OPV2V's files have it (`worlds.carla.pose`)."""
+    angles = (pose.roll, -pose.yaw, -pose.pitch)
+    return [pose.x, -pose.y, pose.z, *map(math.degrees, angles)]
 
 
 class OpenCood:
