@@ -29,7 +29,7 @@ SECONDS = 6.0
 SETTLE_S = 2.0
 
 
-def ego_shares(rounds: int) -> tuple[dict[str, float], dict[str, Any]]:
+def ego_shares(rounds: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Shares of one core, and the samples of every turn."""
     taken: dict[str, list[float]] = {turn: [] for turn in TURNS}
     settings = {"COADAPT_FUSION_RATE_HZ": FUSION_HZ}
