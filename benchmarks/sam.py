@@ -46,6 +46,7 @@ def main() -> None:
         **figures,
         **{f"objects_{method}_p50": float(np.median(objects[method])) for method in METHODS},
         "frames": len(scans),
+        "rounds": 1,
     }
     path = write_report("sam", figures, {**samples, "ms": times})
     print(json.dumps(figures, indent=1))
