@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 CROWDS = (6, 100)
-DECISIONS = 60
+DECISIONS = 40
 GAP_MS = 200
 """Between decisions, and a share of it at random, so that no step of the console is kept."""
 SETTLE_MS = 3000
@@ -140,7 +140,7 @@ def quantiles(name: str, values: list[float]) -> dict[str, float]:
 def main() -> int:
     """Measures and writes console.json."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--rounds", type=int, default=4, help="of the ego's processor time")
+    parser.add_argument("--rounds", type=int, default=3, help="of the ego's processor time")
     args = parser.parse_args()
     if (missing := live.why_not()) is not None:
         print(f"console: {missing}", file=sys.stderr)

@@ -29,7 +29,7 @@ from swarm.traffic import TrafficClass
 
 CAPACITY_BPS = 5_000_000
 FLOOD = 10
-SECONDS = 20
+SECONDS = 14
 SKIPPED = 2
 BEACONS_HZ = 50
 ROUTER_PORT = 17600

@@ -54,7 +54,7 @@ from worlds.factory.world import FactoryWorld
 
 RATES_BPS = (5e6, 20e6, 55e6)
 ROBOTS = (3, 4, 5, 6)
-SCENES = 16
+SCENES = 8
 EGO = "R1"
 PARALLEL, CONTEXT, TIMEOUT_S = 4, 1_536, 600.0
 RESTART_S = 5.0

@@ -21,7 +21,7 @@ from network_controller.model import DIRECTIONS, Link
 from swarm.traffic import TrafficClass
 
 RATES_BPS = (1_000_000, 5_000_000, 20_000_000, 55_000_000, 100_000_000)
-SECONDS, SLOW_SECONDS = 10, 30
+SECONDS, SLOW_SECONDS = 10, 20
 """A slow link carries few segments a second, and TCP hands them on in bursts."""
 SLOW_BPS = 1_000_000
 SKIPPED = 2
