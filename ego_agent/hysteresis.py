@@ -11,6 +11,8 @@ from swarm.messages import Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
+ANOTHER_LINK = 2.0
+"""A link that is this many times wider or narrower than a cycle ago is another one."""
 MAX_CYCLE_S = 5.0
 """A decision is taken to have been in force no longer than this until the next one, however the
 clock jumps."""
@@ -39,17 +41,17 @@ def still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
 
 
 def settle(
-    scorer: Scorer, options: Sequence[Score], best: Score, held: Score, held_s: float | None
+    scorer: Scorer, options: Sequence[Score], best: Score, held: Score, previous: Decision
 ) -> Score:
     """Keeps the decision in force unless a change pays, so that decisions do not flap.
 
     A change must gain `switch_gain`; one that costs more must also leave `upgrade_reserve` of the
     budget free, so that a small drop of C(t) does not undo it at once; and the decision in force
-    must be `dwell_s` old. Reaching Q_min goes before all of them, and so does leaving a decision
-    that brings nothing. `held_s` None: nobody knows how old it is.
+    must be `dwell_s` old, unless the link has changed. Reaching Q_min goes before all of them, and
+    so does leaving a decision that brings nothing. `held` is the score of `previous` as it is now.
     """
     objective = scorer.objective
-    if held_s is not None and held_s < objective.dwell_s and not _pressing(scorer, best, held):
+    if _dwells(scorer, previous) and not _pressing(scorer, best, held):
         return held
     if scorer.good_enough(best) and not scorer.good_enough(held):
         return best
@@ -69,6 +71,14 @@ def _roomy(scorer: Scorer, option: Score, held: Score) -> bool:
     free = budget * (1.0 - scorer.objective.upgrade_reserve)
     cheaper = option.cost_bytes * option.pace.rate_hz <= held.cost_bytes * held.pace.rate_hz
     return cheaper or option.cost_bytes <= free
+
+
+def _dwells(scorer: Scorer, previous: Decision) -> bool:
+    """Whether a decision is too new to be changed for a gain. One of unknown age is not."""
+    if previous.held_s is None or previous.held_s >= scorer.objective.dwell_s:
+        return False
+    change = scorer.scene.capacity_bps / previous.capacity_bps
+    return 1.0 / ANOTHER_LINK < change < ANOTHER_LINK
 
 
 def _pressing(scorer: Scorer, best: Score, held: Score) -> bool:

@@ -223,16 +223,18 @@ def test_on_a_link_that_does_not_change_decisions_change_at_most_every_ten_secon
 
 
 def test_dwelling_ends_when_quality_is_lost_and_never_outlasts_what_the_link_carries() -> None:
-    rig = Rig(quick)
-    first = rig.cycle()
-    assert first.algorithm == "early"
-    rig.capacity_bps = 1e6
+    rig = Rig(quick, known=Knowledge(Objective(), ("early", "late")), capacity_bps=6e6)
+    assert rig.cycle().algorithm == "early"
+    rig.capacity_bps = 4e6
+    assert rig.cycle().algorithm == "late"
+    rig.capacity_bps = 7e6
+    waited = [rig.cycle().algorithm for _ in range(12)]
+    assert waited[0] == "late", "an upgrade waits"
+    assert waited[-1] == "early"
+    rig.capacity_bps = 0.4e6
     assert rig.cycle().algorithm == "late"
     rig.capacity_bps = 20e6
-    assert rig.cycle().algorithm == "late", "an upgrade waits"
-    for _ in range(11):
-        last = rig.cycle()
-    assert last.algorithm == "early"
+    assert rig.cycle().algorithm == "early", "another link is no reason to wait"
 
 
 def test_the_time_that_a_decision_has_been_held_survives_a_clock_that_jumps() -> None:

@@ -42,8 +42,8 @@ class Coverage:
         options = list(_options(scorer))
         best = best_option(scorer, options)
         held = still_possible(scorer, previous)
-        if held is not None:
-            best = settle(scorer, options, best, held, previous.held_s if previous else None)
+        if held is not None and previous is not None:
+            best = settle(scorer, options, best, held, previous)
         return best, _reason(scorer, best, kept=best is held)
 
 

@@ -43,9 +43,13 @@ class BySurrogate:
         options = list(estimate.options())
         best = best_option(scorer, options)
         held = still_possible(scorer, previous)
-        if held is not None and (not held.participants or held.algorithm in estimate.algorithms):
+        if (
+            previous is not None
+            and held is not None
+            and (not held.participants or held.algorithm in estimate.algorithms)
+        ):
             held = estimate.score(held.participants, held.algorithm)
-            best = settle(scorer, options, best, held, previous.held_s if previous else None)
+            best = settle(scorer, options, best, held, previous)
         return Proposal(
             participants=(scene.ego.robot, *best.participants),
             algorithm=best.algorithm,
