@@ -27,5 +27,6 @@ setup(
     ext_modules=[
         *(loops(f"_network_{name}", "network", flags) for name, flags in NETWORK.items()),
         loops("_coding", "coding", []),
+        loops("_places", "places", []),
     ]
 )

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from perception.kernels.library import places as loops
+from perception.kernels.library import pointer
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix
 
@@ -52,6 +54,18 @@ MIN_AGREEMENT = 0.25
 """A sender this near whose outline agrees less with the ego's is not where it says."""
 
 
+_NEAR = np.array(
+    [
+        np.exp(-0.5 * (step * CELL_M / SPREAD_M) ** 2)
+        for step in range(-SPREAD_CELLS, SPREAD_CELLS + 1)
+    ]
+).astype(np.float32)
+_MARK = np.outer(_NEAR, _NEAR)
+_LOG_MARK = np.log(STRAY + _MARK)
+_NOTHING = np.log(np.float32(STRAY))
+"""What a place adds to the cells around it, and to the logarithm of an empty field."""
+
+
 @dataclass(frozen=True, slots=True)
 class Field:
     """How likely something stands at each place around the ego."""
@@ -65,19 +79,32 @@ class Field:
     def of(cls, places: NDArray[np.floating]) -> Field:
         """The field of everything that stands, (N, 2) metres."""
         side = round(2 * REACH_M / CELL_M)
-        image = np.zeros((side, side), dtype=np.float32)
-        column, row = np.floor((places + REACH_M) / CELL_M).astype(np.intp).T
+        return cls(np.zeros((side, side), np.float32), np.full((side, side), _NOTHING)).and_of(
+            places
+        )
+
+    def and_of(self, places: NDArray[np.floating]) -> Field:
+        """This field and that of more places together."""
+        side = len(self.likelihood)
+        column, row = np.floor((places + REACH_M) / CELL_M).astype(np.int64).T
         inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
-        image[row[inside], column[inside]] = 1.0
+        cells = np.unique(row[inside] * side + column[inside])
+        compiled = loops()
+        if compiled is not None:
+            image, log = self.likelihood.copy(), self.log.copy()
+            row, column = (np.ascontiguousarray(part) for part in np.divmod(cells, side))
+            compiled.stamp(
+                *(pointer(image), pointer(log), side, BORDER, pointer(row), pointer(column)),
+                *(len(cells), pointer(_MARK), pointer(_LOG_MARK), SPREAD_CELLS),
+            )
+            return Field(image, log)
+        image = np.zeros((side, side), dtype=np.float32)
+        image.reshape(-1)[cells] = 1.0
         # The nearest place's Gaussian, one axis after the other: it is a product of both.
         image = np.ascontiguousarray(_spread(_spread(image).T).T)
         image[:BORDER] = image[-BORDER:] = 0.0
         image[:, :BORDER] = image[:, -BORDER:] = 0.0
-        return cls(image, np.log(STRAY + image))
-
-    def and_of(self, places: NDArray[np.floating]) -> Field:
-        """This field and that of more places together."""
-        image = np.maximum(self.likelihood, Field.of(places).likelihood)
+        image = np.maximum(image, self.likelihood)
         return Field(image, np.log(STRAY + image))
 
     def at(self, places: Floats) -> NDArray[np.float32]:
@@ -145,11 +172,21 @@ def _coarse(field: Field, around: Floats, sender: Floats) -> Floats:
     turned = np.zeros((len(TURNS_RAD), 3))
     turned[:, 2] = TURNS_RAD
     base = field.index(_moved(around, sender, turned), margin=SHIFT_CELLS)
-    row, column = np.divmod(base, len(field.log))
-    # Of each place all shifts at once: whole rows of the field are read faster than single cells.
-    shifted = sliding_window_view(field.log, (len(steps), len(steps)))
-    seen = shifted[row - SHIFT_CELLS, column - SHIFT_CELLS]
-    found = seen.sum(axis=1).transpose(2, 1, 0).reshape(-1)
+    side, sets, wide = len(field.log), len(TURNS_RAD), len(steps)
+    compiled = loops()
+    if compiled is not None:
+        base = np.ascontiguousarray(base, dtype=np.int64)
+        sums = np.empty((sets, wide, wide), dtype=np.float32)
+        compiled.sum_shifted(
+            *(pointer(field.log), side, pointer(base), sets, base.shape[1], SHIFT_CELLS),
+            pointer(sums),
+        )
+    else:
+        row, column = np.divmod(base, side)
+        # Of each place all shifts at once: whole rows of the field are read faster than cells.
+        shifted = sliding_window_view(field.log, (wide, wide))
+        sums = shifted[row - SHIFT_CELLS, column - SHIFT_CELLS].sum(axis=1)
+    found = sums.transpose(2, 1, 0).reshape(-1)
     best: Floats = moves[int((found * INDEPENDENT + _prior(moves)).argmax())]
     return best
 
@@ -170,8 +207,18 @@ def _moved(around: Floats, sender: Floats, moves: Floats) -> Floats:
 
 def _score(field: Field, around: Floats, sender: Floats, moves: Floats) -> Floats:
     """Log likelihood of K moves, up to a constant."""
-    seen = field.log.reshape(-1)[field.index(_moved(around, sender, moves))]
-    score: Floats = seen.sum(axis=1) * INDEPENDENT + _prior(moves)
+    compiled = loops()
+    if compiled is not None:
+        sums = np.empty(len(moves), dtype=np.float32)
+        turned = np.column_stack([moves[:, :2], np.cos(moves[:, 2]), np.sin(moves[:, 2])])
+        around, center = np.ascontiguousarray(around), np.ascontiguousarray(sender)
+        compiled.sum_moved(
+            *(pointer(field.log), len(field.log), CELL_M, REACH_M, pointer(around), len(around)),
+            *(pointer(center), pointer(turned), len(moves), pointer(sums)),
+        )
+    else:
+        sums = field.log.reshape(-1)[field.index(_moved(around, sender, moves))].sum(axis=1)
+    score: Floats = sums * INDEPENDENT + _prior(moves)
     return score
 
 

@@ -29,7 +29,7 @@ from perception.fusion.base import (
     Fusion,
     Gathering,
 )
-from perception.fusion.maps import moved
+from perception.fusion.maps import Maps, moved
 from perception.fusion.outline import outline, thinned
 from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
@@ -40,7 +40,7 @@ MAX_REFERENCE_OFF = 0.01
 """Metres and radians by which a payload's reference may differ from the ego's: float32 on the wire
 a few kilometres from the world's origin."""
 
-Fuse = Callable[[Tensor, Tensor], Tensor]
+Fuse = Callable[[Maps, Maps], Tensor]
 
 
 class FeatureFusion(Fusion):
@@ -165,8 +165,7 @@ class _Maps(Gathering):
             everywhere = torch.ones(self._detector.config.cells, dtype=torch.bool)
             with torch.inference_mode():
                 maps, present = self._corrected()
-                here = torch.stack([everywhere, *present])
-                fused = self._fusion.fuse_maps(torch.stack([fused, *maps]), here)
+                fused = self._fusion.fuse_maps([fused, *maps], [everywhere, *present])
         found = without_own(self._detector.decode(fused), self._own_body_m, self.stood_at)
         found = with_participants(found, senders, self._carrier)
         return found.transformed(self._world_from_own)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.kernels.library import places, pointer
 from perception.scene import ground_mask
 from swarm.geometry import Points
 
@@ -15,6 +16,8 @@ MIN_POINTS = 3
 MIN_HEIGHT_M = 0.3
 """Of what stands in a cell: a kerb or noise is no outline."""
 REACH_M = 45.0
+_HALF_CELLS = 151
+"""A cell more than reach, for rounding."""
 SENT_POINTS = 72
 
 
@@ -27,18 +30,40 @@ def outline(points: Points, ground: NDArray[np.bool_] | None = None) -> Floats:
     cloud = _standing(points, ground)
     if not len(cloud):
         return np.zeros((0, 2))
-    cells = np.floor(cloud[:, :2] / CELL_M).astype(np.int64)
-    _, index, counts = np.unique(
-        cells[:, 0] * 100_000 + cells[:, 1], return_inverse=True, return_counts=True
-    )
-    low, high = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
-    np.minimum.at(low, index, cloud[:, 2])
-    np.maximum.at(high, index, cloud[:, 2])
-    x, y = (np.bincount(index, cloud[:, i]) / counts for i in (0, 1))
+    counts, low, high, x, y = _gathered(cloud)
     stands = (counts >= MIN_POINTS) & (high - low >= MIN_HEIGHT_M)
-    places = np.column_stack([x, y])[stands]
-    around: Floats = places[np.argsort(np.arctan2(places[:, 1], places[:, 0]), kind="stable")]
-    return around
+    around = np.column_stack([x[stands] / counts[stands], y[stands] / counts[stands]])
+    azimuth = np.arctan2(around[:, 1], around[:, 0])
+    turned: Floats = around[np.argsort(azimuth, kind="stable")]
+    return turned
+
+
+def _gathered(cloud: Points) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats]:
+    """Of the points in each cell: how many, lowest and highest z, sums of x and of y. In the order
+    of the cells, x first."""
+    compiled = places()
+    if compiled is not None:
+        side = 2 * _HALF_CELLS
+        count: NDArray[np.int64] = np.empty(side**2, np.int64)
+        low, high, x, y = (np.empty(side**2) for _ in range(4))
+        cloud = np.ascontiguousarray(cloud)
+        compiled.gather_cells(
+            *(pointer(cloud), len(cloud), CELL_M, _HALF_CELLS),
+            *(pointer(part) for part in (count, low, high, x, y)),
+        )
+        used = count > 0
+        return count[used], low[used], high[used], x[used], y[used]
+    cells = np.floor(cloud[:, :2] / CELL_M).astype(np.int64)
+    keys = cells[:, 0] * 100_000 + cells[:, 1]
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=keys.min() - 1))
+    count = np.diff(starts, append=len(keys)).astype(np.int64)
+    ranked = cloud[order].astype(np.float64)
+    index = np.repeat(np.arange(len(count)), count)
+    low = np.minimum.reduceat(ranked[:, 2], starts)
+    high = np.maximum.reduceat(ranked[:, 2], starts)
+    sums = [np.bincount(index, ranked[:, i]).astype(np.float64) for i in (0, 1)]
+    return count, low, high, sums[0], sums[1]
 
 
 def standing(points: Points) -> NDArray[np.float32]:

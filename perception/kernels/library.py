@@ -26,6 +26,7 @@ _KINDS = {
     "i": ctypes.c_int,
     "l": ctypes.c_long,
     "f": ctypes.c_float,
+    "d": ctypes.c_double,
     "v": None,
 }
 _NETWORK = {
@@ -35,6 +36,7 @@ _NETWORK = {
     "convolve": "v piiii ii ppi pi ii pi ii pii",
     "limit": "v ppli",
     "image_scratch": "l iil",
+    "attend": "v pp ili p",
     "image": "l pl fffff ii ppp pppp",
 }
 _CODING = {
@@ -43,6 +45,12 @@ _CODING = {
     "interlace_ask": "v ppp lll i pp",
     "interlace_tell": "v ppp lll il ppp",
     "residuals_read": "l pl pp pll pp",
+}
+_PLACES = {
+    "gather_cells": "v pl fl ppppp",
+    "stamp": "v pp ll ppl pp l",
+    "sum_shifted": "v pl pll l p",
+    "sum_moved": "v pl dd pl p pl p",
 }
 """Each function's result and arguments, by their kinds."""
 
@@ -63,6 +71,12 @@ def network() -> ctypes.CDLL | None:
 def coding() -> ctypes.CDLL | None:
     """coding.c; None where it was not compiled."""
     return _load("_coding", _CODING)
+
+
+@cache
+def places() -> ctypes.CDLL | None:
+    """places.c; None where it was not compiled."""
+    return _load("_places", _PLACES)
 
 
 @cache

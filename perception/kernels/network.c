@@ -294,3 +294,35 @@ long image(const float *points, long n, float half_x, float half_y, float low, f
         }
     return known;
 }
+
+/* Attention of each cell of the first map over all maps (see perception/fusion/maps.py): maps of
+   (cells, channels) and which cells of each are present, the first's all. */
+void attend(const float *const *maps, const unsigned char *const *present, int count, long cells,
+            int channels, float *out)
+{
+    float scale = 1.0f / sqrtf((float)channels);
+    for (long i = 0; i < cells; i++) {
+        const float *own = maps[0] + i * channels;
+        float weights[256], most = 0.0f, total = 0.0f;
+        for (int k = 0; k < count; k++) {
+            weights[k] = -INFINITY;
+            if (k > 0 && !present[k][i]) continue;
+            vec sum = {0};
+            for (int c = 0; c < channels; c += LANES)
+                sum += GET(own + c) * GET(maps[k] + i * channels + c);
+            weights[k] = 0.0f;
+            for (int lane = 0; lane < LANES; lane++) weights[k] += sum[lane];
+            weights[k] *= scale;
+            if (k == 0 || weights[k] > most) most = weights[k];
+        }
+        for (int k = 0; k < count; k++)
+            total += weights[k] = weights[k] == -INFINITY ? 0.0f : expf(weights[k] - most);
+        for (int c = 0; c < channels; c += LANES) {
+            vec sum = {0};
+            for (int k = 0; k < count; k++)
+                if (weights[k] != 0.0f)
+                    sum += (weights[k] / total) * GET(maps[k] + i * channels + c);
+            AT(out + i * channels + c) = sum;
+        }
+    }
+}
