@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from prometheus_client import CollectorRegistry
 
 from ego_agent.agent import EgoAgent
 from ego_agent.ask import Asker
-from ego_agent.execute import FusionLoop, live_motion
+from ego_agent.execute import FrameResult, FusionLoop, live_motion
 from ego_agent.journal import Journal
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
@@ -54,8 +54,13 @@ def main() -> int:
     return 0
 
 
-def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
-    """Runs one ego in a world until `stop` is set.
+def run(
+    settings: EgoSettings,
+    world: World,
+    stop: threading.Event,
+    on_result: Callable[[FrameResult], None] | None = None,
+) -> None:
+    """Runs one ego in a world until `stop` is set; `on_result` hears of each published frame.
 
     Raises SettingError for a metrics port that is taken, DecisionError for a policy that is
     unknown or cannot decide here, and JournalError for a journal that cannot be written.
@@ -81,7 +86,7 @@ def run(settings: EgoSettings, world: World, stop: threading.Event) -> None:
         if journal is not None:
             journal.close()
         raise
-    agent = _agent(settings, world, knowledge, steering, journal, metrics, log)
+    agent = _agent(settings, world, knowledge, steering, journal, metrics, log, on_result)
 
     def connect() -> Session | None:
         try:
@@ -109,6 +114,7 @@ def _agent(
     journal: Journal | None,
     metrics: EgoMetrics,
     log: Logger,
+    on_result: Callable[[FrameResult], None] | None,
 ) -> EgoAgent:
     clock = Clock()
     link = LinkEstimate(settings.link_prior_bps)
@@ -136,6 +142,7 @@ def _agent(
         log,
         rate_hz=settings.fusion_rate_hz,
         deadline_s=settings.deadline_s,
+        on_result=on_result,
     )
     return EgoAgent(
         monitor=monitor,
