@@ -1,4 +1,4 @@
-"""What two readings of a queue's counters show of the link behind it.
+"""What readings of a queue's counters show of the link behind it.
 
 While a queue stands, what leaves it is what the link carries; without that the link carries at
 least what went through. Both are the kernel's own counts, so a machine whose processors are busy
@@ -7,12 +7,16 @@ does not look like a narrow link.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Hashable
 from dataclasses import dataclass
+from itertools import pairwise
 
 from swarm.messages import Backlog
 
+READINGS = 3
+"""Of one queue that are held against each other: the two intervals between them must agree, as a
+stall of TCP after a loss looks like a narrow link in one."""
 MIN_STOOD_MS = 30
 """A queue that stood for less between two readings filled no link."""
 MIN_SPAN_MS = 200
@@ -30,6 +34,7 @@ MAX_QUEUES = 512
 class Sample:
     """What a queue shows of the link behind it."""
 
+    queue: Hashable
     rate_bps: float
     """What it carried while the queue stood; where it did not: what it carries at least."""
     filled: bool
@@ -39,35 +44,43 @@ class Sample:
 
 
 class Queues:
-    """The last reading of each queue, by any name."""
+    """The last readings of each queue, by any name."""
 
     def __init__(self) -> None:
-        self._last: OrderedDict[Hashable, Backlog] = OrderedDict()
+        self._last: OrderedDict[Hashable, deque[Backlog]] = OrderedDict()
 
     def take(self, queue: Hashable, now: Backlog) -> Sample | None:
-        """What a reading shows beside the one before; None for a first one. Where a counter is
+        """What a reading shows beside those before; None for a first one. Where a counter is
         smaller than before, who counts has begun anew: that is a first one, too."""
-        before = self._last.get(queue)
-        self._last[queue] = now
+        held = self._last.setdefault(queue, deque(maxlen=READINGS))
         self._last.move_to_end(queue)
         if len(self._last) > MAX_QUEUES:
             self._last.popitem(last=False)
-        if before is None:
-            return None
-        span_ms = now.seen_ms - before.seen_ms
-        sent, stood_ms = now.sent_bytes - before.sent_bytes, now.stood_ms - before.stood_ms
-        stood_bytes = now.stood_bytes - before.stood_bytes
-        if min(sent, stood_ms, stood_bytes, span_ms) < 0 or span_ms > MAX_SPAN_MS:
-            return None
-        if stood_ms >= MIN_STOOD_MS:
-            return Sample(_rate(stood_bytes, stood_ms), filled=True, span_s=span_ms * 1e-3)
+        if held and not _goes_on(held[-1], now):
+            held.clear()
+        held.append(now)
+        first, span_ms = held[0], now.seen_ms - held[0].seen_ms
+        stood = [after.stood_ms - before.stood_ms for before, after in pairwise(held)]
+        if len(held) == READINGS and min(stood) >= MIN_STOOD_MS:
+            rate_bps = _rate(now.stood_bytes - first.stood_bytes, sum(stood))
+            return Sample(queue, rate_bps, filled=True, span_s=span_ms * 1e-3)
         if span_ms >= MIN_SPAN_MS:
-            return Sample(_rate(sent, span_ms), filled=False, span_s=span_ms * 1e-3)
+            rate_bps = _rate(now.sent_bytes - first.sent_bytes, span_ms)
+            return Sample(queue, rate_bps, filled=False, span_s=span_ms * 1e-3)
         return None
 
     def forget(self, queue: Hashable) -> None:
         """What was read of a queue does not hold any more: its next reading is a first one."""
         self._last.pop(queue, None)
+
+
+def _goes_on(before: Backlog, now: Backlog) -> bool:
+    return (
+        before.sent_bytes <= now.sent_bytes
+        and before.stood_ms <= now.stood_ms
+        and before.stood_bytes <= now.stood_bytes
+        and 0 <= now.seen_ms - before.seen_ms <= MAX_SPAN_MS
+    )
 
 
 def _rate(size: int, ms: int) -> float:

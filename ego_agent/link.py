@@ -1,9 +1,8 @@
 """C(t): how many bits a second the ego's link delivers, and each robot's own link.
 
-Maximum filters over the rates of the last `WINDOW_S`, in the manner of BBR (Cardwell et al., "BBR:
-Congestion-Based Congestion Control", ACM Queue 14-5, 2016): what did not fill a link cannot lower
-its estimate. The kernel says what did: its queue stood (`evidence.py`). How long an answer took in
-user space says nothing of the link, and is not asked.
+In the manner of BBR (Cardwell et al., "BBR: Congestion-Based Congestion Control", ACM Queue 14-5,
+2016) what did not fill a link cannot lower its estimate. The kernel says what did: its queue stood
+(`evidence.py`). How long an answer took in user space says nothing of the link, and is not asked.
 
 - The cell's queues are the shaper's (`net/state`) and the router's socket towards the ego
   (`net/tcp`), a robot's are the shaper's of its link upwards and its own socket towards the router.
@@ -22,16 +21,14 @@ from __future__ import annotations
 
 import math
 import threading
-from collections import OrderedDict, deque
+from collections import OrderedDict
+from collections.abc import Hashable
 from typing import NamedTuple
 
 from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
 
 WINDOW_S = 1.25
-"""Holds two reports of a router, and one state of a controller."""
-AGREEING = 2
-"""Samples in the window that must have filled a link before it is believed to be narrow: a stall of
-TCP after a loss looks like one of them."""
+"""For how long what a queue has shown last counts: more than a period of `net/state`."""
 SILENCE_DECAY = 0.85
 DOUBLING_S = 5.0
 STATE_FRESH_S = 5.0
@@ -50,22 +47,20 @@ class _Filter:
     def __init__(self, since_s: float = -math.inf) -> None:
         """`since_s`: what was on its way before does not count."""
         self._since_s = since_s
-        self._filled: deque[tuple[float, float]] = deque()
+        self._filled: dict[Hashable, tuple[float, float]] = {}
+        """By queue: when, and bit/s."""
         self.measured: tuple[float, float] | None = None
         """bit/s and when."""
 
     def add(self, sample: Sample, now_s: float) -> None:
-        """Takes what a queue shows."""
+        """Takes what a queue shows. Of several the one that carried most knows the link best."""
         if now_s - sample.span_s < self._since_s:
             return
         if sample.filled:
-            self._filled.append((now_s, sample.rate_bps))
-            while now_s - self._filled[0][0] > WINDOW_S:
-                self._filled.popleft()
-            if len(self._filled) >= AGREEING:
-                self.measured = (max(bps for _, bps in self._filled), now_s)
-                return
-        if self.measured is not None and sample.rate_bps > self.risen(now_s):
+            fresh = {q: one for q, one in self._filled.items() if now_s - one[0] <= WINDOW_S}
+            self._filled = fresh | {sample.queue: (now_s, sample.rate_bps)}
+            self.measured = (max(bps for _, bps in self._filled.values()), now_s)
+        elif self.measured is not None and sample.rate_bps > self.risen(now_s):
             self.measured = (sample.rate_bps, now_s)
 
     def risen(self, now_s: float) -> float:

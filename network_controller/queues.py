@@ -9,7 +9,7 @@ from typing import Protocol
 
 from network_controller.drivers.netlink import ClassQueue, ClassReader
 from network_controller.model import Link
-from swarm.backlog import BacklogMeter, QueueSample
+from swarm.backlog import BacklogMeter
 from swarm.log import Logger
 from swarm.messages import Backlog
 from swarm.traffic import TrafficClass
@@ -17,6 +17,8 @@ from swarm.traffic import TrafficClass
 IDLE_S = 0.05
 STANDING_S = 0.01
 """Between samples while a queue stands."""
+MAX_GAP_S = 0.06
+"""Of samples farther apart than this nobody knows whether the queue stood between them."""
 COST = 0.01
 """Share of a core that sampling may take: with many links it comes less often."""
 RETRY_S = 5.0
@@ -40,7 +42,7 @@ class QueueWatch:
     def __init__(self, log: Logger) -> None:
         self._log = log
         self._devices: Mapping[Link, str] = {}
-        self._meters: dict[tuple[Link, TrafficClass], BacklogMeter] = {}
+        self._meters: dict[tuple[Link, TrafficClass], _Meter] = {}
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -101,6 +103,23 @@ class QueueWatch:
             if link not in self._devices:
                 return False
             for traffic, queue in seen.items():
-                meter = self._meters.setdefault((link, traffic), BacklogMeter())
-                meter.add(QueueSample(now_s, queue.waiting_bytes > 0, queue.sent_bytes))
+                self._meters.setdefault((link, traffic), _Meter()).add(queue, now_s)
         return any(queue.waiting_bytes > 0 for queue in seen.values())
+
+
+class _Meter:
+    """Of one class."""
+
+    def __init__(self) -> None:
+        self._meter = BacklogMeter()
+        self._waiting_since_s: float | None = None
+
+    def add(self, queue: ClassQueue, now_s: float) -> None:
+        # What waited at the last sample waited, or was sent at the link's rate, until now.
+        since_s = self._waiting_since_s
+        gap_s = 0.0 if since_s is None else now_s - since_s
+        self._meter.add(now_s, queue.sent_bytes, gap_s if gap_s <= MAX_GAP_S else 0.0)
+        self._waiting_since_s = now_s if queue.waiting_bytes else None
+
+    def read(self) -> Backlog:
+        return self._meter.read()

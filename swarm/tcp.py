@@ -17,7 +17,12 @@ from swarm.traffic import TrafficClass
 
 _FIELDS = struct.Struct("=8B24IQQQQIIIIIIQQQQ")
 """`struct tcp_info` of linux/tcp.h as far as Linux 4.10 has it."""
-_BYTES_ACKED, _NOTSENT, _BUSY, _RWND_LIMITED, _SNDBUF_LIMITED = 34, 38, 43, 44, 45
+_UNACKED, _RTT, _BYTES_ACKED, _NOTSENT, _MIN_RTT = 12, 23, 34, 38, 39
+_BUSY, _RWND_LIMITED, _SNDBUF_LIMITED = 43, 44, 45
+LONE_PACKETS = 2
+"""So few may be under way because their acknowledgement is delayed (RFC 1122, 4.2.3.2)."""
+QUEUED_US = 5_000
+"""A round trip that is longer than twice the shortest one, and by this much, has met a queue."""
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -37,10 +42,13 @@ class TcpInfo:
     """The sender's side of a connection; counters begin with the connection."""
 
     acked_bytes: int
-    unsent_bytes: int
-    """In the socket's queue, never sent so far: the link, or the receiver, takes no more."""
-    link_limited_us: int
-    """Time with data under way that neither the receiver's window nor the send buffer held up."""
+    queued: bool
+    """Bytes wait: in the socket, since nothing more may be under way, or in a queue behind it,
+    since what is under way stays so for long."""
+    busy_us: int
+    """Time with data under way."""
+    held_us: int
+    """Of that, the time in which the receiver's window or the send buffer held data up."""
 
 
 def tcp_info(descriptor: int) -> TcpInfo | None:
@@ -53,8 +61,9 @@ def tcp_info(descriptor: int) -> TcpInfo | None:
     if failed or length.value < _FIELDS.size:
         return None
     told = _FIELDS.unpack(buffer.raw)
-    limited_us = told[_BUSY] - told[_RWND_LIMITED] - told[_SNDBUF_LIMITED]
-    return TcpInfo(told[_BYTES_ACKED], told[_NOTSENT], limited_us)
+    behind = told[_UNACKED] > LONE_PACKETS and told[_RTT] > 2 * told[_MIN_RTT] + QUEUED_US
+    held_us = told[_RWND_LIMITED] + told[_SNDBUF_LIMITED]
+    return TcpInfo(told[_BYTES_ACKED], told[_NOTSENT] > 0 or behind, told[_BUSY], held_us)
 
 
 def connections(traffic: TrafficClass) -> Iterator[Connection]:

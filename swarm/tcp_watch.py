@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from swarm.backlog import BacklogMeter, QueueSample
+from swarm.backlog import BacklogMeter
 from swarm.messages import Backlog
 from swarm.tcp import Connection, TcpInfo, connections, tcp_info
 from swarm.traffic import TrafficClass
@@ -18,8 +18,8 @@ STANDING_S = 0.01
 """Between samples while a queue stands. What never stands for so long fills no link."""
 LOOK_S = 0.5
 """Between looks for connections: a new one is found, and one that was closed forgotten."""
-LINK_LIMITED = 0.8
-"""Share of the time between two samples in which the connection must have waited for the link."""
+MAX_HELD = 0.2
+"""Share of the time with data under way in which it may have waited for another than the link."""
 
 
 class TcpWatch:
@@ -85,20 +85,26 @@ class _Meter:
 
     def __init__(self) -> None:
         self._meter = BacklogMeter()
-        self._limited_us = 0
-        self._at_s = 0.0
+        self._before: TcpInfo | None = None
 
     def add(self, info: TcpInfo, now_s: float) -> bool:
         """Takes a sample; returns whether the queue stands."""
-        waiting = info.unsent_bytes > 0
-        limited_s = (info.link_limited_us - self._limited_us) * 1e-6
-        between = limited_s >= LINK_LIMITED * (now_s - self._at_s)
-        self._meter.add(QueueSample(now_s, waiting, info.acked_bytes), between=between)
-        self._limited_us, self._at_s = info.link_limited_us, now_s
-        return waiting
+        before, self._before = self._before, info
+        stood_s = 0.0 if before is None else _stood_s(before, info)
+        self._meter.add(now_s, info.acked_bytes, stood_s)
+        return info.queued
 
     def read(self) -> Backlog:
         return self._meter.read()
+
+
+def _stood_s(before: TcpInfo, now: TcpInfo) -> float:
+    """For how long a queue stood between two samples. The kernel knows for how long data was under
+    way, and that it queued where it did so at one of them."""
+    busy_us, held_us = now.busy_us - before.busy_us, now.held_us - before.held_us
+    if not (before.queued or now.queued) or held_us > MAX_HELD * busy_us:
+        return 0.0
+    return max(0, busy_us - held_us) * 1e-6
 
 
 def _sum(*parts: Backlog) -> Backlog:

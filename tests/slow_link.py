@@ -20,8 +20,10 @@ from typing import IO, Any
 import msgspec
 from message_samples import SAMPLES
 
+from ego_agent.link import LinkEstimate
+from ego_agent.netstate import LinkWatch
 from swarm import keyspace
-from swarm.messages import Beacon, Observation, ObservationRequest
+from swarm.messages import Beacon, Observation, ObservationRequest, TcpState
 from swarm.session import Answer, Session
 from swarm.traffic import TrafficClass
 
@@ -32,6 +34,7 @@ QUEUE_BYTES = 128 * 1024
 SMALL_TIMEOUT_S = 20.0
 BEACON_PERIOD_S = 0.1
 LIMIT_S = 60.0
+PRIOR_BPS = 55e6
 _UNSHARE = (
     *("unshare", "--user", "--map-root-user", "--net", "--mount"),
     *("--pid", "--fork", "--kill-child", "--mount-proc"),
@@ -67,6 +70,8 @@ class Seen(msgspec.Struct, frozen=True):
     reopened: int
     beacons: int
     """That came while the large answers were under way, of all servers."""
+    capacity_bps: float = 0.0
+    """C(t) when they had come, by the router's word alone."""
     fusion_bytes: int = 0
     """What the link carried for the fusion class until the small questions were answered."""
 
@@ -157,6 +162,11 @@ def ask_all(plan: Plan) -> None:
             key = keyspace.observation(SWARM, name)
             return session.ask(key, request, Observation, timeout_s=timeout_s)
 
+        link = LinkEstimate(PRIOR_BPS)
+        watch = LinkWatch("E1", link)
+        session.subscribe(
+            keyspace.net_tcp(SWARM), TcpState, lambda m, _: watch.take_tcp(m, time.monotonic())
+        )
         session.watch_alive(lambda _: here.release(), left.append)
         session.subscribe(
             keyspace.beacon(SWARM, keyspace.ANY),
@@ -176,6 +186,7 @@ def ask_all(plan: Plan) -> None:
             links.append(session.links())
             time.sleep(0.05)
         ended = time.monotonic()
+        capacity_bps, _ = link.capacity(ended)
         errors = [str(e) for future in futures if (e := future.exception())]
         answers = [f.result().wire_bytes for f in futures if not f.exception()]
         small: list[str | int] = []
@@ -192,6 +203,7 @@ def ask_all(plan: Plan) -> None:
             fewest_links=min(links),
             reopened=session._connection.reopened,
             beacons=sum(begun <= at <= ended for at in beacons),
+            capacity_bps=capacity_bps,
         )
     print(msgspec.json.encode(seen).decode(), flush=True)
 
@@ -233,10 +245,9 @@ def play(plan: Plan) -> Seen:
         assert line_of(ego.stdout) == "here\n"
         build(ego)
         shape(plan.rate_bps, "add")
+        argv = ["--host", NEAR, "--port", str(PORT), "--swarm", SWARM]
         router = stack.enter_context(
-            subprocess.Popen(
-                [sys.executable, "-m", "swarm.router", "--host", NEAR, "--port", str(PORT)]
-            )
+            subprocess.Popen([sys.executable, "-m", "swarm.router", *argv])
         )
         stack.callback(router.terminate)
         for i in range(plan.servers):

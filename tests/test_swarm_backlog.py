@@ -1,15 +1,15 @@
-"""The meter of a queue counts the time in which it stood for sure, and what left it then."""
+"""The meter of a queue adds up for how long it stood, and what left it then."""
 
 from __future__ import annotations
 
-from swarm.backlog import MAX_GAP_S, BacklogMeter, QueueSample
+from swarm.backlog import BacklogMeter
 from swarm.messages import Backlog
 
 
-def fed(*samples: tuple[float, bool, int]) -> Backlog:
+def fed(*samples: tuple[float, int, float]) -> Backlog:
     meter = BacklogMeter()
-    for at_s, waiting, sent in samples:
-        meter.add(QueueSample(at_s, waiting, sent))
+    for at_s, counter, stood_s in samples:
+        meter.add(at_s, counter, stood_s)
     return meter.read()
 
 
@@ -17,30 +17,15 @@ def test_before_any_sample_all_counters_are_zero() -> None:
     assert BacklogMeter().read() == Backlog()
 
 
-def test_time_counts_where_the_queue_stood_at_both_ends() -> None:
-    found = fed((5.0, False, 100), (5.02, True, 200), (5.04, True, 300), (5.06, False, 900))
-    assert found == Backlog(seen_ms=60, sent_bytes=800, stood_ms=20, stood_bytes=100)
+def test_what_left_before_the_first_sample_does_not_count() -> None:
+    assert fed((5.0, 10_000, 3.0)) == Backlog()
 
 
-def test_a_queue_that_is_empty_now_and_then_did_not_stand() -> None:
-    found = fed(*((i * 0.02, i % 2 == 0, i * 1000) for i in range(50)))
-    assert (found.stood_ms, found.stood_bytes, found.sent_bytes) == (0, 0, 49_000)
-
-
-def test_samples_that_came_late_prove_nothing_of_the_time_between() -> None:
-    gap_s = 2 * MAX_GAP_S
-    found = fed(*((i * gap_s, True, i * 1000) for i in range(10)))
-    assert (found.stood_ms, found.sent_bytes) == (0, 9000)
-
-
-def test_what_else_is_known_of_the_time_between_counts() -> None:
-    meter = BacklogMeter()
-    meter.add(QueueSample(0.0, True, 0))
-    meter.add(QueueSample(0.02, True, 1000), between=False)
-    meter.add(QueueSample(0.04, True, 2000))
-    assert meter.read() == Backlog(seen_ms=40, sent_bytes=2000, stood_ms=20, stood_bytes=1000)
+def test_what_left_while_the_queue_stood_is_told_apart() -> None:
+    found = fed((5.0, 100, 0.0), (5.02, 200, 0.0), (5.04, 300, 0.01), (5.06, 900, 0.0))
+    assert found == Backlog(seen_ms=60, sent_bytes=800, stood_ms=10, stood_bytes=100)
 
 
 def test_a_counter_that_begins_anew_is_another_queue() -> None:
-    found = fed((0.0, True, 9000), (0.02, True, 10_000), (0.04, True, 5), (0.06, True, 1005))
+    found = fed((0.0, 9000, 0.0), (0.02, 10_000, 0.02), (0.04, 5, 0.02), (0.06, 1005, 0.02))
     assert found == Backlog(seen_ms=60, sent_bytes=2000, stood_ms=40, stood_bytes=2000)

@@ -16,6 +16,8 @@ from swarm.traffic import LINKS
 _refused = launch.why_not()
 needs_namespaces = pytest.mark.skipif(_refused is not None, reason=str(_refused))
 MBIT = 1_000_000
+NEAR = 0.2
+"""What TCP's view of a rate is off: headers, beacons, and how even its samples are."""
 WAIT = "transport/link/tx/queue/congestion_control/block/wait_before_close"
 
 
@@ -35,6 +37,7 @@ def test_a_large_answer_comes_whole_over_a_slow_link() -> None:
     assert seen.errors == []
     assert seen.answers[0] > 800_000
     assert_nothing_broke(seen, 1)
+    assert seen.capacity_bps == pytest.approx(MBIT, rel=NEAR)
 
 
 @needs_namespaces
@@ -58,6 +61,7 @@ def test_a_large_answer_survives_a_collapse_of_its_links_rate() -> None:
     assert seen.errors == []
     assert seen.answers[0] > 2_000_000
     assert_nothing_broke(seen, 1)
+    assert seen.capacity_bps == pytest.approx(MBIT, rel=NEAR)
 
 
 def test_routers_and_clients_wait_as_long_as_the_lease_for_a_slow_link() -> None:

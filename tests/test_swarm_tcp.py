@@ -14,7 +14,7 @@ from zenoh_fixtures import Inbox, RouterProcess, until, wait_until_served
 from swarm import keyspace
 from swarm.messages import Observation, ObservationRequest, TcpState
 from swarm.session import Session
-from swarm.tcp import connections, tcp_info
+from swarm.tcp import TcpInfo, connections, tcp_info
 from swarm.tcp_watch import TcpWatch
 from swarm.traffic import TrafficClass
 
@@ -54,15 +54,16 @@ def test_what_was_acknowledged_and_what_waits_is_told(pair: Pair) -> None:
     sender, receiver = pair
     sender.sendall(bytes(1000))
     assert receiver.recv(1000, socket.MSG_WAITALL)
-    until(lambda: told(sender)[0] >= 1000, "the bytes are acknowledged")
+    until(lambda: told(sender).acked_bytes >= 1000, "the bytes are acknowledged")
+    assert not told(sender).queued
     fill(sender)
-    assert told(sender)[1] > 0
+    assert told(sender).queued
 
 
-def told(of: socket.socket) -> tuple[int, int]:
+def told(of: socket.socket) -> TcpInfo:
     info = tcp_info(of.fileno())
     assert info is not None
-    return info.acked_bytes, info.unsent_bytes
+    return info
 
 
 def fill(sender: socket.socket) -> None:
