@@ -50,7 +50,7 @@ def test_a_correction_is_the_same(monkeypatch: pytest.MonkeyPatch, seed: int) ->
     places = np.concatenate([rng.uniform(-30, 30, (60, 2)), rng.uniform(-90, 90, (12, 2))])
     field = Field.of(places + rng.normal(0.0, 0.03, places.shape))
     sender = rng.uniform(-25, 25, 2)
-    believed = places + [0.5, -0.4]
+    believed = places + np.array([0.5, -0.4])
 
     def found() -> np.ndarray | str:
         try:
