@@ -258,6 +258,9 @@ class Asker:
             silent_s = min(now - self._answered_at, self._monitor.silent_s())
             if done.waiting and not done.probe and silent_s >= SILENT_S:
                 self._link.silence(now)
+            for robot in done.waiting:
+                # Not how long it takes, but that it takes longer, is known at once.
+                self._note(done, robot, math.nextafter(done.deadline_s, math.inf), done.deadline_s)
             done.close(now)
 
     def _is_busy(self, robot: str, now: float) -> bool:
@@ -344,16 +347,30 @@ class Asker:
         done.take(Contribution(ask.robot, seen.payload, pose, age_s))
 
     def _remember(self, arrival: _Arrival) -> None:
-        """Teaches how long the robot took; a late answer kept all frames waiting until it came."""
+        """Teaches how long the robot took."""
         ask, done, outcome = arrival.ask, arrival.ask.round, arrival.outcome
-        came = outcome if isinstance(outcome, Answer) else None
         waited_s = arrival.at - done.asked_at[ask.robot]
+        late_s = waited_s if ask.robot in done.waiting else waited_s - done.deadline_s
+        if isinstance(outcome, Answer):
+            self._note(done, ask.robot, waited_s, late_s, outcome.message.encode_ms * 1e-3)
+        else:
+            self._note(done, ask.robot, math.inf, late_s)
+
+    def _note(
+        self,
+        done: FrameRound,
+        robot: str,
+        answer_s: float,
+        waited_s: float,
+        encode_s: float | None = None,
+    ) -> None:
+        """All frames of the time that it kept the robot busy count."""
         self.knowledge.experience.record(
-            ask.robot,
+            robot,
             done.algorithm,
-            math.inf if came is None else waited_s,
+            answer_s,
             frames=PROBE_FRAMES if done.probe else waited_s * done.rate_hz,
-            encode_s=None if came is None else came.message.encode_ms * 1e-3,
+            encode_s=encode_s,
             capacity_bps=done.capacity_bps,
         )
 

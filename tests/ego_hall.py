@@ -104,11 +104,12 @@ class Ego:
         self.monitor = Monitor("R1", self.link)
         self.tally = TallyKeeper()
         self.sensor = OwnSensor(world, "R1", time.time_ns(), self.monitor, clock, log)
+        self.known = Knowledge()
         asker = Asker(
             "R1",
             self.monitor,
             self.link,
-            Knowledge(),
+            self.known,
             self.tally,
             clock,
             0.1,
