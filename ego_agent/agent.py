@@ -32,7 +32,7 @@ from ego_agent.tally import Tally, TallyKeeper
 from swarm import keyspace
 from swarm.errors import JournalError, TransportError
 from swarm.log import Logger
-from swarm.messages import Decision, NetDemand
+from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
 
@@ -80,6 +80,8 @@ class EgoAgent:
         self._ego = monitor.ego
         self._demand = DemandMeter()
         self._prober = Prober()
+        self._probe: Probe | None = None
+        """Of the next decision."""
         self._ignored: dict[str, int] = defaultdict(int)
         self._detections_lost = 0
 
@@ -144,8 +146,7 @@ class EgoAgent:
         try:
             scene = analyze(snapshot, self._knowledge)
             decision = plan(snapshot, scene, policy, self._knowledge, previous, number, now_ns)
-            probe = self._prober.take(scene, self._knowledge, decision, time.monotonic())
-            decision = msgspec.structs.replace(decision, probe=probe)
+            decision = msgspec.structs.replace(decision, probe=self._probe)
         except Exception as error:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)
@@ -155,6 +156,7 @@ class EgoAgent:
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(scene, decision)
+        self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
         self._metrics.participants.set(len(decision.participants))
         self._metrics.quality.set(decision.quality)
@@ -181,6 +183,17 @@ class EgoAgent:
             self._log.error("demand_failed", cycle=decision.cycle, exc_info=True)
             return None
         return demand
+
+    def _next_probe(self, scene: UnifiedScene | None, decision: Decision) -> Probe | None:
+        """What the next decision shall ask on the side; no fault of it harms the cycle."""
+        if scene is None:
+            return None
+        try:
+            return self._prober.take(scene, self._knowledge, decision, time.monotonic())
+        except Exception:
+            self._metrics.cycle_faults.inc()
+            self._log.error("probe_failed", cycle=decision.cycle, exc_info=True)
+            return None
 
     def _alone(self, snapshot: Snapshot, policy: str, reason: str) -> Decision:
         """The decision that always holds: the ego alone costs nothing and needs nobody."""

@@ -211,6 +211,8 @@ class FusionLoop:
         if probe is None or decision is self._probed:
             return
         self._probed = decision
+        if probe.algorithm == decision.algorithm and probe.robot in decision.participants:
+            return  # It is asked for that anyway by now.
         fusion = self._fusions[probe.algorithm]
         self._asker.ask(
             self._session,

@@ -45,7 +45,8 @@ class Prober:
     def take(
         self, scene: UnifiedScene, knowledge: Knowledge, decision: Decision, now_s: float
     ) -> Probe | None:
-        """The probe of a cycle that decides at `now_s`, if one is due and the link carries it."""
+        """The probe that the decision after this one shall carry, if one is due and the link
+        carries it."""
         if not knowledge.learns:
             return None
         self._hear(knowledge, now_s)
