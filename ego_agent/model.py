@@ -20,8 +20,8 @@ from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, So
 
 @dataclass(frozen=True, slots=True)
 class RobotView:
-    """What the ego knows of one robot at the start of a cycle. Ages are measured on the ego's
-    own clock from the moment of receipt, so that a robot's bad clock does not matter."""
+    """What the ego knows of one robot at the start of a cycle. Ages are ages of what was sensed, on
+    the ego's own clock: a message that queued is old."""
 
     robot: str
     alive: bool
@@ -33,11 +33,15 @@ class RobotView:
     round_trip_s: float | None
     """Smoothed time from query to answer; None before the first answer."""
     clock_offset_s: float
-    """Robot's clock minus the ego's, estimated from beacons (includes the one-way delay)."""
+    """Robot's time of day minus the ego's."""
     duplicate: bool
     """Two processes use this id at the same time."""
     capacity_bps: float = math.inf
     """What its own link delivers, where that is known to be less than the cell does."""
+    delay_s: float = 0.0
+    """How long its newest beacon was on its way."""
+    off_duty: str = ""
+    """Of the ego itself: who keeps its robot out of the swarm; empty while nobody does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +92,11 @@ class UnifiedScene:
     """(K, 3) merged object centroids, world frame, metres."""
     cell_m: float
     capacity_bps: float
+    unheard: tuple[Candidate, ...] = ()
+    """Living robots in range that are excluded or whose scene is old, as they were last seen: what
+    they could show counts in what all could."""
+    unknown: int = 0
+    """Such robots of which nothing tells what they could show."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Monitor: what the ego knows of every robot and of the link, as of now.
 
-Zenoh's threads feed it, the control cycle takes a `Snapshot`. Ages count from the moment of
-receipt on the ego's monotonic clock, so that a robot's bad clock does not matter.
+Zenoh's threads feed it, the control cycle takes a `Snapshot`. Ages are ages of what was sensed:
+they count from the capture, which the robot's clock tells and `ClockOffset` brings to the ego's.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from ego_agent.clock_offset import ClockOffset
 from ego_agent.link import LinkEstimate
 from ego_agent.model import RobotView, Snapshot
 from ego_agent.netstate import LinkWatch
@@ -27,8 +28,8 @@ MAX_ROBOTS = 256
 MAX_INSTANCES = 8
 DUPLICATE_WINDOW_S = 2.0
 """Two processes that are heard in turn within this time share an id."""
-OFFSET_WINDOW = 64
-"""Beacons over which the clock offset is taken: 6 s at 10 Hz."""
+MAX_STAMPS = 256
+"""The ego's own messages that a robot may still echo."""
 FORGET_S = 30.0
 """A robot that has left and was silent this long makes room for another."""
 _SMOOTHING = 0.25
@@ -57,12 +58,16 @@ class _Robot:
     beacon_at: float = 0.0
     scene: SceneDescription | None = None
     scene_at: float = 0.0
-    delays_ns: deque[int] = field(default_factory=lambda: deque(maxlen=OFFSET_WINDOW))
+    offset: ClockOffset = field(default_factory=ClockOffset)
+    wall_ns: int = 0
+    """Its time of day minus its steady clock."""
+    delay_s: float = 0.0
+    """How long the newest beacon was on its way."""
     round_trip_s: float | None = None
 
-    def offset_ns(self) -> int:
-        """Robot's clock minus the ego's: the message that was fastest on its way counts."""
-        return -min(self.delays_ns) if self.delays_ns else 0
+    def sensed_ago_s(self, capture_ns: int, now_ns: int) -> float:
+        """Since a capture on the robot's time of day, at `now_ns` on the ego's steady clock."""
+        return (now_ns + self.offset.now(now_ns) + self.wall_ns - capture_ns) * 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +99,18 @@ class Monitor:
         self._lock = threading.Lock()
         self._robots: dict[str, _Robot] = {ego: _Robot(alive=True)}
         self._own: tuple[Beacon, float] | None = None
+        self._own_off_duty = ""
         self._own_scene: tuple[SceneDescription, float] | None = None
+        self._stamps: deque[int] = deque(maxlen=MAX_STAMPS)
         self._out_of_order = 0
         self._no_room = 0
+
+    def stamp(self) -> int:
+        """The ego's steady clock, nanoseconds, for a message that robots echo."""
+        now_ns = _ns(self._monotonic())
+        with self._lock:
+            self._stamps.append(now_ns)
+        return now_ns
 
     def attach(self, session: Session) -> None:
         """Subscribes to everything that the monitor listens to."""
@@ -114,7 +128,7 @@ class Monitor:
     def on_beacon(self, beacon: Beacon) -> None:
         """Takes a robot's beacon."""
         now = self._monotonic()
-        received_ns = self._clock.now_ns()
+        now_ns = _ns(now)
         with self._lock:
             robot = self._heard(beacon.robot, beacon.instance, now)
             if robot is None:
@@ -124,9 +138,19 @@ class Monitor:
                 self._out_of_order += 1
                 return
             stream.beacon_seq = beacon.seq
+            known = robot.beacon
+            if known is not None and known.instance == beacon.instance and not beacon.sizes:
+                # A robot that speaks little leaves out sizes that it has told.
+                beacon = msgspec.structs.replace(beacon, sizes=known.sizes)
             robot.beacon = beacon
             robot.beacon_at = now
-            robot.delays_ns.append(received_ns - beacon.sent_ns)
+            steady_ns = beacon.steady_ns or beacon.sent_ns
+            robot.wall_ns = beacon.sent_ns - steady_ns
+            robot.offset.heard(steady_ns, now_ns)
+            echo = beacon.echoes.get(self.ego)
+            if echo is not None and echo[0] in self._stamps:
+                robot.offset.echoed(*echo, now_ns)
+            robot.delay_s = max(0.0, robot.sensed_ago_s(beacon.sent_ns, now_ns))
 
     def on_scene(self, scene: SceneDescription) -> None:
         """Takes a robot's scene description."""
@@ -150,6 +174,11 @@ class Monitor:
             self._own = (beacon, now)
             if scene is not None:
                 self._own_scene = (scene, now)
+
+    def note_own_duty(self, off_duty_by: str) -> None:
+        """Takes who keeps the ego's own robot out of the swarm; empty: nobody does."""
+        with self._lock:
+            self._own_off_duty = off_duty_by
 
     def on_net_state(self, state: NetState) -> None:
         """Takes a network controller's word on the links."""
@@ -196,10 +225,11 @@ class Monitor:
             return robot in self._robots and self._robots[robot].alive
 
     def clock_offset_ns(self, robot: str) -> int:
-        """The robot's clock minus the ego's, less the shortest one-way delay; 0 if unknown."""
+        """The robot's time of day minus the ego's; 0 if unknown."""
+        now_ns, wall_ns = _ns(self._monotonic()), self._clock.now_ns()
         with self._lock:
             entry = self._robots.get(robot)
-            return entry.offset_ns() if entry is not None else 0
+            return _offset_ns(entry, now_ns, wall_ns) if entry is not None else 0
 
     def counts(self) -> MonitorCounts:
         """Messages that were valid but not taken."""
@@ -208,16 +238,16 @@ class Monitor:
 
     def snapshot(self, cycle: int, now_ns: int) -> Snapshot:
         """What is known now; the ego is one of the robots, alive as long as it can ask."""
-        now = self._monotonic()
+        now, wall_ns = self._monotonic(), self._clock.now_ns()
         capacity_bps, source = self._link.capacity(now)
         limits = self._link.robot_limits(now)
         error = self._link.error_ratio(now)
         with self._lock:
             views = {
-                robot: self._view(robot, entry, now, limits.get(robot, math.inf))
+                robot: self._view(robot, entry, now, wall_ns, limits.get(robot, math.inf))
                 for robot, entry in self._robots.items()
             }
-            views[self.ego] = self._own_view(now)
+            views[self.ego] = self._own_view(now, wall_ns)
         return Snapshot(
             ego=self.ego,
             cycle=cycle,
@@ -228,21 +258,33 @@ class Monitor:
             capacity_error=error,
         )
 
-    def _view(self, robot: str, entry: _Robot, now: float, capacity_bps: float) -> RobotView:
+    def _view(
+        self, robot: str, entry: _Robot, now: float, wall_ns: int, capacity_bps: float
+    ) -> RobotView:
+        beacon, scene, now_ns = entry.beacon, entry.scene, _ns(now)
+        beacon_age_s = scene_age_s = math.inf
+        if beacon is not None:
+            sensed_s = entry.sensed_ago_s(beacon.capture_ns, now_ns)
+            beacon_age_s = max(now - entry.beacon_at, sensed_s)
+        if scene is not None:
+            scene_age_s = now - entry.scene_at
+            if beacon is not None:
+                scene_age_s = max(scene_age_s, entry.sensed_ago_s(scene.capture_ns, now_ns))
         return RobotView(
             robot=robot,
             alive=entry.alive,
-            beacon=entry.beacon,
-            beacon_age_s=now - entry.beacon_at if entry.beacon else float("inf"),
-            scene=entry.scene,
-            scene_age_s=now - entry.scene_at if entry.scene else float("inf"),
+            beacon=beacon,
+            beacon_age_s=beacon_age_s,
+            scene=scene,
+            scene_age_s=scene_age_s,
             round_trip_s=entry.round_trip_s,
-            clock_offset_s=entry.offset_ns() * 1e-9,
+            clock_offset_s=_offset_ns(entry, now_ns, wall_ns) * 1e-9,
             duplicate=now - entry.conflict_at <= DUPLICATE_WINDOW_S,
             capacity_bps=capacity_bps,
+            delay_s=entry.delay_s,
         )
 
-    def _own_view(self, now: float) -> RobotView:
+    def _own_view(self, now: float, wall_ns: int) -> RobotView:
         """The ego as it senses itself. An impostor under its id cannot harm it: nothing of what
         the ego knows about itself comes over the link but what its own payloads would cost."""
         heard = self._robots[self.ego].beacon
@@ -254,12 +296,13 @@ class Monitor:
             robot=self.ego,
             alive=True,
             beacon=beacon,
-            beacon_age_s=now - beacon_at,
+            beacon_age_s=_own_age_s(beacon, now - beacon_at, wall_ns),
             scene=scene,
-            scene_age_s=now - scene_at,
+            scene_age_s=_own_age_s(scene, now - scene_at, wall_ns),
             round_trip_s=0.0,
             clock_offset_s=0.0,
             duplicate=False,
+            off_duty=self._own_off_duty,
         )
 
     def _entry(self, robot: str, now: float) -> _Robot | None:
@@ -298,7 +341,7 @@ class Monitor:
             if stream is not None and now - stream.heard_at <= DUPLICATE_WINDOW_S:
                 entry.conflict_at = now
             entry.instance = instance
-            entry.delays_ns.clear()
+            entry.offset = ClockOffset()
         if stream is None:
             if len(entry.streams) >= MAX_INSTANCES:
                 oldest = min(entry.streams, key=lambda known: entry.streams[known].heard_at)
@@ -306,3 +349,22 @@ class Monitor:
             stream = entry.streams[instance] = _Stream(heard_at=now)
         stream.heard_at = now
         return entry
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+def _offset_ns(entry: _Robot, now_ns: int, wall_ns: int) -> int:
+    """The robot's time of day minus the ego's, which is `wall_ns` at `now_ns` on its steady clock;
+    0 before the first beacon."""
+    if entry.beacon is None:
+        return 0
+    return entry.offset.now(now_ns) + entry.wall_ns - (wall_ns - now_ns)
+
+
+def _own_age_s(sensed: Beacon | SceneDescription | None, told_ago_s: float, wall_ns: int) -> float:
+    """Of what the ego sensed itself; infinite where there is nothing."""
+    if sensed is None:
+        return math.inf
+    return max(told_ago_s, (wall_ns - sensed.capture_ns) * 1e-9)

@@ -99,6 +99,7 @@ class RobotAgent:
             instance=self._instance,
             seq=self._beacons,
             sent_ns=self._clock.now_ns(),
+            steady_ns=time.monotonic_ns(),
             capture_ns=frame.capture_ns,
             frame=frame.number,
             pose=frame.scan.pose.as_tuple(),

@@ -60,6 +60,8 @@ SAMPLES: tuple[Message, ...] = (
         velocity=(1.0, 0.5, 0.0),
         range_m=30.0,
         sizes={"early": 26_123, "late": 208},
+        steady_ns=55_000_000_123,
+        echoes={"R2": (77_000_000_001, 54_990_000_000)},
     ),
     SceneDescription(
         robot="R1",
@@ -134,6 +136,10 @@ SAMPLES: tuple[Message, ...] = (
         arrival={"R1": 0.97},
         probe=Probe(robot="R1", algorithm="early", bytes=12_000),
         held_s=11.5,
+        blind="nothing of what was chosen has arrived for 2 cycles (deadline)",
+        excluded={"R3": "it is 60.0 m away, the range is 45.0 m"},
+        silent={"R1": "nothing of it has arrived for 2 cycles (deadline)"},
+        ages_s={"R1": 0.125, "R2": 0.0625},
     ),
     Detections(
         ego="R2",
@@ -202,6 +208,9 @@ SAMPLES: tuple[Message, ...] = (
         quality=0.75,
         q_min=0.9,
         capacity_bps=1_000_000,
+        steady_ns=77_000_000_001,
+        control_bps=12_000,
+        fewer_bps={"R1": 6_000},
     ),
     ShapeRequest(
         request=3,

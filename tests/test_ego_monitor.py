@@ -32,28 +32,44 @@ class Time(Clock):
         return self.now_s
 
 
-def beacon(robot: str = "R2", seq: int = 1, instance: int = 7, sent_s: float = 1000.0) -> Beacon:
+LAG_S = 0.05
+"""From a capture to the message that tells of it."""
+
+
+def beacon(
+    robot: str = "R2",
+    seq: int = 1,
+    instance: int = 7,
+    sent_s: float = 1000.0,
+    *,
+    steady_s: float = 0.0,
+    echoes: dict[str, tuple[int, int]] | None = None,
+) -> Beacon:
     return Beacon(
         robot=robot,
         instance=instance,
         seq=seq,
         sent_ns=round(sent_s * 1e9),
-        capture_ns=0,
+        capture_ns=round((sent_s - LAG_S) * 1e9),
         frame=seq,
         pose=POSE,
         velocity=(0.0, 0.0, 0.0),
         range_m=50.0,
         sizes={"early": 100 * seq},
+        steady_ns=round(steady_s * 1e9),
+        echoes=echoes or {},
     )
 
 
-def scene(robot: str = "R2", seq: int = 1, instance: int = 7) -> SceneDescription:
+def scene(
+    robot: str = "R2", seq: int = 1, instance: int = 7, sent_s: float = 1000.0
+) -> SceneDescription:
     return SceneDescription(
         robot=robot,
         instance=instance,
         seq=seq,
-        sent_ns=0,
-        capture_ns=0,
+        sent_ns=round(sent_s * 1e9),
+        capture_ns=round((sent_s - LAG_S) * 1e9),
         frame=seq,
         pose=POSE,
         objects=pack(np.zeros((0, 9), np.float32)),
@@ -84,14 +100,15 @@ def test_the_ego_is_one_of_the_robots_and_alive_from_the_start(monitor: Monitor)
     assert (snapshot.capacity_bps, snapshot.capacity_source) == (55e6, "prior")
 
 
-def test_ages_count_from_the_receipt_whatever_the_robots_clock_says(
-    monitor: Monitor, time: Time
+@pytest.mark.parametrize("offset_s", [-900.0, 0.0, 900.0])
+def test_ages_count_from_the_capture_whatever_the_robots_clock_says(
+    monitor: Monitor, time: Time, offset_s: float
 ) -> None:
-    monitor.on_beacon(beacon(sent_s=0.0))
-    monitor.on_scene(scene())
+    monitor.on_beacon(beacon(sent_s=time.now_s + offset_s))
+    monitor.on_scene(scene(sent_s=time.now_s + offset_s))
     time.now_s += 1.5
-    assert view(monitor).beacon_age_s == pytest.approx(1.5)
-    assert view(monitor).scene_age_s == pytest.approx(1.5)
+    assert view(monitor).beacon_age_s == pytest.approx(1.5 + LAG_S, abs=1e-3)
+    assert view(monitor).scene_age_s == pytest.approx(1.5 + LAG_S, abs=1e-3)
 
 
 def test_a_robot_that_was_only_seen_alive_has_nothing_yet(monitor: Monitor) -> None:
@@ -115,10 +132,78 @@ def test_the_clock_offset_is_found_but_for_the_shortest_delay(
     monitor: Monitor, time: Time, offset_s: float
 ) -> None:
     for seq, delay_s in enumerate([0.020, 0.004, 0.300, 0.010], start=1):
-        time.now_s += 0.1
+        time.now_s += 0.5
         monitor.on_beacon(beacon(seq=seq, sent_s=time.now_s - delay_s + offset_s))
-    assert view(monitor).clock_offset_s == pytest.approx(offset_s - 0.004)
-    assert monitor.clock_offset_ns("R2") == pytest.approx((offset_s - 0.004) * 1e9)
+    assert view(monitor).clock_offset_s == pytest.approx(offset_s - 0.004, abs=1e-3)
+    assert monitor.clock_offset_ns("R2") == pytest.approx((offset_s - 0.004) * 1e9, abs=1e6)
+
+
+def test_a_queue_that_builds_up_makes_beacons_old_and_does_not_shift_the_clock(
+    monitor: Monitor, time: Time
+) -> None:
+    for seq in range(1, 901):
+        time.now_s += 0.1
+        sent_s = time.now_s - 0.005 - min(5.5, 0.06 * max(0, seq - 10))
+        monitor.on_beacon(beacon(seq=seq, sent_s=sent_s, steady_s=sent_s))
+    held = view(monitor)
+    assert abs(held.clock_offset_s) < 0.05
+    assert held.delay_s == pytest.approx(5.5, abs=0.05)
+    assert held.beacon_age_s == pytest.approx(5.5 + LAG_S, abs=0.05)
+
+
+def test_an_ego_that_starts_behind_a_queue_learns_of_it_from_its_echoes(
+    monitor: Monitor, time: Time
+) -> None:
+    for seq in range(1, 4):
+        stamp = monitor.stamp()
+        heard_s = time.now_s + 0.01
+        time.now_s += 3.01
+        echoes = {"R1": (stamp, round((heard_s - 400.0) * 1e9))}
+        monitor.on_beacon(
+            beacon(seq=seq, sent_s=heard_s + 7.0, steady_s=heard_s - 400.0, echoes=echoes)
+        )
+    held = view(monitor)
+    assert held.clock_offset_s == pytest.approx(7.0, abs=0.03)
+    assert held.beacon_age_s == pytest.approx(3.0 + LAG_S, abs=0.03)
+
+
+@pytest.mark.parametrize("jump_s", [-3600.0, -0.5, 0.5, 3600.0])
+def test_a_time_of_day_that_jumps_is_followed_at_once(
+    monitor: Monitor, time: Time, jump_s: float
+) -> None:
+    for seq, jumped_s in enumerate([0.0] * 5 + [jump_s] * 2, start=1):
+        time.now_s += 0.1
+        sent_s = time.now_s - 0.005
+        monitor.on_beacon(beacon(seq=seq, sent_s=sent_s + jumped_s, steady_s=sent_s - 300.0))
+        assert view(monitor).clock_offset_s == pytest.approx(jumped_s, abs=0.01)
+        assert view(monitor).beacon_age_s == pytest.approx(LAG_S, abs=0.01)
+
+
+def test_the_egos_own_time_of_day_may_jump_too(time: Time) -> None:
+    jumped = Clock(-7200.0)
+    monitor = Monitor("R1", LinkEstimate(55e6), clock=jumped, monotonic=time.monotonic)
+    wall_s = jumped.now_ns() * 1e-9 + 7200.0
+    time.now_s += 0.1
+    monitor.on_beacon(beacon(sent_s=wall_s, steady_s=time.now_s - 0.005))
+    assert view(monitor).beacon_age_s == pytest.approx(LAG_S, abs=0.02)
+    assert view(monitor).clock_offset_s == pytest.approx(7200.0, abs=0.1)
+
+
+def test_a_robot_that_tells_only_the_time_of_day_may_set_it_back(
+    monitor: Monitor, time: Time
+) -> None:
+    for seq, jumped_s in enumerate([0.0] * 5 + [-20.0] * 2, start=1):
+        time.now_s += 0.1
+        monitor.on_beacon(beacon(seq=seq, sent_s=time.now_s - 0.005 + jumped_s))
+    assert view(monitor).clock_offset_s == pytest.approx(-20.0, abs=0.01)
+    assert view(monitor).beacon_age_s == pytest.approx(LAG_S, abs=0.01)
+
+
+def test_an_echo_of_something_that_the_ego_never_sent_is_ignored(
+    monitor: Monitor, time: Time
+) -> None:
+    monitor.on_beacon(beacon(sent_s=time.now_s, steady_s=time.now_s, echoes={"R1": (5, 10**15)}))
+    assert view(monitor).clock_offset_s == pytest.approx(0.0, abs=0.001)
 
 
 def test_an_old_message_does_not_replace_a_newer_one(monitor: Monitor) -> None:

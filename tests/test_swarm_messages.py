@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from message_samples import SAMPLES, golden_path
+from message_samples import GOLDEN, SAMPLES, golden_path
 
 from swarm import messages
 from swarm.errors import MessageError
@@ -67,6 +67,19 @@ def test_a_decision_of_a_program_that_learnt_nothing_is_still_read() -> None:
     assert decision.participants == ("R2", "R1")
     assert (decision.deadline_s, decision.held_s, decision.probe) == (None, None, None)
     assert decision.arrival == {}
+
+
+def test_messages_of_older_programs_are_read_and_what_they_lack_has_its_default() -> None:
+    kinds = {type(sample).__name__.lower(): type(sample) for sample in SAMPLES}
+    older = sorted((GOLDEN / "older").glob("*.msgpack"))
+    assert older
+    for path in older:
+        data = path.read_bytes()
+        message = decode(data, kinds[path.stem.split("-")[0]])
+        fields = msgpack.unpackb(data)
+        for field in msgspec.structs.fields(type(message)):
+            if field.name not in fields:
+                assert not getattr(message, field.name)
 
 
 @every_sample

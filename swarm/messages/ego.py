@@ -16,6 +16,9 @@ AdviceState = Literal["none", "asked", "waiting", "adopted", "held", "refused"]
 """Adopted in this cycle; in force since an earlier one; else none is in force, and the newest
 question was refused, or sent in this cycle, or has no answer yet; or there is nothing at all."""
 
+MAX_NAMED = 256
+Reasons = Annotated[dict[RobotId, str], msgspec.Meta(max_length=MAX_NAMED)]
+
 
 class AnswerReport(msgspec.Struct, frozen=True, kw_only=True):
     """What came of one question to a language model."""
@@ -104,6 +107,17 @@ class Decision(Message, frozen=True, kw_only=True):
     """A question beside the decision, in its first frame."""
     held_s: NonNegative | None = None
     """Since participants, algorithm or rate were changed last; None: not known."""
+    blind: str = ""
+    """Why the ego perceives with nobody's help against its will, or not at all: nobody is heard,
+    nothing of what was chosen arrives, its own state is not known. Empty while it is not."""
+    excluded: Reasons = msgspec.field(default_factory=dict)
+    """Robots that could not be chosen, and why."""
+    silent: Reasons = msgspec.field(default_factory=dict)
+    """Robots that are chosen but of which nothing arrives, and why."""
+    ages_s: Annotated[dict[RobotId, NonNegative], msgspec.Meta(max_length=MAX_NAMED)] = (
+        msgspec.field(default_factory=dict)
+    )
+    """How long ago each robot sensed what the ego knows of it."""
 
 
 class Detections(Message, frozen=True, kw_only=True):

@@ -15,8 +15,8 @@ Profile = Literal["rate", "shift", "trace", "congest", "relieve", "off", "show"]
 """`relieve` ends what `congest` began; `off` ends shapes as well."""
 ClassName = Literal["control", "fusion", "background"]
 
-MIN_RATE_BPS = 100_000
-"""Below this, beacons alone fill the link: nobody could even ask for a higher rate."""
+MIN_RATE_BPS = 32_000
+"""What six robots need to be known at all: below this, beacons alone fill the link."""
 MAX_RATE_BPS = 10_000_000_000
 MAX_DURATION_S = 7 * 24 * 3600.0
 Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
@@ -119,7 +119,7 @@ class NetDemand(Message, frozen=True, kw_only=True):
     possible: bool
     """Some decision reaches Q_min on a link without limits."""
     reachable: bool
-    """Such a decision fits C(t)."""
+    """Such a decision fits C(t), and what was chosen arrives."""
     unreachable_s: NonNegative
     """For how long the link has kept the ego below Q_min; 0 while it does not."""
     quality: Ratio
@@ -127,6 +127,14 @@ class NetDemand(Message, frozen=True, kw_only=True):
     q_min: Ratio
     capacity_bps: Count
     """C(t) that the ego reckons with."""
+    steady_ns: Ns = 0
+    """When it was sent on the ego's steady clock, for robots to echo; 0: it does not say."""
+    control_bps: Count = 0
+    """What the beacons and scenes of each robot may take of the way to this ego; 0: no limit."""
+    fewer_bps: Annotated[dict[RobotId, Count], msgspec.Meta(max_length=256)] = msgspec.field(
+        default_factory=dict
+    )
+    """The same of robots whose own beacons stand in a queue."""
 
 
 class ShapeRequest(Message, frozen=True, kw_only=True):

@@ -24,7 +24,7 @@ from swarm.messages.net import Backlog
 
 
 class Beacon(Message, frozen=True, kw_only=True):
-    """Where a robot is and what its observation would cost now; 10 Hz."""
+    """Where a robot is and what its observation would cost now; 10 Hz, fewer on narrow links."""
 
     robot: RobotId
     instance: Count
@@ -39,7 +39,15 @@ class Beacon(Message, frozen=True, kw_only=True):
     range_m: Positive
     """Reach of the sensor."""
     sizes: Sizes
-    """Encoded bytes of the newest measured frame by algorithm name, ready to be sent."""
+    """Encoded bytes of the newest measured frame by algorithm name, ready to be sent. Empty: as in
+    the beacon before; a robot that is to speak little tells them rarely."""
+    steady_ns: Ns = 0
+    """When it was sent on the robot's steady clock, which nobody sets; 0: it does not say."""
+    echoes: Annotated[dict[RobotId, tuple[Ns, Ns]], msgspec.Meta(max_length=8)] = msgspec.field(
+        default_factory=dict
+    )
+    """By ego: `steady_ns` of its newest `NetDemand`, and this robot's steady clock when that came.
+    Only in the first beacon after it."""
 
     def sensor_pose(self) -> Pose:
         """The sensor's pose in the world frame."""
@@ -47,7 +55,8 @@ class Beacon(Message, frozen=True, kw_only=True):
 
 
 class SceneDescription(Message, frozen=True, kw_only=True):
-    """What a robot sees, in the world frame (Scene Abstraction Module); 2 Hz."""
+    """What a robot sees, in the world frame (Scene Abstraction Module); 2 Hz, fewer on
+    narrow links, and with fewer objects and sectors there."""
 
     robot: RobotId
     instance: Count
