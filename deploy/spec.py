@@ -13,6 +13,7 @@ import msgspec
 
 from swarm.errors import DeployError
 from swarm.keyspace import check_name
+from swarm.messages import MIN_RATE_BPS
 from swarm.process import WorldName
 from swarm.settings import Name
 
@@ -45,7 +46,7 @@ _ALLOWED = {
     "qod_port": _PORT_RULE,
     "controller_metrics_port": _PORT_RULE,
     "comm_range_m": "metres > 0 and <= 10000, or unset",
-    "link_bps": "bit/s >= 100000, or unset",
+    "link_bps": f"bit/s >= {MIN_RATE_BPS}, or unset",
     "llm": "empty, embedded, or http(s)://host[:port][/path] of an OpenAI-compatible server",
     "llm_model": "the name of a model, at most 200 characters",
     "llm_port": _PORT_RULE,
@@ -92,7 +93,7 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
     comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] | None = None
     """How far from the ego a robot may take part; None leaves it to the ego's settings."""
-    link_bps: Annotated[int, msgspec.Meta(ge=100_000)] | None = None
+    link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS)] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
     llm: Annotated[str, msgspec.Meta(pattern=_LLM)] = ""
     """Where language models answer: `embedded`, or the URL of a server; empty runs no gateway."""

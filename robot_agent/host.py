@@ -7,9 +7,13 @@ import time
 import zlib
 from collections.abc import Callable, Sequence
 
+import msgspec
+
 from robot_agent.agent import RobotAgent
 from robot_agent.duty import Duty
 from robot_agent.metrics import RobotMetrics
+from robot_agent.pace import Pace
+from robot_agent.thinning import Thinner
 from swarm import keyspace
 from swarm.errors import CoAdaptError
 from swarm.log import Logger
@@ -44,6 +48,9 @@ class RobotHost:
         self._faults: set[tuple[str, str]] = set()
         self._duties: dict[str, Duty] = {}
         self._uplink = TcpWatch()
+        self._thinners = {agent.robot: Thinner() for agent in agents}
+        self._pace = Pace()
+        self._pace.attach(session)
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
@@ -90,13 +97,18 @@ class RobotHost:
             self._stop.wait(max(IDLE_S, min(a.sensor.next_frame_in_s() for a in agents)))
 
     def _beacon(self, agent: RobotAgent) -> None:
-        beacon = agent.beacon()
+        thinner, now = self._thinners[agent.robot], time.monotonic()
+        beacon = agent.beacon() if thinner.beacon_is_due(now) else None
         if beacon is not None:
+            beacon = msgspec.structs.replace(beacon, echoes=self._pace.echoes(agent.robot))
+            beacon = thinner.beacon(beacon, self._pace.control_bps(agent.robot), now)
             self._session.put(keyspace.beacon(self._session.swarm, agent.robot), beacon)
 
     def _scene(self, agent: RobotAgent) -> None:
-        scene = agent.describe()
+        thinner, now = self._thinners[agent.robot], time.monotonic()
+        scene = agent.describe() if thinner.scene_is_due(now) else None
         if scene is not None:
+            scene = thinner.scene(scene, self._pace.control_bps(agent.robot), now)
             self._session.put(keyspace.scene(self._session.swarm, agent.robot), scene)
 
     def _measure(self, agent: RobotAgent) -> None:

@@ -40,6 +40,10 @@ after which a silent peer counts as gone. The wait is for one batch (`swarm.chun
 larger), 0.5 s at 1 Mbit/s; the rest is for TCP, which may stand still for seconds when a rate
 collapses and a full queue is lost."""
 
+CONTROL_BUFFER_BYTES = 16_384
+"""What a router's socket holds of control traffic on its way to one process. Left to itself the
+kernel takes megabytes: minutes of old news before a link that has become narrow."""
+
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
@@ -55,7 +59,8 @@ def router_config(host: str, port: int, unix_socket: str | None = None) -> dict[
 
     Keys are Zenoh's configuration paths; `router_json5` writes them as `zenohd` reads them.
     """
-    listen = [cls.endpoint(host, port) for cls in TrafficClass]
+    small = {TrafficClass.CONTROL: f";so_sndbuf={CONTROL_BUFFER_BYTES}"}
+    listen = [cls.endpoint(host, port) + small.get(cls, "") for cls in TrafficClass]
     if unix_socket is not None:
         if len(unix_socket.encode()) > MAX_UNIX_PATH:
             raise SettingError(

@@ -263,9 +263,9 @@ def test_a_refusal_is_told_in_the_controllers_words(
     ("argv", "told"),
     [
         (("shape", "--rate", "5 mbps"), "rate '5 mbps' is not valid; write it like 55mbit"),
-        (("shape", "--rate", "5mbps"), "a link may have 100kbit to 10gbit"),
+        (("shape", "--rate", "5mbps"), "a link may have 32kbit to 10gbit"),
         (("shape", "--rate", "0"), "rate '0' is not valid"),
-        (("shape", "--rate", "0mbit"), "rate '0mbit' is not possible; a link may have 100kbit"),
+        (("shape", "--rate", "0mbit"), "rate '0mbit' is not possible; a link may have 32kbit"),
         (("shape", "--rate", "-5mbit"), "rate '-5mbit' is not valid"),
         (("shape", "--rate", "1bit"), "rate '1bit' is not possible"),
         (("shape", "--rate", "1tbit"), "rate '1tbit' is not possible"),
@@ -406,7 +406,7 @@ def test_times_and_shares_are_read_as_people_write_them() -> None:
         2.0,
     ]
     assert [parse_share(text) for text in ("1%", "0.5%", "100%", "0%")] == [0.01, 0.005, 1.0, 0.0]
-    assert [parse_link_rate(text) for text in ("100kbit", "10gbit")] == [10**5, 10**10]
+    assert [parse_link_rate(text) for text in ("32kbit", "10gbit")] == [32_000, 10**10]
 
 
 @pytest.mark.parametrize("text", ["", "1", "101%", "-1%", "nan%", "1 %"])

@@ -50,7 +50,7 @@ def spec_of(**values: Any) -> SwarmSpec:
         ({"period_s": float("nan")}, "period_s = nan"),
         ({"q_min": 1.5}, "from 0 to 1"),
         ({"prometheus_port": 70000}, "port from 1"),
-        ({"link_bps": 5}, "bit/s >= 100000"),
+        ({"link_bps": 5}, "bit/s >= 32000"),
         ({"world": "opv2v"}, "data = ''"),
         ({"world": "bag"}, "data = ''"),
         ({"world": "recording", "data": "/tmp"}, "data = '/tmp'"),

@@ -292,10 +292,10 @@ def test_a_session_ends_when_its_link_is_not_shaped_any_more(swarm: State, net: 
     ("arguments", "words"),
     [
         (("shape", "--rate", "5 mbps"), "write it like 55mbit"),
-        (("shape", "--rate", "0mbit"), "100kbit to 10gbit"),
+        (("shape", "--rate", "0mbit"), "32kbit to 10gbit"),
         (("shape", "--rate=-5mbit"), "write it like 55mbit"),
-        (("shape", "--rate", "1bit"), "100kbit to 10gbit"),
-        (("shape", "--rate", "1tbit"), "100kbit to 10gbit"),
+        (("shape", "--rate", "1bit"), "32kbit to 10gbit"),
+        (("shape", "--rate", "1tbit"), "32kbit to 10gbit"),
         (("shape", "--rate", "5mbit", "--robot", "R9"), "there are R1, R2, R3, R4, R5, R6"),
         (("congest", "--robot", "R2"), "is not shaped"),
         (("congest", "--rate", "2gbit"), "cannot be made"),

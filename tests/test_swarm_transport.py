@@ -37,7 +37,7 @@ def test_the_printed_configuration_is_one_that_zenoh_reads(tmp_path: Path) -> No
     assert json.loads(config.get_json("transport/unicast/max_links")) > LINKS
     endpoints = json.loads(config.get_json("listen/endpoints"))
     assert endpoints == [
-        "tcp/0.0.0.0:7447?prio=1-3;rel=1#dscp=0xb8",
+        "tcp/0.0.0.0:7447?prio=1-3;rel=1#dscp=0xb8;so_sndbuf=16384",
         "tcp/0.0.0.0:7448?prio=4-5;rel=1#dscp=0x88",
         "tcp/0.0.0.0:7449?prio=6-7;rel=1#dscp=0x20",
         "unixsock-stream//run/coadapt/r.sock",

@@ -1,0 +1,90 @@
+"""How often one robot speaks, and how much it says, within what egos let its messages take.
+
+The newest goes first: a message that is not due is never made, so that nothing old waits anywhere.
+Beacons come before scenes, as where a robot is ages faster than what it sees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+
+from swarm.arrays import pack, unpack_finite
+from swarm.messages import Beacon, SceneDescription, encode
+
+WIRE_BYTES = 120
+"""Of a message's key, Zenoh's, TCP's, IP's and Ethernet's headers."""
+BEACON_SHARE = 0.7
+"""Of the budget; scenes have the rest."""
+SIZES_PERIOD_S = 2.0
+"""Sizes that stay the same are told this often."""
+MAX_SCENE_GAP_S = 3.0
+"""Egos forget a scene after 5 s; rather a small one in time than a large one too late."""
+MIN_SECTORS = 24
+"""Sectors of 15 degrees still show where a robot's view is blocked."""
+_POINTS = 7
+
+
+@dataclass(slots=True)
+class Thinner:
+    """Decides for one robot; each method belongs to one thread."""
+
+    _beacon_due: float = 0.0
+    _scene_due: float = 0.0
+    _sizes: dict[str, int] = field(default_factory=dict)
+    """Told last, and when."""
+    _sizes_at: float = float("-inf")
+
+    def beacon_is_due(self, now: float) -> bool:
+        """Whether a beacon may be sent at `now`, seconds on a steady clock."""
+        return now >= self._beacon_due
+
+    def scene_is_due(self, now: float) -> bool:
+        """Whether a scene may be sent."""
+        return now >= self._scene_due
+
+    def beacon(self, beacon: Beacon, budget_bps: int | None, now: float) -> Beacon:
+        """The beacon to send now, without a budget as it is."""
+        if budget_bps is None:
+            self._beacon_due = 0.0
+            return beacon
+        if beacon.sizes == self._sizes and now - self._sizes_at < SIZES_PERIOD_S:
+            beacon = msgspec.structs.replace(beacon, sizes={})
+        else:
+            self._sizes, self._sizes_at = beacon.sizes, now
+        bits = 8.0 * (len(encode(beacon)) + WIRE_BYTES)
+        self._beacon_due = now + bits / (BEACON_SHARE * budget_bps)
+        return beacon
+
+    def scene(
+        self, scene: SceneDescription, budget_bps: int | None, now: float
+    ) -> SceneDescription:
+        """The scene to send now: of one that is too large the objects with the most points."""
+        if budget_bps is None:
+            self._scene_due = 0.0
+            return scene
+        share_bps = (1.0 - BEACON_SHARE) * budget_bps
+        scene = _fitted(scene, int(share_bps * MAX_SCENE_GAP_S / 8.0) - WIRE_BYTES)
+        self._scene_due = now + min(
+            MAX_SCENE_GAP_S, 8.0 * (len(encode(scene)) + WIRE_BYTES) / share_bps
+        )
+        return scene
+
+
+def _fitted(scene: SceneDescription, allowed_bytes: int) -> SceneDescription:
+    """The scene in about as many bytes, or the smallest one there is."""
+    objects = unpack_finite(scene.objects, "objects", 9)
+    visible = unpack_finite(scene.visible_m, "visible_m", 1)
+    too_many = len(encode(scene)) - allowed_bytes
+    if too_many <= 0:
+        return scene
+    if len(visible) > MIN_SECTORS and len(visible) % MIN_SECTORS == 0:
+        # What is hidden in a part of a sector is not seen in the whole.
+        coarse = visible.reshape(MIN_SECTORS, -1).min(axis=1, keepdims=True)
+        too_many -= visible.nbytes - coarse.nbytes
+        visible = coarse
+    kept = max(0, len(objects) - max(0, -(-too_many // (objects.itemsize * objects.shape[1]))))
+    best = np.sort(np.argsort(-objects[:, _POINTS], kind="stable")[:kept])
+    return msgspec.structs.replace(scene, objects=pack(objects[best]), visible_m=pack(visible))
