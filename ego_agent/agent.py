@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import msgspec
 
 from ego_agent.analyze import analyze
+from ego_agent.arrivals import Arrivals
+from ego_agent.control_budget import ControlBudget, Wish
 from ego_agent.demand import DemandMeter
 from ego_agent.execute import FusionLoop
 from ego_agent.journal import CycleRecord, Journal
@@ -23,6 +25,7 @@ from ego_agent.knowledge import CycleResult, Knowledge
 from ego_agent.metrics import EgoMetrics
 from ego_agent.model import Snapshot, UnifiedScene
 from ego_agent.monitor import Monitor
+from ego_agent.own_duty import OwnDuty
 from ego_agent.plan import plan
 from ego_agent.probe import Prober
 from ego_agent.record import cycle_record
@@ -82,6 +85,9 @@ class EgoAgent:
         self._prober = Prober()
         self._probe: Probe | None = None
         """Of the next decision."""
+        self._arrivals = Arrivals()
+        self._control = ControlBudget()
+        self._own_duty = OwnDuty(monitor.ego, monitor.note_own_duty)
         self._ignored: dict[str, int] = defaultdict(int)
         self._detections_lost = 0
 
@@ -127,6 +133,7 @@ class EgoAgent:
             if session is None:
                 return
             self._monitor.attach(session)
+            self._own_duty.attach(session)
             self._fusion.connect(session)
             self._session = session
             self._steering.attach(session)
@@ -139,6 +146,7 @@ class EgoAgent:
         """One cycle up to its published decision."""
         begun = time.perf_counter()
         self._sensor.locate()
+        self._own_duty.look(self._session)
         now_ns = self._clock.now_ns()
         snapshot = self._monitor.snapshot(number, now_ns)
         scene: UnifiedScene | None = None
@@ -152,19 +160,21 @@ class EgoAgent:
             self._log.error("cycle_failed", cycle=number, exc_info=True)
             reason = f"the cycle failed: {type(error).__name__}"
             decision = self._alone(snapshot, policy.name, reason)
+        control = self._control.take(snapshot, time.monotonic())
+        narrow = self._control.too_narrow
+        decision = self._arrivals.told(decision, snapshot, scene, self._knowledge, narrow)
         self._fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
-        demand = self._say_demand(scene, decision)
+        demand = self._say_demand(scene, decision, control)
         self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
-        self._metrics.participants.set(len(decision.participants))
-        self._metrics.quality.set(decision.quality)
-        self._metrics.predicted_bytes.set(decision.cost_bytes)
-        self._metrics.advice.show(decision.advice)
+        self._metrics.decided(decision, scene)
         return _Running(snapshot, scene, decision, published, cycle_ms, demand)
 
-    def _say_demand(self, scene: UnifiedScene | None, decision: Decision) -> NetDemand | None:
+    def _say_demand(
+        self, scene: UnifiedScene | None, decision: Decision, control: Wish
+    ) -> NetDemand | None:
         """Tells the network controller what Q_min takes; no fault of it harms the cycle."""
         if scene is None:
             return None
@@ -174,6 +184,8 @@ class EgoAgent:
                 self._knowledge,
                 decision,
                 sent_ns=self._clock.now_ns(),
+                steady_ns=self._monitor.stamp(),
+                control=control,
                 now_s=time.monotonic(),
             )
             self._publish(lambda swarm, _: keyspace.net_demand(swarm), demand)
@@ -227,6 +239,7 @@ class EgoAgent:
     def _complete(self, running: _Running) -> None:
         """Writes the cycle's line; only then does the cycle count as completed."""
         tally = self._tally.take()
+        self._arrivals.take(running.decision, tally)
         record = cycle_record(
             running.snapshot,
             running.scene,

@@ -1,7 +1,9 @@
 """Analyze: one unified scene from what all robots say they see.
 
 Robots that may take part become candidates, all others are excluded with a reason. Objects that
-several robots see are merged; what each robot sees is put on one grid around the ego.
+several robots see are merged; what each robot sees is put on one grid around the ego. Of living
+robots in range that are excluded, or whose scene is old, what they showed last counts in what all
+could show: blind is not perfect.
 """
 
 from __future__ import annotations
@@ -24,8 +26,6 @@ from swarm.messages import Algorithm, SceneDescription
 
 MERGE_M = 1.5
 """Objects whose centroids are this close in the ground plane are one."""
-FRAME_MAX_AGE_S = 2.0
-"""A robot whose newest frame is older sees nothing now; slow machines skip fewer frames."""
 SELF_M = 1.0
 """An object this close to a robot's own position is that robot."""
 FULL_EVIDENCE_POINTS = 30.0
@@ -73,23 +73,35 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
     trouble = _why_not_ego(snapshot.robots.get(snapshot.ego), objective)
     excluded = {snapshot.ego: trouble} if trouble else {}
     members: list[_Member] = []
+    unheard: list[_Member] = []
+    unknown = 0
     for robot, view in snapshot.robots.items():
         if robot == snapshot.ego:
             continue
-        found = _NO_EGO if trouble else _member(robot, view, ego.pose, snapshot, knowledge)
-        if isinstance(found, str):
-            excluded[robot] = found
+        member = _NO_EGO if trouble else _member(robot, view, ego.pose, snapshot, knowledge)
+        if isinstance(member, str):
+            excluded[robot] = member
         else:
-            members.append(found)
+            members.append(member)
+            if _scene_in_time(view, objective):
+                continue
+        if not view.alive or _out_of_range(view, ego.pose, objective):
+            continue
+        last = _last_seen(robot, view, ego.pose)
+        if last is None:
+            unknown += 1
+        else:
+            unheard.append(last)
     members.sort(key=lambda member: (member.distance_m, member.robot))
     members.insert(0, ego)
     grid = Grid(ego.pose.x, ego.pose.y, objective.area_half_m)
     robots = _positions(snapshot, objective)
-    objects, evidence = _merge(grid, robots, [member.seen for member in members])
+    everyone = [*members, *unheard]
+    objects, evidence = _merge(grid, robots, [member.seen for member in everyone])
     capacity = snapshot.capacity_bps
     capacity_bps = capacity if math.isfinite(capacity) and capacity >= 1.0 else 1.0
     learnt = knowledge.experience.learnt(capacity_bps)
-    candidates = tuple(
+    found = tuple(
         Candidate(
             robot=member.robot,
             pose=member.pose,
@@ -100,15 +112,17 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             capacity_bps=member.capacity_bps,
             answers=learnt.of(member.robot, member.sizes) if knowledge.learns else {},
         )
-        for member, row in zip(members, evidence, strict=True)
+        for member, row in zip(everyone, evidence, strict=True)
     )
     return UnifiedScene(
-        ego=candidates[0],
-        candidates=candidates[1:],
+        ego=found[0],
+        candidates=found[1 : len(members)],
         excluded=excluded,
         objects=objects,
         cell_m=grid.cell_m,
         capacity_bps=capacity_bps,
+        unheard=found[len(members) :],
+        unknown=unknown,
     )
 
 
@@ -153,35 +167,56 @@ def _member(
     return _Member(robot, pose, distance, sizes, seen, view.capacity_bps)
 
 
+def _scene_in_time(view: RobotView, objective: Objective) -> bool:
+    return view.scene is not None and view.scene_age_s <= objective.scene_max_age_s
+
+
+def _out_of_range(view: RobotView, ego: Pose, objective: Objective) -> bool:
+    """Whether a robot was out of range when it was heard last."""
+    told = view.beacon or view.scene
+    return told is not None and not (told.sensor_pose().distance_to(ego) <= objective.comm_range_m)
+
+
+def _last_seen(robot: str, view: RobotView, ego: Pose) -> _Member | None:
+    """A robot as it was seen last, however long ago; None where nothing usable came of it."""
+    if view.scene is None:
+        return None
+    try:
+        seen = _shown(view.scene, decay=1.0)
+    except MessageError:
+        return None
+    pose = view.scene.sensor_pose()
+    return _Member(robot, pose, pose.distance_to(ego), {}, seen, view.capacity_bps)
+
+
 def _why_not_ego(view: RobotView | None, objective: Objective) -> str | None:
     """Why the ego's own state cannot be confirmed, or None. Its token does not matter: it runs."""
     if view is None or view.beacon is None:
         return "no beacon of the ego has arrived"
     if view.duplicate:
         return "two processes use the ego's id"
+    if view.off_duty:
+        return f"its own robot was taken off duty by {view.off_duty}"
     return _stale(view, objective)
 
 
 def _stale(view: RobotView, objective: Objective) -> str | None:
-    if view.beacon_age_s <= objective.beacon_max_age_s:
-        return _blind(view)
-    return (
-        f"its beacon is {view.beacon_age_s:.1f} s old, "
-        f"at most {objective.beacon_max_age_s:.1f} s is allowed"
-    )
-
-
-def _blind(view: RobotView) -> str | None:
-    """Why a robot's sensor cannot be relied on: its beacons still come, but its frames stand still.
-    Both times are its own clock's, so a bad clock does not matter."""
-    beacon = view.beacon
-    if beacon is None or beacon.sent_ns - beacon.capture_ns <= FRAME_MAX_AGE_S * 1e9:
+    """Why what a robot said is too old, or None; its beacon's times are both its own clock's."""
+    beacon, limit_s = view.beacon, objective.beacon_max_age_s
+    if beacon is None:
         return None
-    stood_s = (beacon.sent_ns - beacon.capture_ns) / 1e9
-    return (
-        f"its newest frame was {stood_s:.1f} s old when its beacon left, "
-        f"at most {FRAME_MAX_AGE_S:.1f} s is allowed"
-    )
+    stood_s = (beacon.sent_ns - beacon.capture_ns) * 1e-9
+    if view.beacon_age_s <= limit_s and stood_s <= limit_s:
+        return None
+    allowed = f"at most {limit_s:.1f} s is allowed"
+    if stood_s > limit_s:
+        return f"its newest frame was {stood_s:.1f} s old when its beacon left, {allowed}"
+    if view.delay_s > limit_s / 2.0:
+        return (
+            f"its beacon shows it as it was {view.beacon_age_s:.1f} s ago, {allowed}: "
+            f"it was {view.delay_s:.1f} s on its way"
+        )
+    return f"its beacon is {view.beacon_age_s:.1f} s old, {allowed}"
 
 
 def _seen(view: RobotView, objective: Objective) -> _Seen:
@@ -190,13 +225,16 @@ def _seen(view: RobotView, objective: Objective) -> _Seen:
     Raises MessageError when its arrays are not what they must be.
     """
     scene: SceneDescription | None = view.scene
-    if scene is None or not view.scene_age_s <= objective.scene_max_age_s:
+    if scene is None or not _scene_in_time(view, objective):
         return _nothing()
+    return _shown(scene, decay=0.5 ** (max(0.0, view.scene_age_s - FRESH_S) / HALF_LIFE_S))
+
+
+def _shown(scene: SceneDescription, *, decay: float) -> _Seen:
     objects = unpack_finite(scene.objects, "objects", 9)
     visible = unpack_finite(scene.visible_m, "visible_m", 1)[:, 0]
     if len(objects) > MAX_OBJECTS:
         objects = objects[np.argsort(-objects[:, _POINTS], kind="stable")[:MAX_OBJECTS]]
-    decay = 0.5 ** (max(0.0, view.scene_age_s - FRESH_S) / HALF_LIFE_S)
     points = np.clip(objects[:, _POINTS].astype(np.float64), 0.0, FULL_EVIDENCE_POINTS)
     return _Seen(objects, decay * points / FULL_EVIDENCE_POINTS, visible)
 

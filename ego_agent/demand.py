@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ego_agent.control_budget import Wish
 from ego_agent.greedy import grow
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import UnifiedScene
@@ -72,11 +73,16 @@ def _reached(quality: float, q_min: float) -> bool:
     return quality >= q_min - ROUNDING
 
 
+SETTLED_S = 5.0
+"""A link that is good for less than this has not become good: the time goes on."""
+
+
 class DemandMeter:
     """Says in every cycle what is needed, and for how long the link has kept it from the ego."""
 
     def __init__(self) -> None:
         self._below_since: float | None = None
+        self._good_since: float | None = None
 
     def take(
         self,
@@ -86,16 +92,25 @@ class DemandMeter:
         *,
         sent_ns: int,
         now_s: float,
+        steady_ns: int = 0,
+        control: Wish | None = None,
     ) -> NetDemand:
         """The message of a cycle whose decision was made at `now_s`, `time.monotonic()` seconds."""
         found = need(scene, knowledge)
         objective = knowledge.objective
-        reachable = found.possible and (found.fits or _reached(decision.quality, objective.q_min))
-        if not found.possible or reachable:
-            self._below_since = None
-        elif self._below_since is None:
-            self._below_since = now_s
-        since = now_s if self._below_since is None else self._below_since
+        enough = found.fits or _reached(decision.quality, objective.q_min)
+        reachable = found.possible and enough and not decision.blind
+        unheard = bool(scene.unheard or scene.unknown)
+        if not found.possible and not unheard:
+            self._below_since = self._good_since = None
+        elif reachable:
+            self._good_since = now_s if self._good_since is None else self._good_since
+            if now_s - self._good_since >= SETTLED_S:
+                self._below_since = None
+        else:
+            self._good_since = None
+            self._below_since = now_s if self._below_since is None else self._below_since
+        since = now_s if reachable or self._below_since is None else self._below_since
         return NetDemand(
             ego=decision.ego,
             cycle=decision.cycle,
@@ -107,4 +122,7 @@ class DemandMeter:
             quality=decision.quality,
             q_min=objective.q_min,
             capacity_bps=round(scene.capacity_bps),
+            steady_ns=steady_ns,
+            control_bps=control.each_bps if control else 0,
+            fewer_bps=control.fewer_bps if control else {},
         )

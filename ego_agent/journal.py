@@ -79,6 +79,10 @@ class Decided(msgspec.Struct, frozen=True, kw_only=True):
     """What was asked on the side."""
     held_s: float | None = None
     """For how long the same had been decided."""
+    blind: str = ""
+    """Why the ego gets nobody's help, or is not to be relied on at all; empty while it does."""
+    silent: Mapping[str, str] = {}
+    """Chosen robots of which nothing arrives, and why."""
 
 
 class Frames(msgspec.Struct, frozen=True, kw_only=True):

@@ -14,8 +14,8 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from ego_agent.advice.metrics import AdviceMetrics
 from ego_agent.journal import ByteTotals, CycleRecord, byte_totals
-from ego_agent.model import Snapshot
-from swarm.messages import NetDemand
+from ego_agent.model import Snapshot, UnifiedScene
+from swarm.messages import Decision, NetDemand
 
 _BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
 
@@ -108,6 +108,21 @@ class EgoMetrics:
             "For how long the link has kept the ego below Q_min.",
             registry=registry,
         )
+        self.blind = Gauge(
+            "coadapt_ego_blind",
+            "1 while nobody can be used, nothing that was chosen arrives, or the ego is not valid.",
+            registry=registry,
+        )
+        self.robots_unheard = Gauge(
+            "coadapt_ego_robots_unheard",
+            "Living robots in range that the ego cannot use, or whose scene is old.",
+            registry=registry,
+        )
+        self.robots_silent = Gauge(
+            "coadapt_ego_robots_silent",
+            "Chosen robots of which nothing arrives.",
+            registry=registry,
+        )
         self.quality = Gauge(
             "coadapt_ego_predicted_quality",
             "Q(P, a) that the decision in force predicts.",
@@ -168,6 +183,16 @@ class EgoMetrics:
             self.robot_capacity_bps.remove(robot)
             self.robot_alive.remove(robot)
         self._robots = set(robots)
+
+    def decided(self, decision: Decision, scene: UnifiedScene | None) -> None:
+        """Shows the decision of a cycle, and what keeps it from being carried out."""
+        self.participants.set(len(decision.participants))
+        self.quality.set(decision.quality)
+        self.predicted_bytes.set(decision.cost_bytes)
+        self.advice.show(decision.advice)
+        self.blind.set(bool(decision.blind))
+        self.robots_silent.set(len(decision.silent))
+        self.robots_unheard.set(len(scene.unheard) + scene.unknown if scene else 0)
 
     def demand(self, demand: NetDemand) -> None:
         """Shows what the ego has said that it needs."""

@@ -85,6 +85,8 @@ def cycle_record(
             arrival=decision.arrival,
             probe=decision.probe,
             held_s=_rounded(decision.held_s, 3),
+            blind=decision.blind,
+            silent=decision.silent,
         ),
         published=published,
         bytes=_nested(tally.received),

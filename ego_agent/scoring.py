@@ -68,13 +68,18 @@ class Scorer:
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
         areas = np.stack([c.area for c in robots])
         evidence = np.stack([c.evidence for c in robots]).astype(np.float64)
-        area = int(areas.any(axis=0).sum())
-        objects = float(evidence.max(axis=0).sum())
+        shown, told = areas, evidence
+        if scene.unheard:
+            shown = np.concatenate([areas, [c.area for c in scene.unheard]])
+            told = np.concatenate([evidence, [c.evidence for c in scene.unheard]])
+        area = int(shown.any(axis=0).sum())
+        objects = float(told.max(axis=0).sum())
         alpha = self.objective.alpha if objects > 0.0 else 1.0
         if area == 0:
             alpha = 0.0
-        area_weight = alpha / area if area else 0.0
-        object_weight = (1.0 - alpha) / objects if objects > 0.0 else 0.0
+        self._known = _known_part(scene)
+        area_weight = self._known * alpha / area if area else 0.0
+        object_weight = self._known * (1.0 - alpha) / objects if objects > 0.0 else 0.0
         self.views = Views(areas, evidence, area_weight, object_weight)
         self.nothing_to_see = area == 0 and objects == 0.0
 
@@ -110,13 +115,15 @@ class Scorer:
         return answers.get(algorithm, UNTRIED).in_time(self.pace.deadline_s)
 
     def share(self, rows: Collection[int], algorithm: Algorithm | None = None) -> float:
-        """The part of all that anyone sees that these rows, the ego first, see, in [0, 1].
+        """The part of all that any living robot could show that these rows, the ego first, see, in
+        [0, 1].
 
         With an algorithm the part that is expected to arrive in time; else as if all did. 1 when
-        nobody sees anything: then nobody can add anything to the ego.
+        nobody sees anything: then nobody can add anything to the ego. 0 when it is unknown: none of
+        the living robots can be used, or the ego does not know where it is itself.
         """
         if self.nothing_to_see:
-            return 1.0
+            return self._known
         first, *others = rows
         arrival = None if algorithm is None else self.arrival(algorithm)
         union = Union(self.views, first)
@@ -192,3 +199,13 @@ class Scorer:
     def good_enough(self, score: Score) -> bool:
         """Q >= Q_min."""
         return score.quality >= self.objective.q_min
+
+
+def _known_part(scene: UnifiedScene) -> float:
+    """The part of the living robots of which something is known, the ego among them; 0 where
+    nobody can be used."""
+    silent = len(scene.unheard) + scene.unknown
+    if scene.ego.robot in scene.excluded or (silent and not scene.candidates):
+        return 0.0
+    known = {c.robot for c in (scene.ego, *scene.candidates, *scene.unheard)}
+    return len(known) / (len(known) + scene.unknown)

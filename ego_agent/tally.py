@@ -14,6 +14,8 @@ class Tally:
 
     received: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Payload bytes by (robot, algorithm), late ones included."""
+    in_time: Counter[str] = field(default_factory=Counter)
+    """Answers that came before their frame's deadline, by robot."""
     missing: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Frames without a chosen robot, by (robot, kind of reason)."""
     latencies_ms: list[float] = field(default_factory=list)
@@ -58,6 +60,7 @@ class TallyKeeper:
         with self._lock:
             self._current.received[robot, algorithm] += payload_bytes
             self._current.late_answers += late
+            self._current.in_time[robot] += not late
 
     def skipped(self, frames: int) -> None:
         """Counts frames that were passed over."""

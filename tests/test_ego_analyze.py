@@ -14,6 +14,7 @@ from ego_agent.analyze import analyze
 from ego_agent.grid import Grid
 from ego_agent.merge import merge_nearby
 from ego_agent.model import RobotView
+from ego_agent.scoring import Scorer
 from swarm.arrays import Array, pack
 
 
@@ -248,7 +249,7 @@ def test_a_robot_whose_frames_stand_still_is_excluded() -> None:
     assert "newest frame was 3.0 s old" in unified.excluded["A"]
 
 
-@pytest.mark.parametrize("behind_s", [-1.0, 0.0, 0.5, 1.5])
+@pytest.mark.parametrize("behind_s", [-1.0, 0.0, 0.5, 0.9])
 @pytest.mark.parametrize("clock_off_s", [-30.0, 0.0, 30.0])
 def test_a_robot_that_is_slow_to_read_its_frames_stays_a_candidate(
     behind_s: float, clock_off_s: float
@@ -267,3 +268,64 @@ def test_what_a_robots_own_link_delivers_goes_into_the_scene() -> None:
         snapshot(view("E"), view("A", 5.0, capacity_bps=2e6), view("B", 9.0)), knowledge()
     )
     assert [c.capacity_bps for c in unified.candidates] == [2e6, math.inf]
+
+
+def test_a_living_robot_that_is_not_heard_counts_with_what_it_showed_last() -> None:
+    ego = view("E", sees=objects((10, 0, 60)), visible=[10.0] * 8)
+    heard = view("A", 5.0, sees=objects((10, 0, 60)))
+    old = view("B", 20.0, sees=objects((30, 5, 60)), beacon_age_s=4.0, scene_age_s=9.0)
+    unified = analyze(snapshot(ego, heard, old), knowledge())
+    assert [c.robot for c in unified.candidates] == ["A"]
+    assert [c.robot for c in unified.unheard] == ["B"]
+    everyone = analyze(
+        snapshot(ego, heard, view("B", 20.0, sees=objects((30, 5, 60)))), knowledge()
+    )
+    said = Scorer(unified, knowledge()).score(["A"], "early").quality
+    assert said == pytest.approx(Scorer(everyone, knowledge()).score(["A"], "early").quality)
+    assert said < 0.8
+
+
+def test_living_robots_that_nothing_is_known_of_take_their_part_of_the_quality() -> None:
+    strangers = [view(r, beacon=False, scene=False, beacon_age_s=math.inf) for r in ("B", "C")]
+    unified = analyze(snapshot(view("E"), view("A", 5.0), *strangers), knowledge())
+    assert unified.unknown == 2
+    scorer = Scorer(unified, knowledge())
+    assert scorer.share([0, 1]) == pytest.approx(0.5)
+    assert scorer.share([0]) < 0.5
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        [view("A", 5.0, beacon_age_s=3.0)],
+        [view("A", beacon=False, scene=False, beacon_age_s=math.inf)],
+        [view("A", 5.0, sizes={})],
+        [view("A", 5.0, beacon_age_s=3.0), view("B", 9.0, beacon_age_s=math.inf, scene=False)],
+    ],
+)
+def test_an_ego_that_hears_none_of_the_living_robots_knows_no_quality(
+    others: list[RobotView],
+) -> None:
+    unified = analyze(snapshot(view("E"), *others), knowledge())
+    assert Scorer(unified, knowledge()).score((), "early").quality == 0.0
+
+
+@pytest.mark.parametrize(
+    "other", [view("A", 5.0, alive=False), view("A", 90.0), view("A", 90.0, beacon_age_s=5.0)]
+)
+def test_robots_that_have_left_or_are_out_of_range_take_nothing(other: RobotView) -> None:
+    unified = analyze(snapshot(view("E"), other), knowledge())
+    assert Scorer(unified, knowledge()).score((), "early").quality == pytest.approx(1.0)
+
+
+def test_an_ego_whose_own_robot_is_off_duty_is_blind() -> None:
+    ego = replace(view("E"), off_duty="lead")
+    unified = analyze(snapshot(ego, view("A", 5.0)), knowledge())
+    assert "taken off duty by lead" in unified.excluded["E"]
+    assert Scorer(unified, knowledge()).score((), "early").quality == 0.0
+
+
+def test_a_beacon_that_queued_says_how_long_it_was_on_its_way() -> None:
+    queued = replace(view("A", 5.0, beacon_age_s=4.1), delay_s=4.0)
+    unified = analyze(snapshot(view("E"), queued), knowledge())
+    assert "it was 4.0 s on its way" in unified.excluded["A"]

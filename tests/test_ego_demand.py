@@ -10,7 +10,7 @@ from ego_scenes import NOW_NS, candidate, knowledge, scene, snapshot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ego_agent.demand import ROUNDING, DemandMeter, need
+from ego_agent.demand import ROUNDING, SETTLED_S, DemandMeter, need
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import UnifiedScene
 from ego_agent.plan import plan
@@ -73,8 +73,24 @@ def test_a_wider_cell_is_not_asked_for_where_a_robots_own_link_is_the_limit() ->
 def test_the_time_below_q_min_counts_until_it_is_reached() -> None:
     known, meter = knowledge(q_min=0.95), DemandMeter()
     assert [say(NARROW, known, t, meter).unreachable_s for t in (10.0, 11.0, 15.5)] == [0, 1, 5.5]
-    assert say(FLOOR, known, 16.0, meter).unreachable_s == 0
-    assert [say(NARROW, known, t, meter).unreachable_s for t in (17.0, 18.0)] == [0, 1]
+    good = [say(FLOOR, known, t, meter).unreachable_s for t in (16.0, 16.0 + SETTLED_S)]
+    assert good == [0, 0]
+    assert [say(NARROW, known, t, meter).unreachable_s for t in (27.0, 28.0)] == [0, 1]
+
+
+def test_a_link_that_is_good_for_a_moment_only_does_not_start_the_time_anew() -> None:
+    known, meter = knowledge(q_min=0.95), DemandMeter()
+    say(NARROW, known, 10.0, meter)
+    assert say(FLOOR, known, 12.0, meter).unreachable_s == 0
+    assert say(NARROW, known, 13.0, meter).unreachable_s == 3.0
+
+
+def test_the_time_counts_while_living_robots_are_not_heard() -> None:
+    known, meter = knowledge(q_min=0.95), DemandMeter()
+    deaf = replace(NARROW, candidates=(), unknown=2)
+    said = [say(deaf, known, t, meter) for t in (10.0, 14.0)]
+    assert [one.unreachable_s for one in said] == [0, 4]
+    assert not any(one.possible or one.reachable for one in said)
 
 
 def test_the_time_does_not_count_while_no_link_could_help() -> None:

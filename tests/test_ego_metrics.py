@@ -11,6 +11,7 @@ from ego_scenes import candidate, knowledge, scene, snapshot, view
 from prometheus_client import CollectorRegistry, generate_latest
 
 from ego_agent.agent import EgoAgent
+from ego_agent.control_budget import Wish
 from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor import Monitor
@@ -92,8 +93,10 @@ def test_a_demand_that_cannot_be_told_costs_the_cycle_nothing() -> None:
         valid=True,
     )
     failed = 'coadapt_ego_publish_failures_total{message="demand"}'
-    assert agent._say_demand(scene(candidate("E", [1])), decision) is not None  # no router
+    assert (
+        agent._say_demand(scene(candidate("E", [1])), decision, Wish(0, {})) is not None
+    )  # no router
     assert shown(registry)[failed] == 1
-    assert agent._say_demand(cast("Any", "no scene"), decision) is None
+    assert agent._say_demand(cast("Any", "no scene"), decision, Wish(0, {})) is None
     assert shown(registry)[failed] == 2
-    assert agent._say_demand(None, decision) is None
+    assert agent._say_demand(None, decision, Wish(0, {})) is None
