@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
+from concurrent.futures import wait
+from dataclasses import dataclass, field
 from types import TracebackType
+from typing import Literal
 
 import msgspec
 
@@ -19,6 +21,8 @@ from swarm.messages import (
     Detections,
     LinkState,
     NetState,
+    RobotSteered,
+    RobotSteering,
     ShapeReply,
     ShapeRequest,
 )
@@ -26,6 +30,14 @@ from swarm.session import Session
 from swarm.traffic import TrafficClass
 
 CONNECT_S = 5.0
+DUTY_S = 0.7
+"""How long a robot that is not heard has to say whether it is on duty."""
+SILENT_S = 2.0
+"""Robots tell where they are at least this often, however narrow the link is."""
+
+RobotState = Literal["well", "off duty", "lost", "silent", "stalled"]
+"""Lost: neither its token nor its process is there. Silent: its process answers, but no beacons
+come. Stalled: its token is there, but its process answers nothing."""
 
 
 class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,7 +47,8 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     alive: bool
     """Its liveliness token is present."""
     age_s: float | None
-    """Since its last beacon came; None when none has come yet."""
+    """Since it sensed what is known of it, here or, if that is older, to the ego; None when no
+    beacon has come yet."""
     position: tuple[float, float, float] | None
     """Its sensor in the world frame, metres."""
     distance_m: float | None
@@ -44,6 +57,10 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     """The last decision has it take part."""
     bytes_per_s: float
     """Observations that the ego received from it."""
+    state: RobotState | None = None
+    """None where that is not known yet."""
+    why: str = ""
+    """Why the ego leaves it out or gets nothing of it, or who took it off duty."""
 
 
 class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,6 +91,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """The language model whose advice the decision follows; empty for none."""
     advice: AdviceReport | None = None
     """None for policies that ask no language model."""
+    blind: str = ""
+    """Why the ego perceives with nobody's help against its will, or not at all."""
 
 
 @dataclass(slots=True)
@@ -86,6 +105,8 @@ class _Heard:
     detections: int = 0
     bytes: dict[str, int] | None = None
     cell: LinkState | None = None
+    duties: dict[str, RobotSteered | None] = field(default_factory=dict)
+    """What the robots that are not heard said when they were asked; None: nothing."""
 
 
 class Watch:
@@ -158,6 +179,31 @@ class Watch:
         except TransportError:
             return ()
 
+    def ask_unheard(self) -> None:
+        """Asks the robots that are not heard whether they are on duty; takes DUTY_S at most, and no
+        time when all are heard."""
+        swarm = self._session.swarm
+        with self._changed:
+            now = time.monotonic()
+            robots = [r for r in self._ids() if not self._is_heard(r, now)]
+        asked = {
+            robot: self._session.ask(
+                keyspace.robot_steering(swarm, robot),
+                RobotSteering(duty="ask"),
+                RobotSteered,
+                timeout_s=DUTY_S,
+                traffic=TrafficClass.CONTROL,
+            )
+            for robot in robots
+        }
+        wait(asked.values(), timeout=DUTY_S + 0.5)
+        replies = {
+            robot: answer.result().message if answer.done() and answer.exception() is None else None
+            for robot, answer in asked.items()
+        }
+        with self._changed:
+            self._heard.duties = replies
+
     def wait(self, timeout_s: float) -> None:
         """Returns when a robot has joined or left or a decision has come, or after the time."""
         with self._changed:
@@ -194,6 +240,7 @@ class Watch:
                 robots=rows,
                 model=decision.model if decision else None,
                 advice=decision.advice if decision else None,
+                blind=decision.blind if decision else "",
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
@@ -206,18 +253,54 @@ class Watch:
 
     def _row(self, robot: str, now: float, bytes_per_s: float) -> RobotRow:
         beacons, decision = self._heard.beacons, self._heard.decision
-        beacon, came = beacons.get(robot, (None, 0.0))
+        beacon, _ = beacons.get(robot, (None, 0.0))
         ego = beacons.get(self._state.spec.ego)
         pose = beacon.sensor_pose() if beacon else None
+        age_s = self._age_s(robot, now)
+        state = self._state_of(robot, now)
         return RobotRow(
             robot=robot,
             alive=robot in self._heard.alive,
-            age_s=round(now - came, 3) if beacon else None,
+            age_s=None if age_s is None else round(age_s, 3),
             position=tuple(round(v, 3) for v in beacon.pose[:3]) if beacon else None,  # type: ignore[arg-type]
             distance_m=round(pose.distance_to(ego[0].sensor_pose()), 3) if pose and ego else None,
             selected=decision is not None and robot in decision.participants,
             bytes_per_s=round(bytes_per_s, 1),
+            state=state,
+            why=self._why(robot, state),
         )
+
+    def _age_s(self, robot: str, now: float) -> float | None:
+        """Since the robot sensed what is known of it, here or, if older, to the ego."""
+        decision = self._heard.decision
+        told_s = decision.ages_s.get(robot) if decision else None
+        beacon, came = self._heard.beacons.get(robot, (None, 0.0))
+        if beacon is None:
+            return told_s
+        here_s = now - came + max(0.0, (beacon.sent_ns - beacon.capture_ns) * 1e-9)
+        return max(here_s, told_s or 0.0)
+
+    def _is_heard(self, robot: str, now: float) -> bool:
+        age_s = self._age_s(robot, now)
+        return robot in self._heard.alive and age_s is not None and age_s <= SILENT_S
+
+    def _state_of(self, robot: str, now: float) -> RobotState | None:
+        if self._is_heard(robot, now):
+            return "well"
+        if robot not in self._heard.duties:
+            return None
+        duty = self._heard.duties[robot]
+        if robot in self._heard.alive:
+            return "silent" if duty else "stalled"
+        return "off duty" if duty and not duty.on_duty else "lost"
+
+    def _why(self, robot: str, state: RobotState | None) -> str:
+        duty, decision = self._heard.duties.get(robot), self._heard.decision
+        if state == "off duty" and duty is not None:
+            return f"by {duty.operator or 'an operator'}"
+        if decision is None:
+            return ""
+        return decision.silent.get(robot) or decision.excluded.get(robot, "")
 
     def _on_join(self, robot: str) -> None:
         with self._changed:

@@ -24,7 +24,14 @@ from deploy.spec import make_spec
 from deploy.state import State
 from swarm import keyspace
 from swarm.arrays import pack
-from swarm.messages import AdviceReport, Beacon, Decision, Detections
+from swarm.messages import (
+    AdviceReport,
+    Beacon,
+    Decision,
+    Detections,
+    RobotSteered,
+    RobotSteering,
+)
 from swarm.session import Session
 from swarm.transport import router_config, router_json5
 
@@ -136,6 +143,59 @@ def test_the_view_holds_robots_decision_and_received_bytes(state: State, robots:
     assert other.bytes_per_s == pytest.approx(500 * view.frames_per_s, rel=0.02)
     assert (view.algorithm, view.source, view.capacity_bps) == ("late", "policy", 5e6)
     assert view.reason == "two see more"
+
+
+def test_off_duty_lost_silent_and_stalled_are_told_apart(state: State) -> None:
+    names = ("well", "off", "lost", "mute", "stuck")
+    spec = make_spec(swarm=SWARM, robots=names, run_dir=state.spec.run_dir)
+    off = RobotSteered(request=0, robot="off", on_duty=False, operator="anna", since_ns=1)
+    on = RobotSteered(request=0, robot="mute", on_duty=True)
+    with (
+        Session(state.router, SWARM, timeout_s=WAIT_S) as robots,
+        Watch(State(runtime="netns", spec=spec, router=state.router), timeout_s=WAIT_S) as watch,
+    ):
+        for robot in ("well", "mute", "stuck"):
+            robots.declare_alive(robot)
+        for reply in (off, on):
+            key = keyspace.robot_steering(SWARM, reply.robot)
+            robots.serve(key, RobotSteering, lambda _, reply=reply: reply)
+
+        def states() -> dict[str, str | None]:
+            robots.put(keyspace.beacon(SWARM, "well"), beacon("well", 0.0, time.time_ns()))
+            watch.ask_unheard()
+            return {row.robot: row.state for row in watch.view().robots}
+
+        expected = {
+            "well": "well",
+            "off": "off duty",
+            "lost": "lost",
+            "mute": "silent",
+            "stuck": "stalled",
+        }
+        _await(watch, lambda: {r: states().get(r) for r in expected} == expected)
+        row = next(r for r in watch.view().robots if r.robot == "off")
+        assert row.why == "by anna"
+
+
+def test_what_is_old_to_the_ego_is_shown_as_old_with_the_reason(
+    state: State, robots: Session
+) -> None:
+    robots.declare_alive("R2")
+    why = "its beacon shows it as it was 4.2 s ago"
+    blind = msgspec.structs.replace(
+        decision(1), excluded={"R2": why}, ages_s={"R2": 4.2}, blind="nobody is heard"
+    )
+    with Watch(state, timeout_s=WAIT_S) as watch:
+
+        def shown() -> RobotRow:
+            robots.put(keyspace.beacon(SWARM, "R2"), beacon("R2", 3.0, time.time_ns()))
+            robots.put(keyspace.decision(SWARM, "R1"), blind)
+            return next(r for r in watch.view().robots if r.robot == "R2")
+
+        _await(watch, lambda: (shown().age_s or 0.0) >= 4.2 and shown().why == why)
+        text = render(watch.view(), [])
+    assert "BLIND      nobody is heard" in text
+    assert why in text
 
 
 def test_a_robot_that_leaves_is_shown_as_gone(state: State) -> None:

@@ -96,6 +96,7 @@ def test_what_cannot_be_done_is_named_and_nothing_is_changed(
         (["--q-min", "1.5"], "the wish is not valid: Expected `float` <= 1.0"),
         (["--q-min", "0.2", "--stop", "R9"], "robot R9 of swarm 'test' does not answer"),
         (["--stop", OTHER, "--start", OTHER], "robot 'R2' is both to stop and to start"),
+        (["--stop", EGO], "robot 'R1' is the ego's own: without it the ego is blind"),
         (["--stop", "R 2"], "robot id 'R 2' is not allowed"),
     ):
         assert steer(*arguments) == 1
@@ -103,3 +104,20 @@ def test_what_cannot_be_done_is_named_and_nothing_is_changed(
     assert steer() == 0
     assert capsys.readouterr().out == "R1 decides by coverage, Q_min 0.7\n"
     assert session.alive() == (OTHER,)
+
+
+def test_an_ego_whose_own_robot_is_taken_off_duty_is_blind_until_it_is_back(
+    swarm: Swarm, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swarm.robot(EGO)
+    session = swarm.session()
+    decisions = swarm.decisions(session, EGO)
+    decisions.until(lambda d: together(d) and set(session.alive()) == {EGO, OTHER})
+    assert steer("--stop", EGO, "--yes") == 0
+    blind = decisions.until(lambda d: bool(d.blind))
+    assert "its own robot was taken off duty by " in blind.blind
+    assert not blind.valid
+    assert blind.quality == 0.0
+    assert blind.participants == (EGO,)
+    assert steer("--start", EGO) == 0
+    assert decisions.until(lambda d: together(d) and not d.blind).valid

@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     with connected as watch:
         _listen(watch, state)
         while True:
+            watch.ask_unheard()
             view = watch.view()
             if args.json:
                 print(_json(view, processes), flush=True)
@@ -74,7 +75,7 @@ def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
     """The table for people."""
     lines = [f"swarm {view.swarm} ({view.runtime}), ego {view.ego}", ""]
     lines += _columns(
-        [("robot", "alive", "age", "position", "distance", "selected", "bytes/s")]
+        [("robot", "alive", "age", "position", "distance", "selected", "bytes/s", "state")]
         + [
             (
                 row.robot,
@@ -84,6 +85,7 @@ def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
                 "-" if row.distance_m is None else f"{row.distance_m:.1f} m",
                 "ego" if row.robot == view.ego else "yes" if row.selected else "",
                 f"{row.bytes_per_s:,.0f}",
+                ": ".join(filter(None, (row.state, row.why))),
             )
             for row in view.robots
         ]
@@ -108,6 +110,7 @@ def _decision(view: SwarmView) -> list[str]:
     valid = "" if view.valid else " (NOT VALID)"
     return [
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
+        *([f"BLIND      {view.blind}"] if view.blind else []),
         f"by         {view.policy} (source: {view.source})",
         f"reason     {view.reason}",
         *([f"advice     {_advice(view.advice)}"] if view.advice else []),

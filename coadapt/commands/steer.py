@@ -33,6 +33,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--start", action="append", default=[], metavar="ROBOT", help="on duty (repeatable)"
     )
+    parser.add_argument(
+        "--yes", action="store_true", help="stop the ego's own robot, too: it sees nothing then"
+    )
     parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.set_defaults(run=run)
@@ -66,6 +69,11 @@ def _wishes(args: argparse.Namespace, swarm: str, ego: str) -> list[_Wish]:
     both = sorted(set(args.stop) & set(args.start))
     if both:
         raise DecisionError(f"robot {both[0]!r} is both to stop and to start: name it once")
+    if ego in args.stop and not args.yes:
+        raise DecisionError(
+            f"robot {ego!r} is the ego's own: without it the ego is blind and decides nothing that "
+            "is valid; say --yes if you mean it"
+        )
     by = operator()
     steering: dict[str, object] = {
         "operator": by,
