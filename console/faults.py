@@ -65,6 +65,10 @@ class Faults:
         if self._ends(f"silent {robot}", True):
             self._tell("good", f"{robot} sends beacons again", robot)
 
+    def stalled(self, robot: str) -> None:
+        """A robot that is alive but silent does not answer either."""
+        self._tell("fault", f"{robot} stands still: it is alive but answers nothing", robot)
+
     def alive(self, now: float, robot: str, alive: bool) -> None:
         """A robot's liveliness token has come or gone."""
         before, self._alive[robot] = self._alive.get(robot), alive
@@ -105,6 +109,10 @@ class Faults:
             self._tell("fault", f"no valid decision: {decision.reason}")
         elif self._ends("valid", decision.valid):
             self._tell("good", "decisions are valid again")
+        if self._holds("blind", bool(decision.blind)):
+            self._tell("fault", f"ego {self._ego} is blind: {decision.blind}", self._ego)
+        elif self._ends("blind", not decision.blind):
+            self._tell("good", f"ego {self._ego} is not blind any more", self._ego)
 
     def demand(self, demand: NetDemand) -> None:
         """What the ego needs of its link."""

@@ -7,7 +7,7 @@ from time import monotonic
 from typing import Any
 
 from console.board import FAULTS, HISTORY, Board, now_s
-from console.faults import Faults
+from console.faults import SILENT_S, Faults
 from swarm.arrays import unpack_finite
 from swarm.errors import MessageError
 from swarm.messages import (
@@ -26,6 +26,8 @@ MAX_ROBOTS = 256
 MAX_OBJECTS, MAX_BOXES = 256, 512
 """Drawn of one message; the first ones."""
 TRAFFIC_S = 1.0
+_NO_WORD: dict[str, Any] = {"off_duty_by": "", "answers": None}
+"""Of a robot that nobody has asked."""
 
 
 class View:
@@ -92,6 +94,20 @@ class View:
                 self._robot(reply.robot, off_duty_by=reply.operator or "an operator")
                 self._faults.off_duty(reply.robot, reply.operator)
 
+    def silent(self) -> list[str]:
+        """Robots that are alive but not heard, and of which nobody knows whether they answer."""
+        with self._lock:
+            return [r for r in self._silent_now() if self._robots[r]["answers"] is None]
+
+    def on_answer(self, robot: str, answers: bool) -> None:
+        """Whether a robot that is not heard answers all the same, or stands still."""
+        with self._lock:
+            known = self._robots.get(robot)
+            if known is not None and known["alive"] and robot in self._silent_now():
+                self._robot(robot, answers=answers)
+                if not answers:
+                    self._faults.stalled(robot)
+
     def on_gateway(self, alive: bool) -> None:
         """The LLM gateway's token has come or gone."""
         with self._lock:
@@ -109,6 +125,7 @@ class View:
             "yaw": round(yaw, 3),
             "speed": round((vx * vx + vy * vy) ** 0.5, 2),
             "range_m": beacon.range_m,
+            "answers": None,
         }
         with self._lock:
             if self._robot(beacon.robot, **facts):
@@ -183,6 +200,10 @@ class View:
             "cost_bps": round(8 * decision.cost_bytes * decision.rate_hz),
             "capacity_bps": round(decision.capacity_bps),
             "advice": None if advice is None else [advice.state, advice.refusal],
+            "blind": decision.blind,
+            "excluded": decision.excluded,
+            "silent": decision.silent,
+            "ages_s": decision.ages_s,
         }
         now = monotonic()
         with self._lock:
@@ -229,13 +250,17 @@ class View:
         with self._lock:
             for robot, facts in self._robots.items():
                 self._board.put(f"scene/{robot}", None)
-                kept = {name: facts[name] for name in ("robot", "alive", "since", "off_duty_by")}
+                kept = {name: facts[name] for name in ("robot", "alive", "since", *_NO_WORD)}
                 self._robots[robot] = kept
                 self._board.put(f"robot/{robot}", kept)
             self._board.put("detections", None)
             self._board.put("traffic", None)
             self._tally, self._traffic = _Tally(now), _Tally(now)
             self._looking_at = None
+
+    def _silent_now(self) -> set[str]:
+        now = monotonic()
+        return {robot for robot, at in self._heard().items() if now - at > SILENT_S}
 
     def _heard(self) -> dict[str, float]:
         """When each living robot was heard last, or could have been for the first time."""
@@ -250,7 +275,7 @@ class View:
     def _alive(self, robot: str, alive: bool) -> None:
         now = monotonic()
         with self._lock:
-            if self._robot(robot, alive=alive, since=now_s(), off_duty_by=""):
+            if self._robot(robot, alive=alive, since=now_s(), off_duty_by="", answers=None):
                 self._heard_at[robot] = now
                 self._faults.alive(now, robot, alive)
 
@@ -261,7 +286,7 @@ class View:
             if len(self._robots) >= MAX_ROBOTS and not (facts.get("alive") and self._forget_one()):
                 return False
             # One of which only beacons came is not known to be alive.
-            known = {"robot": robot, "alive": False, "since": None, "off_duty_by": ""}
+            known = {"robot": robot, "alive": False, "since": None, **_NO_WORD}
         # A new one each time: the old one may be about to be encoded.
         self._robots[robot] = known | facts
         self._board.put(f"robot/{robot}", self._robots[robot])

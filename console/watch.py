@@ -35,6 +35,8 @@ LINGER_S = 5.0
 """How long the second session stays after the last viewer: a reload needs no new one."""
 OPEN_S = 5.0
 ANSWER_S = 15.0
+STALLED_S = 2.0
+"""A robot's process that does not answer so long stands still."""
 
 
 class Watch:
@@ -58,6 +60,8 @@ class Watch:
         self._left_at = 0.0
         self._left: deque[str] = deque(maxlen=MAX_ROBOTS)
         """Robots that left, to be asked why."""
+        self._asked: set[str] = set()
+        """Silent ones that are being asked whether they answer."""
         self._first: Session | None = None
         self._second: Session | None = None
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
@@ -106,6 +110,8 @@ class Watch:
             self._open_or_close(connected)
             while self._left:
                 self._ask_why(self._left.popleft())
+            for robot in self._view.silent():
+                self._ask_whether(robot)
             with self._changed:
                 self._changed.wait_for(lambda: self._poked, TICK_S)
                 self._poked = False
@@ -156,6 +162,25 @@ class Watch:
             self.ask(CONTROLS["robot"], RobotSteering(duty="ask"), robot).add_done_callback(
                 answered
             )
+
+    def _ask_whether(self, robot: str) -> None:
+        """Whether a robot that is alive but not heard answers."""
+        session = self._first
+        if session is None or robot in self._asked:
+            return
+        self._asked.add(robot)
+
+        def answered(future: Future[Answer[RobotSteered]]) -> None:
+            self._view.on_answer(robot, future.exception() is None)
+            self._asked.discard(robot)
+
+        session.ask(
+            keyspace.robot_steering(self._swarm, robot),
+            RobotSteering(duty="ask"),
+            RobotSteered,
+            timeout_s=STALLED_S,
+            traffic=TrafficClass.CONTROL,
+        ).add_done_callback(answered)
 
     def _on_leave(self, robot: str) -> None:
         self._view.on_leave(robot)

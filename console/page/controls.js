@@ -152,6 +152,11 @@ export class Controls {
       $("steer-result").textContent = "choose a robot first";
       return;
     }
+    const own = robot === this.stream.get("swarm").ego;
+    if (duty === "off" && own && !window.confirm(`${robot} is the ego’s own robot: without it the ego is blind. Stop it?`)) {
+      $("steer-result").textContent = "nothing was changed";
+      return;
+    }
     await this.#tell("steer-result", async () => {
       const reply = await this.#wish(`robot/${robot}`, { duty });
       return `${robot} is ${reply.on_duty ? "on" : "off"} duty`;

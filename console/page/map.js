@@ -1,6 +1,6 @@
 // The live map: floor, robots, links, objects, boxes, and the ground that nobody sees.
 
-import { decided, part } from "./part.js";
+import { decided, part, state } from "./part.js";
 import { OLD_S, ago, byId } from "./words.js";
 
 const CELL_M = 1; // As the ego counts seen ground.
@@ -58,7 +58,7 @@ export class FloorMap {
         ...where,
         alive: robot.alive,
         since: robot.since,
-        off: Boolean(robot.off_duty_by),
+        state: state(robot, now - where.at > OLD_S.beacon),
         ego: robot.robot === ego,
         chosen: fresh && ["ego", "yes"].includes(part(this.stream, robot).word),
         unknown: !fresh,
@@ -306,13 +306,26 @@ export class FloorMap {
     const r = count > 30 ? 5 : ROBOT_PX;
     c.save();
     c.translate(x, y);
-    c.globalAlpha = robot.alive && robot.old ? 0.45 : 1;
-    if (!robot.alive) {
+    c.globalAlpha = robot.state === "silent" ? 0.45 : 1;
+    if (robot.state === "lost") {
       c.strokeStyle = t("--lost");
       c.lineWidth = 3;
       c.beginPath();
       c.moveTo(-r, -r); c.lineTo(r, r); c.moveTo(r, -r); c.lineTo(-r, r);
       c.stroke();
+    } else if (robot.state === "off duty") {
+      // A ring with a bar: parked, nothing is wrong.
+      c.strokeStyle = t("--quiet");
+      c.lineWidth = 2.5;
+      c.beginPath();
+      c.arc(0, 0, r, 0, 2 * Math.PI);
+      c.moveTo(-r / 2, 0); c.lineTo(r / 2, 0);
+      c.stroke();
+    } else if (robot.state === "stalled") {
+      // Two bars: its process stands still.
+      c.fillStyle = t("--lost");
+      c.fillRect(-r, -r, 0.7 * r, 2 * r);
+      c.fillRect(0.3 * r, -r, 0.7 * r, 2 * r);
     } else {
       c.strokeStyle = t(robot.chosen ? "--chosen" : robot.unknown ? "--quiet" : "--excluded");
       c.fillStyle = robot.chosen ? t("--chosen") : t("--panel");
@@ -338,14 +351,16 @@ export class FloorMap {
     }
     c.restore();
     if (count > 30 && this.zoom < 2 && !robot.ego && robot.alive && !robot.old) return;
-    const old = !robot.alive ? ` ${robot.off ? "off duty" : "lost"} ${ago(now - (robot.since ?? robot.at))}` : robot.old ? ` ${ago(now - robot.at)}` : "";
+    const old = robot.state === "alive" ? "" :
+      ` ${robot.state} ${ago(now - (robot.alive ? robot.at : robot.since ?? robot.at))}`;
     c.font = "600 12px system-ui, sans-serif";
     c.textAlign = "left";
     c.lineWidth = 3;
     c.lineJoin = "round";
     c.strokeStyle = t("--panel");
     c.strokeText(robot.robot + old, x + r + 5, y - r);
-    c.fillStyle = robot.alive && !robot.old ? t("--text") : t("--fault");
+    const fine = ["alive", "off duty"].includes(robot.state);
+    c.fillStyle = fine ? t("--text") : t("--fault");
     c.fillText(robot.robot + old, x + r + 5, y - r);
   }
 

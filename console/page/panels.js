@@ -1,6 +1,6 @@
 // What the page says in words: the decision, events, links, robots, and the connection itself.
 
-import { decided, part } from "./part.js";
+import { decided, part, state } from "./part.js";
 import { OLD_S, ago, byId, clock, decisionOldAfter, names, rate } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -84,7 +84,7 @@ export function showDecision(stream) {
   const what = `${decision.algorithm} from ${names(decision.participants)}`;
   const old = decisionOldAfter(stream.history);
   const stale = !decided(stream);
-  text("decision-what", stale ? `Was: ${what}` : decision.valid ? what : `Not valid: ${what}`);
+  text("decision-what", stale ? `Was: ${what}` : !decision.valid ? `Not valid: ${what}` : decision.blind ? `Blind: ${what}` : what);
   text("decision-reason", decision.reason);
   age("decision-age", now - decision.at, old, `cycle ${decision.cycle},`);
   const demand = stream.get("demand");
@@ -93,7 +93,7 @@ export function showDecision(stream) {
   const facts = [
     ["by", `${by} (source: ${decision.source})`],
     ["C(t)", `${rate(decision.capacity_bps)}; predicted use ${rate(decision.cost_bps)}, measured ${rate(used)}`],
-    ["quality", `${decision.quality.toFixed(2)} predicted` +
+    ["quality", `${decision.blind && !decision.quality ? "not known" : `${decision.quality.toFixed(2)} predicted`}` +
       (demand && now - demand.at <= old ? `, at least ${demand.q_min} asked for` : "")],
   ];
   if (decision.advice) facts.push(["advice", decision.advice.filter(Boolean).join(": ")]);
@@ -163,6 +163,21 @@ export function showHistory(stream) {
   ]));
 }
 
+// How a robot stands, with what is known of that.
+function stateWords(r, live, old, now) {
+  const word = state(r, old);
+  if (r.alive) return !live ? "was alive" : word === "alive" ? word : `alive, ${word}`;
+  if (word === "off duty") return `off duty, by ${r.off_duty_by}`;
+  return r.since ? `lost ${ago(now - r.since)}` : "not announced";
+}
+
+// How long ago what is heard of a robot was sensed: to the ego, where that is longer ago.
+function heardAgo(stream, r, now) {
+  const decision = stream.get("decision");
+  const told = decided(stream) ? decision.ages_s?.[r.robot] ?? 0 : 0;
+  return Math.max(now - r.at, told);
+}
+
 export function showRobots(stream) {
   const now = stream.now();
   const swarm = stream.get("swarm");
@@ -180,14 +195,14 @@ export function showRobots(stream) {
     return [
       old || !r.alive ? "old" : "",
       r.robot,
-      r.alive ? (!live ? "was alive" : old ? "alive, silent" : "alive") : r.off_duty_by ? `off duty, by ${r.off_duty_by}` : r.since ? `lost ${ago(now - r.since)}` : "not announced",
+      stateWords(r, live, old, now),
       why ? `${word}: ${why}` : word || "–",
       r.at ? `${r.x.toFixed(1)}, ${r.y.toFixed(1)}` : "–",
       r.at ? `${(((r.yaw * 180) / Math.PI + 360) % 360).toFixed(0)}°` : "–",
       r.at ? `${r.speed.toFixed(1)} m/s` : "–",
       seen ? scene.objects.length : "–",
       fresh && traffic.bps[r.robot] !== undefined ? rate(traffic.bps[r.robot]) : "–",
-      r.at ? (old ? ago(now - r.at) : "now") : "never",
+      r.at ? (old || heardAgo(stream, r, now) > 1 ? ago(heardAgo(stream, r, now)) : "now") : "never",
     ];
   }));
 }
