@@ -23,7 +23,7 @@ ARGS ?=
 
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec detector peers roundtrip cycle shaping priority trace adapt capacity loop controller gateway embedded reaction deadline console
+BENCHMARKS = sam codec detector peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console
 
 .DEFAULT_GOAL := help
 .PHONY: help setup up down status logs metrics shape congest net record test check lint types bench train eval-detector eval \
