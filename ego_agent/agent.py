@@ -161,8 +161,7 @@ class EgoAgent:
             reason = f"the cycle failed: {type(error).__name__}"
             decision = self._alone(snapshot, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
-        narrow = self._control.too_narrow
-        decision = self._arrivals.told(decision, snapshot, scene, self._knowledge, narrow)
+        decision = self._told(decision, snapshot, scene)
         self._fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
@@ -171,6 +170,16 @@ class EgoAgent:
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
         return _Running(snapshot, scene, decision, published, cycle_ms, demand)
+
+    def _told(self, decision: Decision, snapshot: Snapshot, scene: UnifiedScene | None) -> Decision:
+        """The decision with what keeps it from being carried out; no fault of that harms it."""
+        narrow = self._control.too_narrow
+        try:
+            return self._arrivals.told(decision, snapshot, scene, self._knowledge, narrow)
+        except Exception:
+            self._metrics.cycle_faults.inc()
+            self._log.error("arrivals_failed", cycle=decision.cycle, exc_info=True)
+            return decision
 
     def _say_demand(
         self, scene: UnifiedScene | None, decision: Decision, control: Wish
