@@ -64,6 +64,8 @@ class Scorer:
         self.budget_bytes = budget_bytes
         self._hopes = hopes
         self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
+        self._at: dict[Pace, Scorer] = {self.pace: self}
+        """The scorers of all paces that were asked for; they share it."""
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
         areas = np.stack([c.area for c in robots])
@@ -85,13 +87,14 @@ class Scorer:
 
     def at(self, pace: Pace) -> Scorer:
         """The same scene at another pace."""
-        if pace == self.pace:
-            return self
-        other = copy.copy(self)
-        other.pace = pace
-        other.budget_bytes = self.objective.budget_bytes(self.scene.capacity_bps, pace.rate_hz)
-        other._arrival = {}
-        return other
+        known = self._at.get(pace)
+        if known is None:
+            known = copy.copy(self)
+            known.pace = pace
+            known.budget_bytes = self.objective.budget_bytes(self.scene.capacity_bps, pace.rate_hz)
+            known._arrival = {}
+            self._at[pace] = known
+        return known
 
     def at_rate(self, rate_hz: float | None) -> Scorer:
         """The same scene at the pace with that rate; the fastest where there is none."""
@@ -143,9 +146,6 @@ class Scorer:
             self.needs_bps(robot, algorithm) <= self.allowed_bps(robot)
         )
 
-    def _can(self, row: int, algorithm: Algorithm) -> bool:
-        return self.can(self.scene.candidates[row - 1].robot, algorithm)
-
     def needs_bps(self, robot: str, algorithm: Algorithm) -> float:
         """bit/s of a robot's observations. Raises KeyError where `known` is false."""
         return self.size(robot, algorithm) * 8.0 * self.pace.rate_hz
@@ -181,9 +181,24 @@ class Scorer:
 
     def most(self, algorithm: Algorithm) -> float:
         """More quality than any choice with this algorithm has at this pace."""
-        able = [row for row in range(1, len(self.row_of)) if self._can(row, algorithm)]
-        share = self.share([0, *able], algorithm)
+        share = self.share([0, *self._able(algorithm)], algorithm)
         return self.knowledge.factors[algorithm] * share * self.freshness(algorithm, 0)
+
+    def slower_is_worse(self, algorithm: Algorithm) -> bool:
+        """Whether no slower pace can bring anything: the link carries everyone at this one, and
+        nobody is in time more often where there is more time."""
+        able = self._able(algorithm)
+        sizes = [self.scene.candidates[row - 1].sizes[algorithm] for row in able]
+        known = sum(algorithm in c.sizes for c in self.scene.candidates)
+        if len(able) < known or sum(sizes) > self.budget_bytes:
+            return False
+        patient = self.at(self.paces[-1])
+        return bool(np.array_equal(self.arrival(algorithm), patient.arrival(algorithm)))
+
+    def _able(self, algorithm: Algorithm) -> list[int]:
+        """Rows of those that can send for it."""
+        robots = enumerate(self.scene.candidates, start=1)
+        return [row for row, candidate in robots if self.can(candidate.robot, algorithm)]
 
     def freshness(self, algorithm: Algorithm, participants: int) -> float:
         """What results at this pace are worth against those at the fastest, in (0, 1]."""

@@ -63,6 +63,8 @@ def _options(scorer: Scorer) -> Iterator[Score]:
                 for score in grow(at, scorer.scene.candidates, algorithm, by_byte=by_byte):
                     best = max(best, score.value)
                     yield score
+            if at.slower_is_worse(algorithm):
+                break
 
 
 def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
