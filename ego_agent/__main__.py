@@ -25,6 +25,7 @@ from ego_agent.sense import OwnSensor
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.steering import Steering
 from ego_agent.tally import TallyKeeper
+from perception.fusion.detectors import detector_backend
 from perception.fusion.registry import fusion_names, make_fusion
 from ros2.opening import open_world_of
 from swarm import transport
@@ -94,7 +95,13 @@ def run(
         except TransportError:
             return None  # stopped before the router could be reached
 
-    log.info("ego_up", policy=policy.name, period_s=settings.period_s, metrics_port=server.port)
+    log.info(
+        "ego_up",
+        policy=policy.name,
+        period_s=settings.period_s,
+        metrics_port=server.port,
+        detector_backend=detector_backend(world.detector),
+    )
     try:
         agent.run(settings.period_s, stop, connect)
     finally:

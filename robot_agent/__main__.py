@@ -8,6 +8,7 @@ import threading
 
 from prometheus_client import CollectorRegistry
 
+from perception.fusion.detectors import detector_backend
 from robot_agent.agent import RobotAgent
 from robot_agent.encoder import Encoder
 from robot_agent.host import RobotHost
@@ -85,7 +86,8 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
                 metrics=metrics,
                 log=log,
             )
-            log.info("robots_up", robots=list(settings.robots))
+            backend = detector_backend(world.detector)
+            log.info("robots_up", robots=list(settings.robots), detector_backend=backend)
             stop.wait()
             host.close()
     finally:

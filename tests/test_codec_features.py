@@ -180,7 +180,7 @@ def test_a_reference_that_is_no_place_is_refused(bad: float) -> None:
         decode(encode_cells(replace(block(), reference=(0.0, bad, 0.0, 0.0, 0.0, 0.0))))
 
 
-@pytest.mark.parametrize("kind", [0, 1, 16, 31, 34, 255])
+@pytest.mark.parametrize("kind", [0, 1, 16, 31, 36, 255])
 def test_another_kind_of_payload_is_refused(kind: int) -> None:
     _, body = unseal(encode_cells(block()))
     with pytest.raises(PayloadError, match=f"kind {kind} is not a feature map"):
@@ -211,3 +211,14 @@ def test_nothing_may_follow_the_values() -> None:
     kind, body = unseal(encode_cells(block()))
     with pytest.raises(PayloadError):
         decode(seal(kind, body + b"x"))
+
+
+@pytest.mark.parametrize("coded", [False, True])
+def test_a_payload_tells_what_its_map_was_computed_in(coded: bool) -> None:
+    plain = block(coded=coded, wide=PARTS if coded else CHANNELS)
+    short = replace(plain, numerics="bfloat16")
+    assert decode(encode_cells(plain)).numerics == "float32"
+    assert decode(encode_cells(short)).numerics == "bfloat16"
+    # As it was before payloads told, for a map in float32.
+    assert unseal(encode_cells(plain))[0] == (KIND_CODES if coded else KIND_STEPS)
+    assert unseal(encode_cells(short))[1] == unseal(encode_cells(plain))[1]

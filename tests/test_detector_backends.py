@@ -11,16 +11,23 @@ import numpy as np
 import pytest
 import torch
 
+from perception.boxes import iou_bev
+from perception.codec.features import decode_cells
+from perception.codec.outlined import take_outline
 from perception.detector import backends, pillars
 from perception.detector.backends import CompiledBackend, TorchBackend, choose, fold_norms
 from perception.detector.grid import BevConfig, bev_config
 from perception.detector.learned import Detector
 from perception.detector.network import Network
 from perception.detector.weights import load_weights
+from perception.fusion.base import Contribution, EncodeOptions
+from perception.fusion.registry import make_fusion
 from perception.kernels import library
 from perception.kernels.convolution import Convolution, Workers
+from perception.types import Boxes
 from swarm.errors import PerceptionError
 from tests.tiny_detector import TINY, random_cloud, random_network, tiny
+from worlds.factory import FactoryWorld
 
 __all__ = ["tiny"]
 
@@ -232,3 +239,36 @@ def test_the_setting_forces_a_backend_and_an_unknown_one_is_refused(
     monkeypatch.setenv(backends.SETTING, "abacus")
     with pytest.raises(PerceptionError, match="'abacus' is not valid; allowed: auto, torch"):
         choose(random_network(), tiny)
+
+
+@pytest.mark.parametrize("algorithm", ["intermediate", "intermediate-codebook"])
+@pytest.mark.parametrize(
+    ("robots", "egos"), [("torch-bfloat16", "torch"), ("torch", "torch-bfloat16")]
+)
+def test_a_robot_and_an_ego_of_other_numerics_fuse_as_two_of_one_kind(
+    algorithm: str, robots: str, egos: str
+) -> None:
+    world = FactoryWorld(robots=4, seed=1_000_003)
+    ego, robot = world.scan("R1", 120), world.scan("R2", 120)
+    kind = type(make_fusion(algorithm, "factory"))
+
+    def found(robot_backend: str, ego_backend: str) -> Boxes:
+        sender, receiver = (
+            kind(Detector("factory", backend=name)) for name in (robot_backend, ego_backend)
+        )
+        options = EncodeOptions(pose=robot.pose, reference=ego.pose)
+        payload = sender.encode(robot.points, options)
+        block = decode_cells(take_outline(payload)[0], sender.detector.version, (128, 128), 32, 8)
+        assert block.numerics == ("bfloat16" if "bfloat16" in robot_backend else "float32")
+        sent = Contribution("R2", payload, robot.pose.matrix())
+        fused = receiver.fuse(ego.points, ego.pose.matrix(), [sent])
+        assert fused.rejected == {}
+        return fused.boxes
+
+    alike, mixed = found("torch", "torch"), found(robots, egos)
+    sure = alike.take(alike.scores > 0.3)
+    assert len(sure) > 3
+    overlap = iou_bev(sure, mixed)
+    assert (overlap.max(axis=1) > 0.8).all()
+    scores = mixed.scores[overlap.argmax(axis=1)]
+    np.testing.assert_allclose(scores, sure.scores, atol=0.05)

@@ -4,7 +4,9 @@ Body: uint32 version of the weights, uint16 rows, uint16 columns, 6 float32 (the
 y, z, roll, pitch, yaw in the world), uint32 number of cells, uint32 length of the places, the
 places, the values. Places are the zlib stream of a bitmap, rows by columns; values the zlib stream
 of what is in the cells, one channel after the other: two 4-bit steps of 1/15 a byte (KIND_STEPS),
-or one byte a codebook part (KIND_CODES).
+or one byte a codebook part (KIND_CODES). The kind also tells which numbers the weights were
+multiplied in: a map that was made in bfloat16 has KIND_STEPS_SHORT or KIND_CODES_SHORT. What is in
+the cells means the same, so every ego fuses both.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +24,21 @@ from swarm.errors import PayloadError
 
 KIND_STEPS = 32
 KIND_CODES = 33
+KIND_STEPS_SHORT = 34
+KIND_CODES_SHORT = 35
 LEVELS = 15
 """Steps of a feature: half a byte."""
 _HEAD = struct.Struct("<IHH6fII")
+
+Numerics = Literal["float32", "bfloat16"]
+_KINDS: dict[tuple[bool, Numerics], int] = {
+    (False, "float32"): KIND_STEPS,
+    (True, "float32"): KIND_CODES,
+    (False, "bfloat16"): KIND_STEPS_SHORT,
+    (True, "bfloat16"): KIND_CODES_SHORT,
+}
+"""The kind of a body by whether it is coded, and what its features were computed in."""
+_MEANINGS = {kind: meaning for meaning, kind in _KINDS.items()}
 
 Reference = tuple[float, float, float, float, float, float]
 
@@ -44,6 +59,8 @@ class CellBlock:
     """(channels, N): steps of 1/LEVELS, or numbers of codebook entries; cells in row order."""
     coded: bool
     """Whether the values are codebook entries."""
+    numerics: Numerics = "float32"
+    """What the robot's network was computed in."""
 
 
 def encode_cells(block: CellBlock) -> bytes:
@@ -56,7 +73,7 @@ def encode_cells(block: CellBlock) -> bytes:
     head = _HEAD.pack(
         block.version, *block.shape, *block.reference, block.values.shape[1], len(places)
     )
-    kind = KIND_CODES if block.coded else KIND_STEPS
+    kind = _KINDS[block.coded, block.numerics]
     return seal(kind, head + places + _deflated(raw.tobytes(), block.coded))
 
 
@@ -76,8 +93,9 @@ def decode_cells(
     Raises PayloadError when it is damaged, or made by other weights or for another grid.
     """
     kind, body = unseal(payload)
-    if kind not in (KIND_STEPS, KIND_CODES):
+    if kind not in _MEANINGS:
         raise PayloadError(f"payload kind {kind} is not a feature map")
+    coded, numerics = _MEANINGS[kind]
     if len(body) < _HEAD.size:
         raise PayloadError(f"a feature map's body has {len(body)} bytes, at least {_HEAD.size}")
     theirs, rows, columns, *pose, count, length = _HEAD.unpack_from(body)
@@ -93,7 +111,6 @@ def decode_cells(
     present = np.unpackbits(np.frombuffer(bits, np.uint8), count=rows * columns).astype(np.bool_)
     if int(present.sum()) != count:
         raise PayloadError(f"the feature map announces {count} cells and places {present.sum()}")
-    coded = kind == KIND_CODES
     wide = parts if coded else channels
     size = wide * count if coded else -(-wide * count // 2)
     raw = np.frombuffer(inflate(body[_HEAD.size + length :], size, "values"), np.uint8)
@@ -107,4 +124,5 @@ def decode_cells(
         present.reshape(shape),
         raw.reshape(wide, count),
         coded,
+        numerics,
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import time
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
 
+from perception.codec.features import Numerics
 from perception.detector.compiled import CompiledDecoder, CompiledEncoder
 from perception.detector.grid import BevConfig
 from perception.detector.network import FEATURES, Network
@@ -27,7 +28,6 @@ from perception.kernels.convolution import Workers
 from swarm.errors import PerceptionError
 
 Floats = NDArray[np.float32]
-Numerics = Literal["float32", "bfloat16"]
 
 AUTO = "auto"
 SETTING = "COADAPT_DETECTOR_BACKEND"

@@ -25,3 +25,9 @@ def shared_detector(name: str) -> Detector:
 def shared_finder(name: str) -> Finder:
     """The learned detector where there are weights, else the one without learning."""
     return _learned(name) if has_weights(name) else Clustered(name)
+
+
+def detector_backend(name: str) -> str:
+    """What runs the detector of a configuration in this process: a name of
+    `perception.detector.backends`, or `clustered` where there are no weights."""
+    return _learned(name).detector.backend.name if has_weights(name) else "clustered"

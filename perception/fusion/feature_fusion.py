@@ -92,6 +92,7 @@ class FeatureFusion(Fusion):
             present,
             values,
             self.coded,
+            self.detector.backend.numerics,
         )
         return add_outline(encode_cells(block), thinned(outline(cloud)))
 
