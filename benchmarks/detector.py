@@ -2,7 +2,8 @@
 
 Points to boxes on two threads; what a robot encodes on one core; what an ego does with the payloads
 of 2 to 50 robots on two threads (more than six: those of the five nearest repeated, so that every
-robot brings as much as a near one); memory of a process that encodes like a robot; our time over
+robot brings as much as a near one); memory of a process that encodes like a robot; points to boxes
+beside the same in float32 in PyTorch, cloud by cloud in turn (`ratio_torch_*`); our time over
 OpenCOOD's (`ratio_opencood_*`), where the reader has it (`benchmarks.peers.opencood`). Writes
 build/bench/detector.json and build/bench/detector.svg.
 """
@@ -28,9 +29,11 @@ from matplotlib.figure import Figure
 from benchmarks.peers.opencood import ratios as opencood_ratios
 from benchmarks.report import write_report
 from evaluation.splits import Part, nearest_first
+from perception.detector.finders import Finder, Learned
+from perception.detector.learned import Detector
 from perception.detector.weight_files import has_weights
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
-from perception.fusion.detectors import shared_finder
+from perception.fusion.detectors import detector_backend, shared_finder
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.memory import keep_freed_memory
 from training.plans import TEST_SEEDS
@@ -55,9 +58,13 @@ def main() -> None:
         "detector": {name: "learned" if has_weights(name) else "clustered" for name in DETECTORS}
     }
     torch.set_num_threads(THREADS)
+    figures["backend"] = {name: detector_backend(name) for name in DETECTORS}
     for name, world in worlds.items():
-        samples[f"{name}_ms"] = _detect(world)
+        samples[f"{name}_ms"], samples[f"{name}_torch_ms"] = _detect(world)
         figures[f"{name}_ms_p50"] = _median(samples[f"{name}_ms"])
+        figures[f"ratio_torch_{name}"] = round(
+            float(np.median(samples[f"{name}_ms"]) / np.median(samples[f"{name}_torch_ms"])), 3
+        )
     with one_core():
         samples["encode_ms"] = {name: _encode(world) for name, world in worlds.items()}
     figures["encode_ms_p50"] = {
@@ -110,11 +117,26 @@ def one_core() -> Iterator[None]:
         os.sched_setaffinity(0, allowed)
 
 
-def _detect(world: World) -> list[float]:
-    finder = shared_finder(world.detector)
+def _detect(world: World) -> tuple[list[float], list[float]]:
+    """Points to boxes by what runs here, and in float32 in PyTorch."""
+    finder, exact = shared_finder(world.detector), _exact_finder(world.detector)
     clouds = [world.scan(robot, frame).points for robot in world.robots for frame in FRAMES]
-    finder.find(clouds[0])  # imports and first allocations
-    return [_ms(partial(finder.find, cloud)) for _ in range(ROUNDS) for cloud in clouds]
+    for one in (finder, exact):
+        one.find(clouds[0])  # imports and first allocations
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(ROUNDS):
+        for cloud in clouds:
+            for one, into in zip((finder, exact), times, strict=True):
+                into.append(_ms(partial(one.find, cloud)))
+    return times
+
+
+def _exact_finder(name: str) -> Finder:
+    if not has_weights(name):
+        return shared_finder(name)
+    finder = Learned(name)
+    finder.detector = Detector(name, backend="torch")
+    return finder
 
 
 def _encode(world: World) -> dict[str, list[float]]:
