@@ -125,6 +125,27 @@ def test_the_boxes_in_c_are_those_in_pytorch(name: str) -> None:
 
 
 @needs_compiled
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("size", [(24, 32), (50, 34), (128, 128)])
+def test_where_nobody_asks_less_is_computed_and_elsewhere_nothing_changes(
+    tiny: BevConfig, seed: int, size: tuple[int, int]
+) -> None:
+    compiled = CompiledBackend(folded(seed), tiny)
+    torch.manual_seed(seed)
+    fused = torch.rand(32, *size)
+    wanted = torch.zeros(size, dtype=torch.bool)
+    wanted[torch.randint(size[0], (3,)), torch.randint(size[1], (3,))] = True
+    heat, channels = compiled.decode(fused)
+    sparse_heat, sparse_channels = compiled.decode(fused, wanted)
+    # Up to rounding: a tile's sums hold what they cancel again.
+    assert torch.allclose(sparse_heat[:, wanted], heat[:, wanted], atol=1e-5)
+    assert torch.allclose(sparse_channels[:, wanted], channels[:, wanted], atol=1e-5)
+    assert sparse_heat.isfinite().all()
+    if size == (128, 128):
+        assert not torch.equal(sparse_heat, heat)
+
+
+@needs_compiled
 def test_more_points_than_a_cloud_may_have_are_thinned_in_c_as_in_pytorch(
     tiny: BevConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:

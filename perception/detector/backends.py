@@ -52,9 +52,12 @@ class Backend(Protocol):
         """The feature map float32 (FEATURES, rows, columns) of a cloud (N, 3) in its frame."""
         ...
 
-    def decode(self, fused: Tensor) -> tuple[Tensor, Tensor]:
+    def decode(self, fused: Tensor, wanted: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Heat logits float32 (classes, rows, columns) and box channels (BOX_CHANNELS, rows,
-        columns) of a map float32 (FEATURES, rows, columns)."""
+        columns) of a map float32 (FEATURES, rows, columns).
+
+        `wanted`, bool (rows, columns): where they must be right; the rest may be anything finite.
+        """
         ...
 
 
@@ -76,7 +79,7 @@ class TorchBackend:
             features: Tensor = self._network.encoder(pillars)[0]
             return features.float()
 
-    def decode(self, fused: Tensor) -> tuple[Tensor, Tensor]:
+    def decode(self, fused: Tensor, wanted: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """See `Backend.decode`."""
         with torch.inference_mode(), self._precision():
             one = fused[None].contiguous(memory_format=torch.channels_last)
@@ -111,9 +114,10 @@ class CompiledBackend:
         """See `Backend.encode`."""
         return self._encoder(points)
 
-    def decode(self, fused: Tensor) -> tuple[Tensor, Tensor]:
+    def decode(self, fused: Tensor, wanted: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """See `Backend.decode`."""
-        return self._decoder(fused.permute(1, 2, 0).contiguous().numpy())
+        where = None if wanted is None else wanted.numpy()
+        return self._decoder(fused.permute(1, 2, 0).contiguous().numpy(), where)
 
 
 def choose(network: Network, config: BevConfig, wanted: str | None = None) -> Backend:

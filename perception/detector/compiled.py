@@ -15,10 +15,11 @@ from torch import Tensor, nn
 from perception.detector.grid import PILLARS_OF_CELL, BevConfig
 from perception.detector.network import BOX_CHANNELS, EVIDENCE, FEATURES, Decoder, Encoder
 from perception.detector.pillars import thinned
-from perception.kernels.convolution import PANEL, Convolution, Workers
+from perception.kernels.convolution import PANEL, Convolution, Workers, reached, tiles
 from perception.kernels.library import pointer
 
 Floats = NDArray[np.float32]
+Flags = NDArray[np.bool_]
 
 
 class CompiledEncoder:
@@ -52,27 +53,30 @@ class CompiledEncoder:
         rows, columns = self._config.cells
         buffer = self._workers.buffer
         image, filled = self._image(points)
+        said = reached(filled, EVIDENCE)
+        # What a cell says depends on those around it, and on the half resolution around them.
+        merged = reached(said)
+        halves = _halved(merged)
         near = buffer("near", image.shape)
-        self._near(image, near)
+        self._near(image, near, merged | _doubled(reached(halves, 2), merged.shape, 1))
         half = (-(-rows // 2), -(-columns // 2), self._wide_down.after)
         wide = buffer("wide", half)
         self._wide_down(near, wide)
         wider = buffer("wider", half)
-        self._wide(wide, wider)
+        self._wide(wide, wider, halves)
         self._wide_up(wider, image, add=near, repeat=2)
-        self._merge(image, near)
+        self._merge(image, near, needed=tiles(said))
         features = np.empty((rows, columns, FEATURES), np.float32)
         self._shared(near, features)
-        said = _reached(filled, EVIDENCE)
         self._workers.library.limit(pointer(features), pointer(said), rows * columns, FEATURES)
         return torch.from_numpy(features).permute(2, 0, 1)
 
-    def _image(self, points: Floats) -> tuple[Floats, NDArray[np.uint8]]:
+    def _image(self, points: Floats) -> tuple[Floats, Flags]:
         config, library, buffer = self._config, self._workers.library, self._workers.buffer
         rows, columns = config.cells
         cloud = np.ascontiguousarray(thinned(points))
         image = buffer("image", (rows, columns, len(self._down_bias)))
-        filled = np.empty((rows, columns), np.uint8)
+        filled = np.empty((rows, columns), np.bool_)
         most = min(len(cloud), rows * columns)
         seen = buffer("seen", (most, (PILLARS_OF_CELL + 1) * len(self._down_bias)))
         ints = buffer("ints", (library.image_scratch(rows, columns, len(cloud)),))
@@ -102,25 +106,34 @@ class CompiledDecoder:
         bias = torch.cat([part.bias for part in told if part.bias is not None]).detach().numpy()
         self._told = Convolution(workers, weights, bias, relu=False)
 
-    def __call__(self, fused: Floats) -> tuple[Tensor, Tensor]:
+    def __call__(self, fused: Floats, wanted: Flags | None = None) -> tuple[Tensor, Tensor]:
         """Heat logits (classes, rows, columns) and box channels (BOX_CHANNELS, rows, columns) of a
-        map (rows, columns, FEATURES)."""
+        map (rows, columns, FEATURES).
+
+        `wanted` (rows, columns): where they must be right; the rest may be anything finite.
+        """
         rows, columns, _ = fused.shape
+        wanted = np.ones((rows, columns), np.bool_) if wanted is None else wanted
+        # What each layer's next one reads, from the last to the first.
+        joined = reached(wanted)
+        read = reached(joined)
+        halves = _halved(read)
+        entered = read | _doubled(reached(halves, 4), wanted.shape, 1)
         buffer = self._workers.buffer
         near, narrow = self._near.after, buffer("narrow", (rows, columns, self._near.after))
-        self._enter(fused, narrow)
+        self._enter(fused, narrow, needed=tiles(reached(entered)))
         both = buffer("both", (rows, columns, near + self._up.after))
-        self._near(narrow, both[..., :near])
+        self._near(narrow, both[..., :near], needed=tiles(entered))
         half = (-(-rows // 2), -(-columns // 2), self._down.after)
         wide, other = buffer("wide", half), buffer("wider", half)
         self._down(both[..., :near], wide)
-        for residual in self._wide:
-            residual(wide, other)
+        for residual, steps in zip(self._wide, (2, 0), strict=True):
+            residual(wide, other, reached(halves, steps))
             wide, other = other, wide
         self._up(wide, both[..., near:], repeat=2)
-        self._merge[0](both, narrow)
+        self._merge[0](both, narrow, needed=tiles(joined))
         merged = buffer("merged", (rows, columns, self._merge[1].after))
-        self._merge[1](narrow, merged)
+        self._merge[1](narrow, merged, needed=tiles(wanted))
         told = np.empty((rows, columns, self._told.after), np.float32)
         self._told(merged, told)
         channels = torch.from_numpy(told).permute(2, 0, 1)
@@ -133,10 +146,11 @@ class _Residual:
         self._first = _layer(residual.first, workers)  # type: ignore[arg-type]
         self._second = _layer(residual.second, workers, relu=True)  # type: ignore[arg-type]
 
-    def __call__(self, image: Floats, out: Floats) -> None:
+    def __call__(self, image: Floats, out: Floats, wanted: Flags) -> None:
+        """`wanted` (rows, columns): where `out` must be right."""
         between = self._workers.buffer("between", image.shape)
-        self._first(image, between)
-        self._second(between, out, add=image)
+        self._first(image, between, needed=tiles(reached(wanted)))
+        self._second(between, out, add=image, needed=tiles(wanted))
 
 
 def _layer(part: nn.Sequential, workers: Workers, *, relu: bool | None = None) -> Convolution:
@@ -154,11 +168,16 @@ def _layer(part: nn.Sequential, workers: Workers, *, relu: bool | None = None) -
     )
 
 
-def _reached(filled: NDArray[np.uint8], cells: int) -> NDArray[np.uint8]:
-    """1 where a 1 is at most `cells` rows and columns away."""
-    reached = np.pad(filled, cells)
-    for axis in (0, 1):
-        size = filled.shape[axis]
-        parts = [reached.take(range(i, i + size), axis) for i in range(2 * cells + 1)]
-        reached = np.bitwise_or.reduce(parts)
-    return reached
+def _halved(cells: Flags) -> Flags:
+    """Which cells of half the resolution hold one that is true."""
+    rows, columns = cells.shape
+    even = np.pad(cells, ((0, rows % 2), (0, columns % 2)))
+    rowwise = even[::2] | even[1::2]
+    return rowwise[:, ::2] | rowwise[:, 1::2]
+
+
+def _doubled(cells: Flags, shape: tuple[int, ...], around: int) -> Flags:
+    """Which cells of twice the resolution, of this shape, lie in one that is true, or `around`
+    cells beside it: what a stride of 2 reads."""
+    fine = cells.repeat(2, axis=0).repeat(2, axis=1)[: shape[0], : shape[1]]
+    return reached(fine, around)

@@ -59,10 +59,10 @@ class Detector:
     def decode(self, fused: Tensor) -> Boxes:
         """The boxes that a feature map shows, best score first, in the frame of the map."""
         with torch.inference_mode():
-            heat, channels = self.backend.decode(fused)
-            # Nobody has said anything there: no robot has a point near.
-            silent = largest_around(fused.amax(dim=0, keepdim=True), 1) == 0.0
-            return read_boxes(self.config, heat.masked_fill(silent, -math.inf), channels)
+            # Elsewhere nobody has said anything: no robot has a point near.
+            said = largest_around(fused.amax(dim=0, keepdim=True), 1)[0] != 0.0
+            heat, channels = self.backend.decode(fused, said)
+            return read_boxes(self.config, heat.masked_fill(~said, -math.inf), channels)
 
     def detect(self, points: Points) -> Boxes:
         """The boxes in a cloud float32 (N, 3), in its frame; points off the area are left out."""

@@ -90,13 +90,20 @@ class Convolution:
         self._weights = np.ascontiguousarray(packed, dtype=np.float32)
 
     def __call__(
-        self, image: Floats, out: Floats, add: Floats | None = None, repeat: int = 1
+        self,
+        image: Floats,
+        out: Floats,
+        add: Floats | None = None,
+        repeat: int = 1,
+        needed: NDArray[np.bool_] | None = None,
     ) -> None:
         """Writes the convolution of an image (rows, columns, before) to `out`.
 
         Images may be views of some channels of wider ones. `add`, of the shape of `out`, is added:
         before negative values become 0 at a stride of 1 with a kernel of 3, after that else.
         `repeat`: how often each cell is written along both axes; only without tiles.
+        `needed` (see `tiles`): the others become 0; only with tiles, of a kernel of 3 at a stride
+        of 1.
         """
         rows, columns, _ = image.shape
         workers, library = self._workers, self._workers.library
@@ -107,7 +114,8 @@ class Convolution:
                 library.convolve3(
                     *(pointer(image), _pitch(image), rows, columns, self.before),
                     *(pointer(self._weights), pointer(self._bias), self.after),
-                    *(pointer(add), _pitch(add), self._relu, pointer(out), _pitch(out)),
+                    *(pointer(add), _pitch(add), self._relu, pointer(needed)),
+                    *(pointer(out), _pitch(out)),
                     *(pointer(workers.buffer("scratch", (size,))), first, last),
                 )
 
@@ -125,6 +133,25 @@ class Convolution:
                 )
 
             workers.split(-(-rows // self._stride), work)
+
+
+def tiles(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which tiles hold a cell (rows, columns) that is true."""
+    rows, columns = cells.shape
+    padded = np.pad(cells, ((0, -rows % TILE), (0, -columns % TILE)))
+    grid = padded.reshape(padded.shape[0] // TILE, TILE, -1, TILE)
+    return np.ascontiguousarray(np.logical_or.reduce(grid, axis=(1, 3)))
+
+
+def reached(cells: NDArray[np.bool_], steps: int = 1) -> NDArray[np.bool_]:
+    """Which cells have one that is true at most `steps` rows and columns away."""
+    rows, columns = cells.shape
+    padded = np.pad(cells, steps)
+    across = np.logical_or.reduce([padded[:, i : i + columns] for i in range(2 * steps + 1)])
+    both: NDArray[np.bool_] = np.logical_or.reduce(
+        [across[i : i + rows] for i in range(2 * steps + 1)]
+    )
+    return both
 
 
 def _pitch(image: Floats | None) -> int:

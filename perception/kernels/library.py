@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FOLDER = Path(__file__).parent
+_VERSION = 1
+"""Of the libraries' functions: one that was built from another source is not called."""
 _NEEDED = {
     "_network_avx512": {"avx512f", "avx2", "fma"},
     "_network_avx2": {"avx2", "fma"},
@@ -31,7 +33,7 @@ _KINDS = {
 }
 _NETWORK = {
     "scratch3": "l ii",
-    "convolve3": "v piiii ppi piip i pii",
+    "convolve3": "v piiii ppi pii p pi pii",
     "scratch": "l iii",
     "convolve": "v piiii ii ppi pi ii pi ii pii",
     "limit": "v ppli",
@@ -99,6 +101,8 @@ def _load(name: str, functions: dict[str, str]) -> ctypes.CDLL | None:
     for path in sorted(_FOLDER.glob(f"{name}.*so")):
         try:
             library = ctypes.CDLL(str(path))
+            if library.loops_version() != _VERSION:
+                continue
             for function, kinds in functions.items():
                 result, *arguments = (_KINDS[kind] for kind in kinds.replace(" ", ""))
                 declared = library[function]
@@ -106,7 +110,7 @@ def _load(name: str, functions: dict[str, str]) -> ctypes.CDLL | None:
                 declared.argtypes = arguments  # type: ignore[assignment]
                 setattr(library, function, declared)
         except (OSError, AttributeError):
-            # Built for another processor or C library, or from another source.
+            # Built for another processor or C library, or from a much older source.
             continue
         return library
     return None

@@ -8,6 +8,9 @@
 #include <math.h>
 #include <string.h>
 
+/* Raise with any change of what functions take: perception/kernels/library.py has the same. */
+int loops_version(void) { return 1; }
+
 #if defined(__AVX512F__)
 #define LANES 16
 #define ROWS 12
@@ -104,18 +107,30 @@ static void tile_into(const float *from, long right, long down, int channels, fl
 long scratch3(int before, int after) { return 36L * (BLOCK * (before + after) + before); }
 
 /* out = 3 x 3 convolution of `in`, zero beyond the border, + bias (+ `add`), not negative where
-   `relu`; for the rows of tiles (4 rows of cells each) from `first` to `last`.
+   `relu`; for the rows of tiles (4 rows of cells each) from `first` to `last`. Tiles (rows / 4,
+   columns / 4, rounded up) that are not `needed` become 0; without it, all are.
    weights: (36, after / 16, before, 16), in Winograd's form. */
 void convolve3(const float *in, int in_pitch, int rows, int columns, int before,
                const float *weights, const float *bias, int after, const float *add, int add_pitch,
-               int relu, float *out, int out_pitch, float *scratch, int first, int last)
+               int relu, const unsigned char *needed, float *out, int out_pitch, float *scratch,
+               int first, int last)
 {
     float *v = scratch, *m = v + 36L * BLOCK * before, *edge = m + 36L * BLOCK * after;
-    int across = (columns + 3) / 4, end = last * across;
-    for (int begin = first * across; begin < end; begin += BLOCK) {
-        int n = end - begin < BLOCK ? end - begin : BLOCK;
+    int across = (columns + 3) / 4, next = first * across, end = last * across;
+    while (next < end) {
+        int tile[BLOCK], n = 0;
+        for (; next < end && n < BLOCK; next++) {
+            if (!needed || needed[next]) {
+                tile[n++] = next;
+                continue;
+            }
+            int y = next / across * 4, x = next % across * 4;
+            for (int i = y; i < y + 4 && i < rows; i++)
+                for (int j = x; j < x + 4 && j < columns; j++)
+                    memset(out + ((long)i * columns + j) * out_pitch, 0, sizeof(float) * after);
+        }
         for (int t = 0; t < n; t++) {
-            int y = (begin + t) / across * 4 - 1, x = (begin + t) % across * 4 - 1;
+            int y = tile[t] / across * 4 - 1, x = tile[t] % across * 4 - 1;
             long right = in_pitch, down = (long)columns * in_pitch;
             const float *from = in + y * down + x * right;
             if (y < 0 || x < 0 || y + 6 > rows || x + 6 > columns) {
@@ -135,7 +150,7 @@ void convolve3(const float *in, int in_pitch, int rows, int columns, int before,
             multiply(v + (long)p * BLOCK * before, before, weights + (long)p * before * after,
                      before, m + (long)p * BLOCK * after, after, n, after);
         for (int t = 0; t < n; t++) {
-            int y = (begin + t) / across * 4, x = (begin + t) % across * 4;
+            int y = tile[t] / across * 4, x = tile[t] % across * 4;
             int high = rows - y < 4 ? rows - y : 4, wide = columns - x < 4 ? columns - x : 4;
             for (int c = 0; c < after; c += LANES) {
                 vec half[24], b = GET(bias + c);

@@ -5,6 +5,9 @@
 #include <stdint.h>
 #include <string.h>
 
+/* Raise with any change of what functions take: perception/kernels/library.py has the same. */
+int loops_version(void) { return 1; }
+
 /* Of the points (n, 3) in each cell of a square grid with `half` cells on each side of the origin:
    how many, their lowest and highest z, and the sums of x and y. Arrays of (2 half)^2, x first. */
 void gather_cells(const float *points, long n, float cell_m, long half, int64_t *count, double *low,
