@@ -31,6 +31,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.ending import signals_raise
 from benchmarks.processes import free_ports
 from benchmarks.report import write_report
 from deploy.ports import LOCALHOST
@@ -242,7 +243,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--opv2v", type=Path, help="directory of the OPV2V sample")
     args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
+    with signals_raise(), tempfile.TemporaryDirectory() as name:
         directory = Path(name)
         kind = "opv2v" if args.opv2v else "factory"
         data = recorded_world(args.opv2v, directory) if args.opv2v else None
