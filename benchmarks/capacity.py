@@ -130,7 +130,7 @@ class Rig:
         finally:
             for process in (flow.sender, flow.receiver):
                 process.kill()
-                process.communicate()
+                process.wait()
 
 
 def spread(found: Sequence[float]) -> float:
