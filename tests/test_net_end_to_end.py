@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -100,7 +101,7 @@ def rich(view: SwarmView) -> bool:
 
 def several(view: SwarmView) -> bool:
     """Points of more robots than 15 % of the link can carry, and fewer than all of fusion's share:
-    where robots lack processor time, the ego measures less than the link gives."""
+    where robots lack processor time, not all of them are in time."""
     return view.algorithm == "early" and len(view.selected or ()) >= 3
 
 
@@ -146,6 +147,24 @@ def test_a_smaller_link_gets_a_decision_that_fits_and_a_wider_one_the_richer_bac
     assert knows.valid
     net("shape", "--rate", "55mbit")
     await_(lambda: rich(watch.view()), "the richer decision is back")
+
+
+def test_a_busy_machine_is_not_taken_for_a_narrow_link(net: Net, watch: Watch) -> None:
+    """Robots, ego and this test share few processors, so that answers come late."""
+    for rate, rate_bps in (("20mbit", 20e6), ("55mbit", 55e6)):
+        net("shape", "--rate", rate)
+        await_(lambda bps=rate_bps: near(watch.view(), bps), "C(t) is what was configured")
+        cycles = set()
+        while len(cycles) < 8:
+            view = watch.view()
+            assert near(view, rate_bps), view
+            cycles.add(view.cycle)
+            time.sleep(0.2)
+
+
+def near(view: SwarmView, rate_bps: float) -> bool:
+    """C(t) is the rate, less what control takes."""
+    return view.capacity_bps is not None and 0.85 * rate_bps <= view.capacity_bps <= rate_bps
 
 
 def test_telemetry_that_fills_the_link_makes_the_controller_put_fusion_first(
