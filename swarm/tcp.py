@@ -73,8 +73,7 @@ def connections(traffic: TrafficClass) -> Iterator[Connection]:
             inode = os.readlink(f"/proc/self/fd/{name}")
             if not inode.startswith("socket:"):
                 continue
-            # A copy of the descriptor: who owns the socket may close it at any time.
-            with socket.socket(fileno=os.dup(int(name))) as held:
+            with _copy(int(name)) as held:
                 if held.family not in (socket.AF_INET, socket.AF_INET6):
                     continue
                 if held.type != socket.SOCK_STREAM or _tos(held) != traffic.tos:
@@ -83,6 +82,16 @@ def connections(traffic: TrafficClass) -> Iterator[Connection]:
         except OSError:
             continue  # It listens, or is closed by now.
         yield Connection(int(name), inode, _written(local), _written(peer))
+
+
+def _copy(descriptor: int) -> socket.socket:
+    """Another descriptor of a socket, as who owns it may close it at any time. Raises OSError."""
+    copied = os.dup(descriptor)
+    try:
+        return socket.socket(fileno=copied)
+    except OSError:
+        os.close(copied)  # It was closed, and its number is that of another file by now.
+        raise
 
 
 def _tos(held: socket.socket) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 import msgspec
 
@@ -60,7 +61,9 @@ class TcpWatch:
             now_s = time.monotonic()
             if now_s >= look_due:
                 look_due = now_s + LOOK_S
-                self._look()
+                # Without a descriptor to spare nobody can look; what is known goes on.
+                with suppress(OSError):
+                    self._look()
             with self._lock:
                 standing = [self._sample(c, meter) for c, meter in self._meters.items()]
             wait_s = STANDING_S if any(standing) else IDLE_S
