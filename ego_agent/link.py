@@ -27,8 +27,8 @@ from typing import NamedTuple
 
 from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
 
-WINDOW_S = 1.25
-"""For how long what a queue has shown last counts: more than a period of `net/state`."""
+WINDOW_S = 2.5
+"""How long a queue that has stood counts while nobody tells of it: a `net/state` may be lost."""
 SILENCE_DECAY = 0.85
 DOUBLING_S = 5.0
 STATE_FRESH_S = 5.0
@@ -60,7 +60,9 @@ class _Filter:
             fresh = {q: one for q, one in self._filled.items() if now_s - one[0] <= WINDOW_S}
             self._filled = fresh | {sample.queue: (now_s, sample.rate_bps)}
             self.measured = (max(bps for _, bps in self._filled.values()), now_s)
-        elif self.measured is not None and sample.rate_bps > self.risen(now_s):
+            return
+        self._filled.pop(sample.queue, None)
+        if self.measured is not None and sample.rate_bps > self.risen(now_s):
             self.measured = (sample.rate_bps, now_s)
 
     def risen(self, now_s: float) -> float:

@@ -76,6 +76,14 @@ def test_a_steady_queue_gives_a_steady_estimate() -> None:
     assert max(found[2:]) <= 1.11 * min(found[2:])
 
 
+def test_a_queue_that_stands_no_longer_does_not_count_beside_one_that_does() -> None:
+    link = LinkEstimate(PRIOR)
+    link.add_cell(filled(5e6, queue="shaper"), 1.0)
+    link.add_cell(Sample("shaper", 1e6, filled=False, span_s=REPORT_S), 1.4)
+    link.add_cell(filled(1e6, queue="socket"), 1.5)
+    assert link.capacity(1.5)[0] == pytest.approx(1e6)
+
+
 def test_what_a_recovered_link_carries_at_least_raises_the_estimate_at_once() -> None:
     link = LinkEstimate(PRIOR)
     now = feed(link, filled(0.3e6), 2.0, 0.0)
