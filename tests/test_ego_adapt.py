@@ -225,7 +225,7 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
     made = controller.shape(narrow_bps, lambda d: d.cycle >= made[-1].cycle + 4)
     for decision in made:
         assert decision.cost_bytes * 8 * decision.rate_hz <= 0.8 * narrow_bps
-    said = demands.until(lambda d: not d.reachable and d.unreachable_s > 1.0)
+    said = demands.until(lambda d: d.possible and not d.reachable and d.unreachable_s > 1.0)
     assert said.possible
     assert said.needed_bytes_s * 8 > narrow_bps
     assert said.quality < 0.93
