@@ -73,8 +73,8 @@ def trial(spec: SwarmSpec) -> dict[str, Any]:
 
 
 def cost_bps(line: dict[str, Any]) -> float:
-    """Predicted traffic of a decision at 10 frames a second."""
-    return 8.0 * 10.0 * float(line["decision"]["cost_bytes"])
+    """Predicted traffic of a decision."""
+    return 8.0 * float(line["decision"]["rate_hz"]) * float(line["decision"]["cost_bytes"])
 
 
 def received_bps(line: dict[str, Any], spec: SwarmSpec) -> float:

@@ -39,7 +39,8 @@ class Need:
 def need(scene: UnifiedScene, knowledge: Knowledge) -> Need:
     """What this scene takes to reach Q_min. The best of the greedy orders, so not always the very
     cheapest; but `coverage` finds it too: it reaches Q_min on a link of 8 * `bytes_s`."""
-    scorer = Scorer(scene, knowledge, budget_bytes=UNLIMITED_BYTES)
+    # Lateness may be the narrow cell's own doing: it says nothing about a wider one.
+    scorer = Scorer(scene, knowledge, budget_bytes=UNLIMITED_BYTES, hopes=True)
     cost = _cheapest(scorer)
     if cost is None:
         return Need(0, possible=False, fits=False)

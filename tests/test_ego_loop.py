@@ -11,6 +11,7 @@ import msgspec
 import pytest
 from ego_scenes import NOW_NS, assert_valid, candidate, snapshot
 
+from ego_agent.demand import need
 from ego_agent.explain import explain
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import UnifiedScene
@@ -247,6 +248,15 @@ def test_the_time_that_a_decision_has_been_held_survives_a_clock_that_jumps() ->
         decision = plan(snapshot(), scene, policy, rig.known, before, 9, after_ns)
         assert decision.held_s is not None
         assert least <= decision.held_s <= most
+
+
+def test_what_q_min_takes_of_the_link_does_not_depend_on_who_is_late() -> None:
+    rig = Rig(lambda robot, algorithm, rate: math.inf)
+    before = need(rig.scene(), rig.known)
+    for _ in range(10):
+        rig.cycle()
+    assert need(rig.scene(), rig.known) == before
+    assert before.possible
 
 
 def test_a_slower_pace_waits_longer_and_is_worth_less() -> None:
