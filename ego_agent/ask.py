@@ -17,6 +17,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from ego_agent.evidence import Queues
+from ego_agent.experience import frames_of
 from ego_agent.knowledge import Knowledge
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
@@ -156,6 +157,7 @@ class Asker:
         self.knowledge = knowledge
         self._tally = tally
         self._clock = clock
+        self._frames_hz = 1.0 / frame_period_s
         self._max_skew_ns = round(MAX_SKEW_FRAMES * frame_period_s * 1e9)
         self._max_error_m = max_error_m
         self._keep_ground = keep_ground
@@ -260,7 +262,8 @@ class Asker:
                 self._link.silence(now)
             for robot in done.waiting:
                 # Not how long it takes, but that it takes longer, is known at once.
-                self._note(done, robot, math.nextafter(done.deadline_s, math.inf), done.deadline_s)
+                longer_s = math.nextafter(done.deadline_s, math.inf)
+                self._note(done, robot, longer_s, done.deadline_s, at_least=True)
             done.close(now)
 
     def _is_busy(self, robot: str, now: float) -> bool:
@@ -363,15 +366,20 @@ class Asker:
         answer_s: float,
         waited_s: float,
         encode_s: float | None = None,
+        *,
+        at_least: bool = False,
     ) -> None:
         """All frames of the time that it kept the robot busy count."""
         self.knowledge.experience.record(
             robot,
             done.algorithm,
             answer_s,
-            frames=PROBE_FRAMES if done.probe else waited_s * done.rate_hz,
+            frames=PROBE_FRAMES
+            if done.probe
+            else frames_of(waited_s, done.rate_hz, self._frames_hz),
             encode_s=encode_s,
             capacity_bps=done.capacity_bps,
+            at_least=at_least,
         )
 
     def _learn(self, arrival: _Arrival) -> None:

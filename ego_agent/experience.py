@@ -27,6 +27,9 @@ from swarm.messages import Algorithm
 MEMORY_FRAMES = 20.0
 """Frames of one robot and algorithm that are remembered: two seconds at 10 Hz, so that a decision
 whose answers stay away loses its credit within two or three cycles."""
+LEAST_REMEMBERED = 5
+"""Answers that are remembered at least. At lower rates one counts for up to a fifth of the memory,
+so that two to five seconds are remembered whatever the rate."""
 HALF_LIFE_S = 30.0
 """What is not seen again is half forgotten after this."""
 POOL_WEIGHT = 2.0
@@ -62,6 +65,18 @@ class Told:
     """The robot's share of it; None without an answer."""
     capacity_bps: float
     """C(t) at that time."""
+    at_least: bool
+    """It took longer than `answer_s`, nobody knows how long: whether it would have met a later
+    deadline is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weighted:
+    """One answer's time, and the frames that it counts for by now."""
+
+    answer_s: float
+    frames: float
+    at_least: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,21 +85,24 @@ class Pool:
 
     times_s: NDArray[np.float64]
     """Rising."""
-    weights: NDArray[np.float64]
-    """Of each time and all before it, frames."""
+    known: NDArray[np.float64]
+    """Frames of each time and all before it, of answers whose time is known."""
+    open: NDArray[np.float64]
+    """The same of those that took longer than told."""
 
-    def within(self, limit_s: float) -> float:
-        """Share of the frames whose answer took no longer."""
+    def within(self, limit_s: float) -> tuple[float, float]:
+        """Frames whose answer took no longer, and all of which that is known."""
         at = int(np.searchsorted(self.times_s, limit_s, side="right"))
-        return float(self.weights[at - 1] / self.weights[-1]) if at else 0.0
+        hits, unclear = (self.known[at - 1], self.open[at - 1]) if at else (0.0, 0.0)
+        return float(hits), float(self.known[-1] + self.open[-1] - unclear)
 
 
 @dataclass(frozen=True, slots=True)
 class AnswerTimes:
     """What is known of one robot's answers with one algorithm."""
 
-    own: tuple[tuple[float, float], ...] = ()
-    """(seconds, frames) of its own answers; infinite seconds for those that never came."""
+    own: tuple[Weighted, ...] = ()
+    """Its own answers; infinite seconds for those that never came."""
     pool: Pool | None = None
     slowness: float = 1.0
     """How many times longer than others' its answers take."""
@@ -98,7 +116,7 @@ class AnswerTimes:
     @property
     def lost(self) -> float:
         """Share of its own frames whose answer never came; 0 without evidence."""
-        never = sum(weight for seconds, weight in self.own if seconds == math.inf)
+        never = sum(one.frames for one in self.own if one.answer_s == math.inf)
         return never / self.frames if self.own else 0.0
 
     @property
@@ -110,20 +128,31 @@ class AnswerTimes:
 
     def in_time(self, deadline_s: float) -> float:
         """Probability that an answer comes within the deadline."""
-        hits = PRIOR_WEIGHT
-        for seconds, weight in self.own:
-            if seconds <= deadline_s:
-                hits += weight
-        total = PRIOR_WEIGHT + self.frames
+        hits = total = PRIOR_WEIGHT
+        for one in self.own:
+            if one.answer_s > deadline_s:
+                total += one.frames
+            elif not one.at_least:
+                hits += one.frames
+                total += one.frames
         if self.pool is not None:
-            borrowed = min(POOL_WEIGHT, float(self.pool.weights[-1]))
-            hits += borrowed * self.pool.within(deadline_s / self.slowness)
-            total += borrowed
+            within, known = self.pool.within(deadline_s / self.slowness)
+            borrowed = min(POOL_WEIGHT, known)
+            if known > 0.0:
+                hits += borrowed * within / known
+                total += borrowed
         return hits / total
 
 
 UNTRIED = AnswerTimes()
 """Nothing is known: answers are taken to come in time."""
+
+
+def frames_of(waited_s: float, rate_hz: float, usual_hz: float) -> float:
+    """Frames that an answer counts for which kept a robot waiting so long at a rate, where
+    `usual_hz` is the usual one: at a lower rate each counts for more."""
+    most = MEMORY_FRAMES / LEAST_REMEMBERED
+    return max(1.0, waited_s * rate_hz) * min(most, max(1.0, usual_hz / rate_hz))
 
 
 class Experience:
@@ -143,11 +172,18 @@ class Experience:
         frames: float = 1.0,
         encode_s: float | None = None,
         capacity_bps: float = 1.0,
+        at_least: bool = False,
     ) -> None:
         """Notes that a request has ended now: `answer_s` after it was sent, infinite where no
-        usable answer came; `frames` is how many frames it kept waiting, `capacity_bps` C(t)."""
+        usable answer came; `at_least`: that it takes longer than that. `frames` is how many frames
+        it kept waiting, `capacity_bps` C(t)."""
         told = Told(
-            self._clock(), max(0.0, answer_s), max(1.0, frames), encode_s, max(1.0, capacity_bps)
+            self._clock(),
+            max(0.0, answer_s),
+            max(1.0, frames),
+            encode_s,
+            max(1.0, capacity_bps),
+            at_least,
         )
         key = (robot, algorithm)
         with self._lock:
@@ -185,7 +221,7 @@ class Learnt:
         }
         self._encode_s = {key: _median(t.encode_s for t in told) for key, told in series.items()}
         self._answer_s = {
-            key: _median(t.answer_s for t in told if t.answer_s < math.inf)
+            key: _median(t.answer_s for t in told if t.answer_s < math.inf and not t.at_least)
             for key, told in series.items()
         }
         self._slowness = _slowness(series)
@@ -204,26 +240,33 @@ class Learnt:
                     self._slowness.get(robot, 1.0),
                     self._encode_s.get(key),
                     self._answer_s.get(key),
-                    sum(weight for _, weight in own),
+                    sum(one.frames for one in own),
                 )
         return known
 
     def _pooled(self) -> dict[Algorithm, Pool]:
-        parts: dict[Algorithm, list[tuple[float, float]]] = {}
+        parts: dict[Algorithm, list[tuple[float, float, float]]] = {}
         for (robot, algorithm), own in self._own.items():
             slowness = self._slowness.get(robot, 1.0)
-            share = min(1.0, POOL_EACH / sum(weight for _, weight in own))
-            parts.setdefault(algorithm, []).extend((s / slowness, w * share) for s, w in own)
+            share = min(1.0, POOL_EACH / max(1e-9, sum(one.frames for one in own)))
+            parts.setdefault(algorithm, []).extend(
+                (
+                    one.answer_s / slowness,
+                    0.0 if one.at_least else one.frames * share,
+                    one.frames * share if one.at_least else 0.0,
+                )
+                for one in own
+            )
         pools = {}
         for algorithm, weighted in parts.items():
             table = np.array(sorted(weighted))
-            pools[algorithm] = Pool(table[:, 0], np.cumsum(table[:, 1]))
+            pools[algorithm] = Pool(table[:, 0], *np.cumsum(table[:, 1:], axis=0).T)
         return pools
 
 
 def _weighted(
     told: tuple[Told, ...], now_s: float, capacity_bps: float | None
-) -> Iterable[tuple[float, float]]:
+) -> Iterable[Weighted]:
     """The newest answers up to MEMORY_FRAMES, each with the frames that it counts for by now."""
     left = MEMORY_FRAMES
     for one in reversed(told):
@@ -233,7 +276,7 @@ def _weighted(
         if capacity_bps is not None:
             change = capacity_bps / one.capacity_bps
             weight *= min(1.0, ANOTHER_LINK * min(change, 1.0 / change))
-        yield one.answer_s, frames * weight
+        yield Weighted(one.answer_s, frames * weight, one.at_least)
         if left <= 0.0:
             return
 

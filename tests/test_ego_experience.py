@@ -9,7 +9,14 @@ import pytest
 from ego_scenes import snapshot, view
 
 from ego_agent.analyze import analyze
-from ego_agent.experience import HALF_LIFE_S, MAX_SERIES, AnswerTimes, Experience
+from ego_agent.experience import (
+    HALF_LIFE_S,
+    MAX_SERIES,
+    MEMORY_FRAMES,
+    AnswerTimes,
+    Experience,
+    frames_of,
+)
 from ego_agent.knowledge import Knowledge
 from ego_agent.own_costs import OwnCosts
 
@@ -68,6 +75,27 @@ def test_an_answer_counts_for_all_frames_that_waited_for_it() -> None:
     known.record("R1", "late", math.inf, frames=15.0)
     assert in_time(known, "R1", "late") == pytest.approx(0.25, abs=0.1)
     assert known.learnt().of("R1", ["late"])["late"].lost == pytest.approx(0.75)
+
+
+def test_a_missed_deadline_says_nothing_about_a_longer_one() -> None:
+    known, _ = experience(told(["R1"], "late", 0.1))
+    for _ in range(20):
+        known.record("R1", "late", 0.251, at_least=True)
+    answers = known.learnt().of("R1", ["late"])["late"]
+    assert answers.in_time(DEADLINE_S) < 0.1
+    assert answers.in_time(0.5) == 1.0
+    for _ in range(5):
+        known.record("R1", "late", 0.8)
+    assert known.learnt().of("R1", ["late"])["late"].in_time(0.5) < 0.15
+    assert known.learnt().of("R2", ["late"])["late"].in_time(0.5) < 0.4
+
+
+@pytest.mark.parametrize(("rate_hz", "least_s", "most_s"), [(10, 2, 2), (2.5, 2, 2), (1, 5, 5)])
+def test_two_to_five_seconds_are_remembered_at_any_rate(
+    rate_hz: float, least_s: float, most_s: float
+) -> None:
+    remembered_s = MEMORY_FRAMES / frames_of(0.1, rate_hz, 10.0) / rate_hz
+    assert least_s <= remembered_s <= most_s
 
 
 def test_what_five_robots_have_taught_need_not_be_found_out_by_the_sixth() -> None:

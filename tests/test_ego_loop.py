@@ -6,12 +6,14 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import msgspec
 import pytest
 from ego_scenes import NOW_NS, assert_valid, candidate, snapshot
 
 from ego_agent.demand import need
+from ego_agent.experience import frames_of
 from ego_agent.explain import explain
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import UnifiedScene
@@ -78,19 +80,30 @@ class Rig:
         self.decisions.append(decision)
         if probe is not None:
             self.probes.append((self.now_s, probe))
-            self._tell(probe.robot, probe.algorithm, 0.1, frames=5.0)
+            self._tell(probe.robot, probe.algorithm, 0.1)
         frames = round(decision.rate_hz)
         for _ in range(frames):
             self.now_s += 1.0 / frames
             for robot in decision.participants[1:]:
-                self._tell(robot, decision.algorithm, decision.rate_hz)
+                self._tell(robot, decision.algorithm, decision.rate_hz, decision.deadline_s)
         return decision
 
-    def _tell(self, robot: str, algorithm: str, rate_hz: float, frames: float = 1.0) -> None:
+    def _tell(
+        self, robot: str, algorithm: str, rate_hz: float, deadline_s: float | None = None
+    ) -> None:
+        """As Execute does; without a deadline it is the answer to a probe."""
         took_s = self.answer(robot, algorithm, rate_hz)
-        self.known.experience.record(
-            robot, algorithm, took_s, frames=frames, capacity_bps=self.capacity_bps
+        late = deadline_s is not None and took_s > deadline_s
+        record = partial(
+            self.known.experience.record,
+            robot,
+            algorithm,
+            frames=5.0 if deadline_s is None else frames_of(min(took_s, 1.5), rate_hz, 10.0),
+            capacity_bps=self.capacity_bps,
         )
+        if late and deadline_s is not None:
+            record(deadline_s * 1.001, at_least=True)
+        record(took_s)
 
     def arrives(self, decision: Decision) -> float:
         """Share of the participants whose answers really meet the decision's deadline."""
