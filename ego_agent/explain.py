@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ego_agent.experience import UNTRIED
+from ego_agent.answers import UNTRIED
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import Candidate, UnifiedScene
 from ego_agent.scoring import Scorer

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ego_agent.experience import AnswerTimes
+from ego_agent.answers import AnswerTimes
 from swarm.geometry import Pose
 from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, Source
 

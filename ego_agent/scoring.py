@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ego_agent.experience import UNTRIED
+from ego_agent.answers import UNTRIED
 from ego_agent.knowledge import Knowledge
 from ego_agent.model import UnifiedScene
 from ego_agent.pace import USUAL, Pace, paces

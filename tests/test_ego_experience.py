@@ -9,11 +9,11 @@ import pytest
 from ego_scenes import snapshot, view
 
 from ego_agent.analyze import analyze
+from ego_agent.answers import AnswerTimes
 from ego_agent.experience import (
     HALF_LIFE_S,
     MAX_SERIES,
     MEMORY_FRAMES,
-    AnswerTimes,
     Experience,
     frames_of,
 )
