@@ -1,11 +1,12 @@
 """The embedded model's speed with real prompts of 6 robots, and forms of the model side by side.
 
 `cold`: nothing of the prompt was read before. `warm`: an ego's next question, a second later.
-`bandwidth_only`: the same question with another link. Rows say what each form of the model costs:
-milliseconds of one decode (the least of several), and how its words differ from the packaged
-form's: perplexity on this project's own documentation, and the share of equal next tokens.
+`bandwidth_only`: the same question with another link. Rows say what a form of the model costs, with
+`--forms` also those that are not packaged: milliseconds of one decode (the least of several), and
+how its words differ from the packaged form's: perplexity on this project's own documentation, and
+the share of equal next tokens.
 
-`python -m benchmarks.embedded [--repeats N] [MODEL]`
+`python -m benchmarks.embedded [--repeats N] [--forms] [MODEL]`
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import asyncio
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -46,6 +47,7 @@ WAIT_S = 600.0
 LINK_BPS, OTHER_LINK_BPS = 5e6, 2.5e6
 FORMS = ("Q8_0", "BF16", "F16", "Q4_0", "IQ4_NL")
 FOLDER = Path("build/llm")
+TOGETHER = ("batch_speedup", "prefix_ratio", "valid_constrained")
 WORDS = Path("docs/architecture.md")
 
 
@@ -166,13 +168,15 @@ def words(native: Native, tokens: list[int]) -> tuple[float, npt.NDArray[np.int6
     return float(np.exp(loss / len(likeliest))), np.array(likeliest)
 
 
-def forms(model: Path, asked: list[Case]) -> tuple[list[dict[str, Any]], dict[str, int]]:
-    """A row for each form of the model; sizes of the prompts."""
+def forms(
+    model: Path, asked: list[Case], others: Sequence[str]
+) -> tuple[list[dict[str, Any]], dict[str, int]]:
+    """A row for the packaged form of the model and for each of the others; sizes of the prompts."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     packaged = None
     found: dict[str, int] = {}
-    for form in ("packaged", *FORMS):
+    for form in ("packaged", *others):
         path = model if form == "packaged" else FOLDER / f"{model.stem}-{form}.gguf"
         if not path.exists():
             convert(model, path, form)
@@ -193,7 +197,8 @@ def main() -> int:
     """Measures and writes embedded.json."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("model", nargs="?", default=DEFAULT_MODEL)
-    parser.add_argument("--repeats", type=int, default=6)
+    parser.add_argument("--repeats", type=int, default=4)
+    parser.add_argument("--forms", action="store_true", help="measure other forms of it, too")
     args = parser.parse_args()
     model = find_model(args.model)
     source = cases()
@@ -201,8 +206,8 @@ def main() -> int:
     figures, samples = asyncio.run(speed(model, asked))
     figures["model"] = model.stem
     batch, batch_samples = asyncio.run(together_or_alone(model, 1))
-    rows, found = forms(model, asked)
-    figures |= found | {name: batch[name] for name in ("batch_speedup", "prefix_ratio")}
+    rows, found = forms(model, asked, FORMS if args.forms else ())
+    figures |= found | {name: batch[name] for name in TOGETHER}
     print(
         f"embedded: {figures['prompt_tokens_6']} tokens: cold {figures['cold_s_p50']:.2f} s, "
         f"warm {figures['warm_s_p50']:.2f} s, other link {figures['bandwidth_only_s_p50']:.2f} s; "

@@ -4,7 +4,7 @@ The gateway process itself with a Zenoh router, in front of a model server that 
 fixed time; 50 egos with one request under way each. Overhead is a request's time less what the
 model server itself needed, so it holds both connections and the client. LiteLLM's proxy stands in
 the gateway's place in the same run, with the same HTTP client; `direct` is that client without
-anything between. Then the embedded model, where it is installed.
+anything between. With `--repeats` the embedded model, too, where it is installed.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ async def with_model(repeats: int) -> tuple[dict[str, Any], dict[str, Any]]:
     except SettingError as error:
         return nothing | {"embedded_missing": str(error)}, {}
     if repeats < 1:
-        return nothing | {"embedded_missing": "not asked for"}, {}
+        return nothing | {"embedded_missing": "not asked for: embedded.json has it"}, {}
     if not runtime_installed():
         return nothing | {"embedded_missing": "llama-cpp-python is not installed"}, {}
     from benchmarks.gateway_embedded import embedded
@@ -238,7 +238,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=8, help="requests of each ego")
     parser.add_argument("--hits", type=int, default=2000)
     parser.add_argument(
-        "--repeats", type=int, default=1, help="with the embedded model; 0: without"
+        "--repeats", type=int, default=0, help="with the embedded model, too: that many"
     )
     args = parser.parse_args()
     figures, samples = asyncio.run(measure(args.rounds, args.hits))
