@@ -165,7 +165,8 @@ class View:
                     self._faults.unreadable(detections.ego, str(error))
             return
         value = {
-            "at": now_s(),
+            # When what is drawn was sensed.
+            "at": now_s() - (detections.age_ms or 0.0) * 1e-3,
             "algorithm": detections.algorithm,
             "participants": detections.participants,
             "missing": detections.missing,
