@@ -139,7 +139,8 @@ class FusionLoop:
             step = 1 if decision is None else stride(decision, self._sensor.rate_hz, self._rate_hz)
             newest = self._sensor.newest()
             frame = newest - newest % step
-            if decision is None or frame == last:
+            # The first frame of a slower pace may lie before the last one of a faster.
+            if decision is None or (last is not None and last - step < frame <= last):
                 self._attend(self._sensor.until(frame + step))
                 continue
             if (full_s := self._pipeline.full_for_s(time.monotonic())) > 0.0:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 
+import msgspec
 import pytest
 from ego_hall import (  # noqa: F401
     CrateClouds,
@@ -238,6 +239,24 @@ def test_the_loop_stops_though_a_robot_never_answers(
     assert not any(thread.is_alive() for thread in running.loop._threads)
     assert all(d.participants == ("R1",) for d in heard.all)
     go.set()
+
+
+def test_a_slower_pace_does_not_go_back_to_an_earlier_frame(
+    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    every, fourth = decision("R2"), msgspec.structs.replace(decision("R2"), rate_hz=2.5)
+    running.loop.follow(every)
+    running.loop.start()
+    for _ in range(3):
+        # The last one before a multiple of four: the next frame of the slower pace is near.
+        heard.until(lambda d: d.frame % 4 == 3)
+        running.loop.follow(fourth)
+        heard.until(lambda d: d.frame % 4 == 0)
+        running.loop.follow(every)
+    running.loop.stop()
+    frames = [d.frame for d in heard.all]
+    assert frames == sorted(set(frames))
 
 
 def test_detections_tell_how_old_they_are(
