@@ -12,25 +12,20 @@ import json
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.processes import free_port
+from benchmarks.live import live_swarm
 from benchmarks.report import write_report
-from deploy.ready import wait_ready
-from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
-from deploy.spec import SwarmSpec, factory_robots, make_spec
-from deploy.state import need_state
+from deploy.spec import SwarmSpec
 
 WIDE, NARROW = "55mbit", "1mbit"
 NARROW_BPS = 1_000_000
-TRIALS = 5
+TRIALS = 3
 SETTLE_S = 12.0
 WATCH_S = 12.0
-READY_S = 120.0
 
 
 def shape(spec: SwarmSpec, rate: str) -> int:
@@ -85,22 +80,8 @@ def received_bps(line: dict[str, Any], spec: SwarmSpec) -> float:
 
 def main() -> int:
     """Measures and writes adapt.json."""
-    with tempfile.TemporaryDirectory(prefix="cb-", dir="/tmp") as directory:
-        spec = make_spec(
-            swarm="adapt",
-            robots=factory_robots(6),
-            prometheus=False,
-            ego_metrics_port=free_port(),
-            qod_port=free_port(),
-            var_dir=f"{directory}/var",
-        )
-        runtime = NetnsRuntime()
-        runtime.up(spec)
-        try:
-            wait_ready(runtime, need_state(spec.swarm), READY_S)
-            trials = [trial(spec) for _ in range(TRIALS)]
-        finally:
-            runtime.down(spec.swarm)
+    with live_swarm("bench-adapt", {}, link_bps=None) as state:
+        trials = [trial(state.spec) for _ in range(TRIALS)]
     figures = {
         "cycles_to_fit": max(t["cycles_to_fit"] for t in trials),
         "cycles_to_fit_median": statistics.median(t["cycles_to_fit"] for t in trials),

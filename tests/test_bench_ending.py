@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -99,6 +100,7 @@ def test_what_a_killed_benchmark_left_is_ended_by_who_ran_it() -> None:
         os.kill(benchmark, signal.SIGKILL)
         assert int(line_of(process)) > 0
         assert not processes_of(spec)
+        shutil.rmtree(Path(spec.run_dir).parent)
     await_(lambda: not networks & networks_in_use(), "the swarm's namespaces are gone")
 
 
