@@ -240,8 +240,8 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
     made = controller.shape(wide_bps, lambda d: d.algorithm == "early" and d.quality >= 0.93)
     assert len(made) <= 4
     demands.skip()
-    said = demands.until(lambda d: d.reachable)
-    assert said.unreachable_s == 0
+    # A link that is good for a moment has not become good yet.
+    said = demands.until(lambda d: d.reachable and d.unreachable_s == 0)
 
     # What was asked for is enough, but for what the scene has changed meanwhile.
     enough_bps = 1.3 * 8 * said.needed_bytes_s
