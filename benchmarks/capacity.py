@@ -28,7 +28,7 @@ import numpy as np
 
 from benchmarks.live import live_swarm, process_id, why_not
 from benchmarks.report import write_report
-from benchmarks.stage import FIRST_PORT, Flow
+from benchmarks.stage import FIRST_PORT
 from coadapt import net_client
 from coadapt.asking import ask_patiently
 from deploy.netns import network
@@ -65,14 +65,17 @@ class Heard:
         """C(t) of the decisions since then."""
         return [d.capacity_bps for at, d in self.decisions if at >= since_ns]
 
-    def control_bps(self, since_ns: int) -> float:
-        """What control took of the cell since then, by the kernel's counters; 0 when unshaped."""
+    def carried_bps(self, since_ns: int) -> dict[str, float]:
+        """What each class carried since then, by the kernel's counters; none when unshaped."""
         links = [s.link(EGO, "down") for at, s in self.states if at >= since_ns]
-        counts = [link.classes["control"].backlog for link in links if link is not None]
-        if len(counts) < 2 or counts[-1].seen_ms <= counts[0].seen_ms:
-            return 0.0
-        sent = counts[-1].sent_bytes - counts[0].sent_bytes
-        return 8e3 * sent / (counts[-1].seen_ms - counts[0].seen_ms)
+        counts = [{k: c.backlog for k, c in link.classes.items()} for link in links if link]
+        if len(counts) < 2:
+            return {}
+        return {
+            name: 8e3 * (last.sent_bytes - first.sent_bytes) / (last.seen_ms - first.seen_ms)
+            for name, first in counts[0].items()
+            if (last := counts[-1][name]).seen_ms > first.seen_ms
+        }
 
 
 class Rig:
@@ -109,7 +112,7 @@ class Rig:
         return ["nsenter", f"--net=/proc/{process_id(self.state, module)}/ns/net", *command]
 
     @contextmanager
-    def load(self, protocol: str, rate_bps: float = 0.0) -> Iterator[Flow]:
+    def load(self, protocol: str, rate_bps: float = 0.0) -> Iterator[None]:
         """An application's traffic towards the ego, with fusion's mark."""
         self._port += 1
         seconds = str(SETTLE_S + MEASURE_S + 1.0)
@@ -124,11 +127,11 @@ class Rig:
                 *("--rate-bps", str(rate_bps)),
             ),
         )
-        flow = Flow(*(subprocess.Popen(end, stdout=subprocess.PIPE, text=True) for end in ends))
+        flow = [subprocess.Popen(end, stdout=subprocess.DEVNULL) for end in ends]
         try:
-            yield flow
+            yield
         finally:
-            for process in (flow.sender, flow.receiver):
+            for process in flow:
                 process.kill()
                 process.wait()
 
@@ -143,22 +146,21 @@ def row(rig: Rig, rate_bps: int | None, load: float) -> dict[str, Any]:
     """One rate under one load."""
     wanted = load * (rate_bps or SETTING_BPS)
     greedy = load == FULL and rate_bps is not None
-    with rig.load("tcp" if greedy else "udp", wanted) as flow:
+    with rig.load("tcp" if greedy else "udp", wanted):
         time.sleep(SETTLE_S)
         since_ns = time.time_ns()
         time.sleep(MEASURE_S)
-        found, control_bps = rig.heard.capacities(since_ns), rig.heard.control_bps(since_ns)
-        carried = flow.counts()["bytes"][int(SETTLE_S) :][: int(MEASURE_S)]
-    fusion_bps = SETTING_BPS if rate_bps is None else rate_bps - control_bps
+        found, carried = rig.heard.capacities(since_ns), rig.heard.carried_bps(since_ns)
+    fusion_bps = (rate_bps or SETTING_BPS) - carried.get("control", 0.0)
     return {
         "rate_bps": rate_bps,
         "load": load,
         "controller": True,
+        "carried_ratio": round(sum(carried.values()) / (rate_bps or SETTING_BPS), 3),
         "fusion_bps": round(fusion_bps),
         "median_ratio": round(statistics.median(found) / fusion_bps, 3),
         "median_ratio_of_rate": round(statistics.median(found) / (rate_bps or SETTING_BPS), 3),
         "p95_over_p5": spread(found),
-        "application_bps": round(8.0 * sum(carried) / len(carried)),
         "capacity_bps": [round(c) for c in found],
     }
 
@@ -170,7 +172,7 @@ def follow(rig: Rig, rates_bps: tuple[int, ...]) -> dict[str, Any]:
     begun_ns = next(s.since_ns for s in reply.shapes if s.robot == EGO)
     time.sleep(len(rates_bps))
     end_ns = begun_ns + len(rates_bps) * 10**9
-    control_bps = rig.heard.control_bps(begun_ns)
+    control_bps = rig.heard.carried_bps(begun_ns).get("control", 0.0)
     gives = np.array([ladder.available_bps(r, 0, control_bps, 0.0) for r in rates_bps], float)
     made = [(d.decided_ns, d.capacity_bps) for _, d in rig.heard.decisions]
     made = [(at, c) for at, c in made if begun_ns <= at < end_ns]
@@ -197,7 +199,7 @@ def alone(rig: Rig) -> Iterator[dict[str, Any]]:
     rig.policy("static-early")
     since_ns = time.time_ns()
     time.sleep(3.0)
-    control_bps = rig.heard.control_bps(since_ns)
+    control_bps = rig.heard.carried_bps(since_ns).get("control", 0.0)
     controller = process_id(rig.state, "network_controller")
     kill(controller, signal.SIGSTOP)
     try:
@@ -242,6 +244,16 @@ def synthetic_trace() -> tuple[int, ...]:
     return tuple(rates)
 
 
+def told(one: dict[str, Any]) -> dict[str, Any]:
+    """A row, once it was printed."""
+    print(
+        f"capacity: {one['rate_bps']} bit/s, load {one['load']}, controller {one['controller']}: "
+        f"ratio {one['median_ratio']}, p95/p5 {one['p95_over_p5']}",
+        flush=True,
+    )
+    return one
+
+
 def main() -> int:
     """Measures and writes capacity.json."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -260,11 +272,11 @@ def main() -> int:
         if args.part in (None, "rows"):
             for rate_bps in RATES_BPS:
                 rig.shape(rate_bps)
-                rows += [row(rig, rate_bps, load) for load in (LIGHT, FULL)]
+                rows += [told(row(rig, rate_bps, load)) for load in (LIGHT, FULL)]
         if args.part in (None, "trace"):
             figures = follow(rig, trace) | {"trace": args.trace.name if args.trace else "drawn"}
         if args.part in (None, "alone"):
-            rows += alone(rig)
+            rows += map(told, alone(rig))
     samples = {"capacity_bps": [one.pop("capacity_bps") for one in rows]}
     known = [one for one in rows if one["controller"]]
     if known:
@@ -275,11 +287,6 @@ def main() -> int:
             "max_p95_over_p5": max(one["p95_over_p5"] for one in known),
         }
     figures["rows"] = rows
-    for one in rows:
-        print(
-            f"capacity: {one['rate_bps']} bit/s, load {one['load']}, controller "
-            f"{one['controller']}: ratio {one['median_ratio']}, p95/p5 {one['p95_over_p5']}"
-        )
     print(f"capacity: error on a trace {figures.get('trace_mean_error')}")
     write_report("capacity", figures, samples)
     return 0

@@ -60,7 +60,7 @@ def send(host: str, port: int, seconds: float, tos: int, protocol: str, rate_bps
     with socket.socket(socket.AF_INET, kind) as out:
         out.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, tos)
         out.settimeout(seconds)
-        out.connect((host, port))
+        _connect(out, host, port)
         end = time.monotonic() + seconds
         if protocol == "tcp":
             with suppress(OSError):
@@ -74,6 +74,19 @@ def send(host: str, port: int, seconds: float, tos: int, protocol: str, rate_bps
                     out.send(data)
                 due += gap_s
             time.sleep(min(0.002, max(0.0, due - now)))
+
+
+def _connect(out: socket.socket, host: str, port: int) -> None:
+    """Waits until the receiver is there."""
+    until = time.monotonic() + FIRST_BYTE_S
+    while True:
+        try:
+            out.connect((host, port))
+            return
+        except ConnectionRefusedError:
+            if time.monotonic() >= until:
+                raise
+            time.sleep(0.05)
 
 
 def main() -> int:
