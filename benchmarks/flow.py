@@ -57,10 +57,8 @@ def receive(port: int, seconds: float, interval_s: float) -> dict[str, object]:
 def send(host: str, port: int, seconds: float, tos: int, protocol: str, rate_bps: float) -> None:
     """Sends as fast as TCP can, or datagrams at a rate, for so many seconds."""
     kind = socket.SOCK_STREAM if protocol == "tcp" else socket.SOCK_DGRAM
-    with socket.socket(socket.AF_INET, kind) as out:
-        out.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, tos)
+    with _connected(kind, host, port, tos) as out:
         out.settimeout(seconds)
-        _connect(out, host, port)
         end = time.monotonic() + seconds
         if protocol == "tcp":
             with suppress(OSError):
@@ -76,14 +74,17 @@ def send(host: str, port: int, seconds: float, tos: int, protocol: str, rate_bps
             time.sleep(min(0.002, max(0.0, due - now)))
 
 
-def _connect(out: socket.socket, host: str, port: int) -> None:
-    """Waits until the receiver is there."""
+def _connected(kind: socket.SocketKind, host: str, port: int, tos: int) -> socket.socket:
+    """A marked socket, once the receiver is there."""
     until = time.monotonic() + FIRST_BYTE_S
     while True:
+        out = socket.socket(socket.AF_INET, kind)
         try:
+            out.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, tos)
             out.connect((host, port))
-            return
+            return out
         except ConnectionRefusedError:
+            out.close()
             if time.monotonic() >= until:
                 raise
             time.sleep(0.05)
