@@ -34,7 +34,6 @@ MAX_QUEUES = 512
 class Sample:
     """What a queue shows of the link behind it."""
 
-    queue: Hashable
     rate_bps: float
     """What it carried while the queue stood; where it did not: what it carries at least."""
     filled: bool
@@ -63,15 +62,11 @@ class Queues:
         stood = [after.stood_ms - before.stood_ms for before, after in pairwise(held)]
         if len(held) == READINGS and min(stood) >= MIN_STOOD_MS:
             rate_bps = _rate(now.stood_bytes - first.stood_bytes, sum(stood))
-            return Sample(queue, rate_bps, filled=True, span_s=span_ms * 1e-3)
+            return Sample(rate_bps, filled=True, span_s=span_ms * 1e-3)
         if span_ms >= MIN_SPAN_MS:
             rate_bps = _rate(now.sent_bytes - first.sent_bytes, span_ms)
-            return Sample(queue, rate_bps, filled=False, span_s=span_ms * 1e-3)
+            return Sample(rate_bps, filled=False, span_s=span_ms * 1e-3)
         return None
-
-    def forget(self, queue: Hashable) -> None:
-        """What was read of a queue does not hold any more: its next reading is a first one."""
-        self._last.pop(queue, None)
 
 
 def _goes_on(before: Backlog, now: Backlog) -> bool:

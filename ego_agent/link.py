@@ -4,8 +4,10 @@ In the manner of BBR (Cardwell et al., "BBR: Congestion-Based Congestion Control
 2016) what did not fill a link cannot lower its estimate. The kernel says what did: its queue stood
 (`evidence.py`). How long an answer took in user space says nothing of the link, and is not asked.
 
-- The cell's queues are the shaper's (`net/state`) and the router's socket towards the ego
-  (`net/tcp`), a robot's are the shaper's of its link upwards and its own socket towards the router.
+- A link is measured by the queue of the socket that sends over it: the router's towards the ego
+  (`net/tcp`), a robot's own towards the router.
+- Where the shaper's queue stood (`net/state`), the link that it shapes is the limit, and carries
+  what was configured: a socket behind it shows only the share that it got beside others.
 - Without evidence that a link was filled, an estimate rises, doubling every `DOUBLING_S` (BBR
   probes for bandwidth in the same spirit): the cell's towards the prior, a robot's until it is no
   narrower than the cell. A link that has recovered is found out without traffic for its own sake.
@@ -22,13 +24,10 @@ from __future__ import annotations
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Hashable
 from typing import NamedTuple
 
 from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
 
-WINDOW_S = 2.5
-"""How long a queue that has stood counts while nobody tells of it: a `net/state` may be lost."""
 SILENCE_DECAY = 0.85
 DOUBLING_S = 5.0
 STATE_FRESH_S = 5.0
@@ -47,22 +46,14 @@ class _Filter:
     def __init__(self, since_s: float = -math.inf) -> None:
         """`since_s`: what was on its way before does not count."""
         self._since_s = since_s
-        self._filled: dict[Hashable, tuple[float, float]] = {}
-        """By queue: when, and bit/s."""
         self.measured: tuple[float, float] | None = None
         """bit/s and when."""
 
     def add(self, sample: Sample, now_s: float) -> None:
-        """Takes what a queue shows. Of several the one that carried most knows the link best."""
+        """Takes what a queue shows."""
         if now_s - sample.span_s < self._since_s:
             return
-        if sample.filled:
-            fresh = {q: one for q, one in self._filled.items() if now_s - one[0] <= WINDOW_S}
-            self._filled = fresh | {sample.queue: (now_s, sample.rate_bps)}
-            self.measured = (max(bps for _, bps in self._filled.values()), now_s)
-            return
-        self._filled.pop(sample.queue, None)
-        if self.measured is not None and sample.rate_bps > self.risen(now_s):
+        if sample.filled or (self.measured is not None and sample.rate_bps > self.risen(now_s)):
             self.measured = (sample.rate_bps, now_s)
 
     def risen(self, now_s: float) -> float:
@@ -93,12 +84,16 @@ class LinkEstimate:
         self._reference_bps = prior_bps
         """The prior when the measurements of now began."""
         self._cell = _Filter()
+        self._shown: tuple[float, float] | None = None
+        """bit/s that the cell's queue showed last, and when."""
         self._robots: OrderedDict[str, _Filter] = OrderedDict()
         self._uplinks: dict[str, _Uplink] = {}
 
     def add_cell(self, sample: Sample, now_s: float) -> None:
         """Takes what a queue towards the ego shows."""
         with self._lock:
+            if sample.filled:
+                self._shown = (sample.rate_bps, now_s)
             self._cell.add(sample, now_s)
 
     def add_robot(self, robot: str, sample: Sample, now_s: float) -> None:
@@ -112,12 +107,15 @@ class LinkEstimate:
             current_bps, _ = self._capacity(now_s)
             self._cell.measured = (max(FLOOR_BPS, current_bps * SILENCE_DECAY), now_s)
 
-    def set_state(self, available_bps: float, now_s: float) -> None:
-        """Takes the network controller's word for what fusion can have of the cell."""
+    def set_state(self, available_bps: float, now_s: float, *, stood: bool = False) -> None:
+        """Takes the network controller's word for what fusion can have of the cell, and whether
+        its queue there has stood."""
         with self._lock:
             available_bps = max(FLOOR_BPS, available_bps)
             if self._state_at is None or _another(available_bps, self._reference_bps):
                 self._forget(available_bps, now_s)
+            elif stood:
+                self._cell = _Filter(now_s)
             self._prior_bps = available_bps
             self._state_at = now_s
 
@@ -128,9 +126,12 @@ class LinkEstimate:
             self._prior_bps = self._setting_bps
             self._forget(self._setting_bps, now_s)
 
-    def set_uplink(self, robot: str, available_bps: float | None, now_s: float) -> None:
-        """Takes the network controller's word for what fusion can have of a robot's link upwards;
-        None: that link is not shaped any longer. A word that is not repeated goes stale."""
+    def set_uplink(
+        self, robot: str, available_bps: float | None, now_s: float, *, stood: bool = False
+    ) -> None:
+        """Takes the network controller's word for what fusion can have of a robot's link upwards,
+        and whether its queue there has stood; None: that link is not shaped any longer. A word
+        that is not repeated goes stale."""
         with self._lock:
             if available_bps is None:
                 if self._uplinks.pop(robot, None) is not None:
@@ -142,6 +143,8 @@ class LinkEstimate:
             if before is None or _another(available_bps, reference_bps):
                 self._keep(robot, _new_link(now_s))
                 reference_bps = available_bps
+            elif stood:
+                self._keep(robot, _Filter(now_s))
             if before is not None or len(self._uplinks) < MAX_QUEUES:
                 self._uplinks[robot] = _Uplink(available_bps, reference_bps, now_s)
 
@@ -158,12 +161,12 @@ class LinkEstimate:
             return {robot: bps for robot, bps in limits.items() if bps < cell_bps}
 
     def error_ratio(self, now_s: float) -> float | None:
-        """How far what was measured, and not what `net/state` makes of it, is from what a fresh
-        `net/state` says, as a share of that; None without either."""
+        """How far what the cell's queue showed, and not what `net/state` makes of it, is from what
+        a fresh `net/state` says, as a share of that; None without either."""
         with self._lock:
-            if self._cell.measured is None or not self._fresh(now_s):
+            if self._shown is None or not self._fresh(now_s):
                 return None
-            rate_bps, at = self._cell.measured
+            rate_bps, at = self._shown
             if now_s - at > STATE_FRESH_S:
                 return None
             return (rate_bps - self._prior_bps) / self._prior_bps
@@ -202,6 +205,7 @@ class LinkEstimate:
         """What was seen of a link that was configured otherwise says nothing about this one."""
         self._reference_bps = reference_bps
         self._cell = _new_link(now_s)
+        self._shown = None
 
 
 def _new_link(now_s: float) -> _Filter:

@@ -9,12 +9,12 @@ router tells of the queues of its sockets; an ego knows its own by their address
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Collection, Hashable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
-from ego_agent.evidence import Queues
+from ego_agent.evidence import MIN_STOOD_MS, Queues
 from ego_agent.link import LinkEstimate
-from swarm.messages import Backlog, Direction, LinkState, NetState, TcpState
+from swarm.messages import Direction, LinkState, NetState, TcpState
 from swarm.tcp import connections
 from swarm.traffic import TrafficClass
 
@@ -38,6 +38,17 @@ class _Word:
     """Capacity and level."""
     recent: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=16))
     """When, and bit/s that this ego could have."""
+    stood_ms: int | None = None
+    """Counter of fusion's queue."""
+
+    def stood(self, link: LinkState) -> bool:
+        """Whether fusion's queue has stood since the last word."""
+        before, self.stood_ms = self.stood_ms, None
+        if "fusion" in link.classes:
+            self.stood_ms = link.classes["fusion"].backlog.stood_ms
+        if before is None or self.stood_ms is None:
+            return False
+        return self.stood_ms - before >= MIN_STOOD_MS
 
 
 def own_addresses() -> frozenset[str]:
@@ -88,7 +99,9 @@ class LinkWatch:
             self._mine = self._own()  # Also where a connection was lost and is a new one.
         for peer in self._mine:
             if peer in state.peers:
-                self._show((self._ego, "down"), (state.router, peer), state.peers[peer], now_s)
+                sample = self._queues.take((state.router, peer), state.peers[peer])
+                if sample is not None:
+                    self._link.add_cell(sample, now_s)
         return True
 
     def _newer(self, sender: int, seq: int) -> bool:
@@ -110,28 +123,18 @@ class LinkWatch:
         if word.configured != (link.capacity_bps, link.level):
             word.configured = (link.capacity_bps, link.level)
             word.recent.clear()
-            self._queues.forget((controller, name))
         granted_bps = link.grants.get(self._ego, link.available_bps)
         word.recent.append((now_s, min(link.available_bps, granted_bps)))
         least = min(bps for at, bps in word.recent if now_s - at <= STEADY_S)
-        self._pass_on(name, float(least), now_s)
-        if "fusion" in link.classes:
-            self._show(name, (controller, name), link.classes["fusion"].backlog, now_s)
+        self._pass_on(name, float(least), now_s, stood=word.stood(link))
 
-    def _pass_on(self, name: _Link, bps: float | None, now_s: float) -> None:
+    def _pass_on(
+        self, name: _Link, bps: float | None, now_s: float, *, stood: bool = False
+    ) -> None:
         if name == (self._ego, "down"):
             if bps is None:
                 self._link.clear_state(now_s)
             else:
-                self._link.set_state(bps, now_s)
+                self._link.set_state(bps, now_s, stood=stood)
         elif name[1] == "up" and name[0] != self._ego:
-            self._link.set_uplink(name[0], bps, now_s)
-
-    def _show(self, name: _Link, queue: Hashable, backlog: Backlog, now_s: float) -> None:
-        sample = self._queues.take(queue, backlog)
-        if sample is None:
-            return
-        if name == (self._ego, "down"):
-            self._link.add_cell(sample, now_s)
-        elif name[1] == "up" and name[0] != self._ego:
-            self._link.add_robot(name[0], sample, now_s)
+            self._link.set_uplink(name[0], bps, now_s, stood=stood)

@@ -19,7 +19,7 @@ def test_a_first_reading_shows_nothing() -> None:
 
 
 def carried(rate_bps: float, span_s: float) -> Sample:
-    return Sample("q", rate_bps, filled=False, span_s=span_s)
+    return Sample(rate_bps, filled=False, span_s=span_s)
 
 
 def test_what_left_a_queue_that_stood_is_the_links_rate() -> None:
@@ -27,7 +27,7 @@ def test_what_left_a_queue_that_stood_is_the_links_rate() -> None:
     queues.take("q", at(1000, 50_000))
     queues.take("q", at(1500, 150_000, 200, 20_000))
     shown = queues.take("q", at(2000, 250_000, 400, 50_000))
-    assert shown == Sample("q", 1e6, filled=True, span_s=1.0)
+    assert shown == Sample(1e6, filled=True, span_s=1.0)
 
 
 def test_a_queue_that_stood_between_two_readings_only_proves_nothing() -> None:
@@ -45,7 +45,7 @@ def test_within_two_readings_more_a_queue_that_stands_is_believed() -> None:
     second = queues.take("q", at(3000, 275_000, 900, 28_125))
     assert first is not None
     assert not first.filled
-    assert second == Sample("q", 250e3, filled=True, span_s=1.0)
+    assert second == Sample(250e3, filled=True, span_s=1.0)
 
 
 def test_what_went_through_an_empty_queue_is_carried_at_least() -> None:
@@ -66,7 +66,7 @@ def test_a_reading_that_was_lost_costs_nothing() -> None:
     queues.take("q", at(0, 0))
     queues.take("q", at(500, 62_500, 200, 25_000))
     shown = queues.take("q", at(1500, 300_000, 900, 112_500))
-    assert shown == Sample("q", 1e6, filled=True, span_s=1.5)
+    assert shown == Sample(1e6, filled=True, span_s=1.5)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_counters_that_began_anew_show_nothing_until_they_were_read_again(again:
             again.stood_bytes + 12_500 * i,
         )
         shown = queues.take("q", later)
-    assert shown == Sample("q", 1e6, filled=True, span_s=1.0)
+    assert shown == Sample(1e6, filled=True, span_s=1.0)
 
 
 def test_readings_that_lie_far_apart_do_not_tell_of_now() -> None:
@@ -106,14 +106,6 @@ def test_a_dead_link_with_a_standing_queue_is_as_slow_as_can_be() -> None:
     assert shown is not None
     assert shown.filled
     assert shown.rate_bps > 0
-
-
-def test_what_is_forgotten_begins_anew() -> None:
-    queues = Queues()
-    queues.take("q", at(0, 0))
-    queues.forget("q")
-    queues.forget("never heard of")
-    assert queues.take("q", at(500, 62_500)) is None
 
 
 def test_a_flood_of_queues_costs_bounded_memory() -> None:

@@ -7,21 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
-from ego_agent.link import DOUBLING_S, OLD_LINK_S, STATE_FRESH_S, WINDOW_S, LinkEstimate
+from ego_agent.link import DOUBLING_S, OLD_LINK_S, STATE_FRESH_S, LinkEstimate
 
 PRIOR = 55e6
 REPORT_S = 0.5
 EVER = 1e9
 
 
-def filled(rate_bps: float, span_s: float = REPORT_S, queue: str = "socket") -> Sample:
+def filled(rate_bps: float) -> Sample:
     """A queue stood, and that left it meanwhile."""
-    return Sample(queue, rate_bps, filled=True, span_s=span_s)
+    return Sample(rate_bps, filled=True, span_s=REPORT_S)
 
 
 def carried(rate_bps: float) -> Sample:
     """A queue was empty most of the time."""
-    return Sample("socket", rate_bps, filled=False, span_s=REPORT_S)
+    return Sample(rate_bps, filled=False, span_s=REPORT_S)
 
 
 def feed(link: LinkEstimate, sample: Sample, seconds: float, begun_s: float) -> float:
@@ -58,13 +58,28 @@ def test_a_drop_of_the_link_is_found_at_once(to_bps: float) -> None:
     assert link.capacity(now) == (pytest.approx(to_bps), "measured")
 
 
-def test_of_several_queues_the_one_that_carried_most_counts_while_it_tells_of_now() -> None:
+def test_where_the_shapers_queue_stood_the_link_carries_what_was_configured() -> None:
     link = LinkEstimate(PRIOR)
-    link.add_cell(filled(5e6, queue="shaper"), 1.0)
-    link.add_cell(filled(1e6, queue="socket"), 1.5)
-    assert link.capacity(1.5)[0] == pytest.approx(5e6)
-    link.add_cell(filled(1e6, queue="socket"), 1.1 + WINDOW_S)
-    assert link.capacity(1.1 + WINDOW_S)[0] == pytest.approx(1e6)
+    for i in range(20):
+        now = i * REPORT_S
+        link.set_state(5e6, now, stood=True)
+        link.add_cell(filled(0.2e6), now + 0.1)
+        assert link.capacity(now + 0.1) == (5e6, "net/state")
+    assert link.error_ratio(now + 0.1) == pytest.approx(0.2 / 5 - 1)
+    link.set_state(5e6, now + REPORT_S)
+    link.add_cell(filled(0.2e6), now + 0.2)
+    assert link.capacity(now + 0.2) == (5e6, "net/state")
+    now = feed(link, filled(2e6), 1.0, now + REPORT_S)
+    assert link.capacity(now) == (pytest.approx(2e6), "measured")
+
+
+def test_where_the_shapers_queue_of_a_robots_link_stood_it_carries_what_was_configured() -> None:
+    link = LinkEstimate(PRIOR)
+    for i in range(20):
+        now = i * REPORT_S
+        link.set_uplink("R2", 5e6, now, stood=True)
+        link.add_robot("R2", filled(0.2e6), now + 0.1)
+        assert link.robot_limits(now + 0.1) == {"R2": 5e6}
 
 
 def test_a_steady_queue_gives_a_steady_estimate() -> None:
@@ -74,14 +89,6 @@ def test_a_steady_queue_gives_a_steady_estimate() -> None:
         link.add_cell(filled(5e6 * (1.05 if i % 2 else 0.95)), i * REPORT_S)
         found.append(link.capacity(i * REPORT_S)[0])
     assert max(found[2:]) <= 1.11 * min(found[2:])
-
-
-def test_a_queue_that_stands_no_longer_does_not_count_beside_one_that_does() -> None:
-    link = LinkEstimate(PRIOR)
-    link.add_cell(filled(5e6, queue="shaper"), 1.0)
-    link.add_cell(Sample("shaper", 1e6, filled=False, span_s=REPORT_S), 1.4)
-    link.add_cell(filled(1e6, queue="socket"), 1.5)
-    assert link.capacity(1.5)[0] == pytest.approx(1e6)
 
 
 def test_what_a_recovered_link_carries_at_least_raises_the_estimate_at_once() -> None:
@@ -290,7 +297,7 @@ def test_the_estimate_is_always_a_positive_number(
     now = 0.0
     for what, rate_bps, full, after_s in steps:
         now += after_s
-        sample = Sample("socket", rate_bps, filled=full, span_s=after_s)
+        sample = Sample(rate_bps, filled=full, span_s=after_s)
         if what == "cell":
             link.add_cell(sample, now)
         elif what == "silence":
