@@ -6,7 +6,7 @@ import ctypes
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,13 @@ from numpy.typing import NDArray
 from perception.kernels.library import pointer
 
 Floats = NDArray[np.float32]
+Flags = NDArray[np.bool_]
 
 PANEL = 16
 """Channels that are written come in multiples of this."""
+PARTS_OF_THREAD = 2
+"""Into how many parts of each thread's the rows of a layer are split: more wait for less, and each
+takes a turn at Python's lock."""
 TILE = 4
 """Cells along one side of what a tile of Winograd's gives."""
 _TO_TILE = np.array(
@@ -50,16 +54,27 @@ class Workers:
         return kept[name][:size].reshape(shape)
 
     def split(self, rows: int, work: Callable[[int, int], None]) -> None:
-        """Calls `work(first, last)` for parts of the rows, all at once."""
-        ends = [rows * i // self._threads for i in range(self._threads + 1)]
-        others = [
-            self._pool.submit(work, first, last)
-            for first, last in pairwise(ends[1:])
-            if self._pool is not None and first < last
-        ]
-        work(ends[0], ends[1])
+        """Calls `work(first, last)` for parts of the rows, several at once.
+
+        Each thread takes the next part when it is done with one, and nobody waits for a thread that
+        has not begun: on a busy machine the others may not get a processor in time.
+        """
+        if self._pool is None:
+            work(0, rows)
+            return
+        parts = min(rows, PARTS_OF_THREAD * self._threads)
+        ends = [rows * i // parts for i in range(parts + 1)]
+        turn = count()
+
+        def take() -> None:
+            while (part := next(turn)) < parts:
+                work(ends[part], ends[part + 1])
+
+        others = [self._pool.submit(take) for _ in range(self._threads - 1)]
+        take()
         for other in others:
-            other.result()
+            if not other.cancel():
+                other.result()
 
 
 class Convolution:
@@ -95,7 +110,7 @@ class Convolution:
         out: Floats,
         add: Floats | None = None,
         repeat: int = 1,
-        needed: NDArray[np.bool_] | None = None,
+        needed: Flags | None = None,
     ) -> None:
         """Writes the convolution of an image (rows, columns, before) to `out`.
 
@@ -135,23 +150,38 @@ class Convolution:
             workers.split(-(-rows // self._stride), work)
 
 
-def tiles(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def tiles(cells: Flags) -> Flags:
     """Which tiles hold a cell (rows, columns) that is true."""
     rows, columns = cells.shape
-    padded = np.pad(cells, ((0, -rows % TILE), (0, -columns % TILE)))
-    grid = padded.reshape(padded.shape[0] // TILE, TILE, -1, TILE)
-    return np.ascontiguousarray(np.logical_or.reduce(grid, axis=(1, 3)))
+    padded = _padded(cells, 0, 0, -rows % TILE, -columns % TILE)
+    across = padded[:, ::TILE].copy()
+    for i in range(1, TILE):
+        across |= padded[:, i::TILE]
+    both = across[::TILE].copy()
+    for i in range(1, TILE):
+        both |= across[i::TILE]
+    return both
 
 
-def reached(cells: NDArray[np.bool_], steps: int = 1) -> NDArray[np.bool_]:
+def reached(cells: Flags, steps: int = 1) -> Flags:
     """Which cells have one that is true at most `steps` rows and columns away."""
     rows, columns = cells.shape
-    padded = np.pad(cells, steps)
-    across = np.logical_or.reduce([padded[:, i : i + columns] for i in range(2 * steps + 1)])
-    both: NDArray[np.bool_] = np.logical_or.reduce(
-        [across[i : i + rows] for i in range(2 * steps + 1)]
-    )
+    padded = _padded(cells, steps, steps, steps, steps)
+    across = padded[:, :columns].copy()
+    for i in range(1, 2 * steps + 1):
+        across |= padded[:, i : i + columns]
+    both = across[:rows].copy()
+    for i in range(1, 2 * steps + 1):
+        both |= across[i : i + rows]
     return both
+
+
+def _padded(cells: Flags, above: int, left: int, below: int, right: int) -> Flags:
+    """With so many rows and columns that are false around."""
+    rows, columns = cells.shape
+    padded = np.zeros((above + rows + below, left + columns + right), dtype=np.bool_)
+    padded[above : above + rows, left : left + columns] = cells
+    return padded
 
 
 def _pitch(image: Floats | None) -> int:
