@@ -29,7 +29,7 @@ from perception.fusion.base import (
     Fusion,
     Gathering,
 )
-from perception.fusion.maps import Maps, moved
+from perception.fusion.maps import moved
 from perception.fusion.outline import outline, thinned
 from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
@@ -40,7 +40,7 @@ MAX_REFERENCE_OFF = 0.01
 """Metres and radians by which a payload's reference may differ from the ego's: float32 on the wire
 a few kilometres from the world's origin."""
 
-Fuse = Callable[[Maps, Maps], Tensor]
+Fuse = Callable[[Tensor, Tensor], Tensor]
 
 
 class FeatureFusion(Fusion):
@@ -166,7 +166,8 @@ class _Maps(Gathering):
             everywhere = torch.ones(self._detector.config.cells, dtype=torch.bool)
             with torch.inference_mode():
                 maps, present = self._corrected()
-                fused = self._fusion.fuse_maps([fused, *maps], [everywhere, *present])
+                here = torch.stack([everywhere, *present])
+                fused = self._fusion.fuse_maps(_stacked([fused, *maps]), here)
         found = without_own(self._detector.decode(fused), self._own_body_m, self.stood_at)
         found = with_participants(found, senders, self._carrier)
         return found.transformed(self._world_from_own)
@@ -180,3 +181,9 @@ class _Maps(Gathering):
             if not np.array_equal(by, np.eye(4)):
                 maps[i], present[i] = moved(maps[i], present[i], half, by)
         return maps, present
+
+
+def _stacked(maps: list[Tensor]) -> Tensor:
+    """Maps (C, rows, columns) as (K, C, rows, columns), each with its channels side by side in
+    memory, as compiled loops read them."""
+    return torch.stack([one.permute(1, 2, 0) for one in maps]).permute(0, 3, 1, 2)

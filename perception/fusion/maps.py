@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -15,15 +14,12 @@ from perception.kernels.convolution import PANEL
 from perception.kernels.library import network, pointer
 from swarm.geometry import Matrix
 
-Maps = Tensor | Sequence[Tensor]
-"""Those of several robots, one after the other."""
-
 MOST_IN_C = 256
 MIN_SHARE = 0.4
 """Of the cells around a place that must be present for it to be."""
 
 
-def attend(maps: Maps, present: Maps) -> Tensor:
+def attend(maps: Tensor, present: Tensor) -> Tensor:
     """Attention of the ego's cell over the robots' (AttFuse: Xu et al., "OPV2V", ICRA 2022).
 
     maps: float32 (K, C, rows, columns), the ego's first; present: bool (K, rows, columns), which
@@ -35,14 +31,14 @@ def attend(maps: Maps, present: Maps) -> Tensor:
         return _attend_in_c(compiled, maps, present)
     # One map after the other stays in the processor's cache.
     scores = torch.stack([(own * one).sum(dim=0) for one in maps]) / math.sqrt(len(own))
-    weights = torch.softmax(scores.masked_fill(~torch.stack(list(present)), -math.inf), dim=0)
+    weights = torch.softmax(scores.masked_fill(~present, -math.inf), dim=0)
     fused = weights[0] * own
     for weight, one in zip(weights[1:], maps[1:], strict=True):
         fused = torch.addcmul(fused, weight, one)
     return fused
 
 
-def _attend_in_c(compiled: ctypes.CDLL, maps: Maps, present: Maps) -> Tensor:
+def _attend_in_c(compiled: ctypes.CDLL, maps: Tensor, present: Tensor) -> Tensor:
     rows = [one.permute(1, 2, 0).contiguous().numpy() for one in maps]
     said = [one.contiguous().numpy() for one in present]
     fused = np.empty_like(rows[0])
@@ -80,7 +76,7 @@ def moved(
     return sampled[:-1] / share.clamp(min=MIN_SHARE) * here, here
 
 
-def strongest(maps: Maps, present: Maps) -> Tensor:
+def strongest(maps: Tensor, present: Tensor) -> Tensor:
     """The largest value of each channel (F-Cooper: Chen et al., SEC 2019); as `attend`."""
     fused = maps[0]
     for one, here in zip(maps[1:], present[1:], strict=True):
