@@ -176,7 +176,10 @@ def test_telemetry_that_fills_the_link_makes_the_controller_put_fusion_first(
     await_(lambda: rich(watch.view()) and watch.cell(), "points of many robots fit 3 Mbit/s")
     net("congest", "--for", "600s")
     # Under telemetry the points of all do not fit, and boxes do not reach Q_min...
-    await_(lambda: not rich(watch.view()), "a decision that leaves room for telemetry")
+    await_(
+        lambda: not rich(watch.view()) or steps(swarm.spec)[before:],
+        "a decision that leaves room for telemetry, or the controller was quicker",
+    )
     # ...until the controller puts fusion first.
     await_(lambda: steps(swarm.spec)[before:], "the controller moves the link's level")
     await_(lambda: several(watch.view()), "the points of several fit beside telemetry")
