@@ -36,7 +36,7 @@ from swarm.arrays import unpack_finite
 from swarm.errors import RefusedError
 from swarm.geometry import Points
 from swarm.log import make_logger
-from swarm.messages import Beacon, Observation, ObservationRequest, SceneDescription
+from swarm.messages import Backlog, Beacon, Observation, ObservationRequest, SceneDescription
 from swarm.session import Session
 from worlds.opv2v import Opv2vWorld
 
@@ -148,7 +148,7 @@ def test_requests_for_one_frame_that_come_together_encode_it_once(
 
     fusion.encode = when_both_have_come  # type: ignore[method-assign]
     host = open_session(shared_router.address)
-    Duty(robot.agent, host, RobotMetrics(CollectorRegistry()), make_logger("test"))
+    Duty(robot.agent, host, RobotMetrics(CollectorRegistry()), make_logger("test"), Backlog)
     until(lambda: ego.alive() == ("R1",), "the robot is there")
     key = keyspace.observation(ego.swarm, "R1")
     beacon = robot.agent.beacon()
