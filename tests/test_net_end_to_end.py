@@ -48,6 +48,8 @@ def swarm() -> Iterator[State]:
     ):
         patch.setenv("COADAPT_RUN_DIR", f"{directory}/run")
         patch.setenv("COADAPT_WINDOW_S", "1")
+        # At a fixed pace: an ego that learns slows down instead of asking for more of the link.
+        patch.setenv("COADAPT_LEARN", "false")
         patch.setenv("PYTHONPATH", str(REPOSITORY))
         spec = make_spec(
             swarm="links",
