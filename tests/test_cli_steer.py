@@ -114,8 +114,8 @@ def test_an_ego_whose_own_robot_is_taken_off_duty_is_blind_until_it_is_back(
     decisions = swarm.decisions(session, EGO)
     decisions.until(lambda d: together(d) and set(session.alive()) == {EGO, OTHER})
     assert steer("--stop", EGO, "--yes") == 0
-    blind = decisions.until(lambda d: bool(d.blind))
-    assert "its own robot was taken off duty by " in blind.blind
+    # A beacon that a busy machine delays makes an ego blind too, for another reason.
+    blind = decisions.until(lambda d: "its own robot was taken off duty by " in d.blind)
     assert not blind.valid
     assert blind.quality == 0.0
     assert blind.participants == (EGO,)
