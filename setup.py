@@ -18,7 +18,9 @@ def loops(name: str, source: str, flags: list[str]) -> Extension:
     return Extension(
         f"perception.kernels.{name}",
         [f"perception/kernels/{source}.c"],
-        extra_compile_args=["-O3", *flags],
+        extra_compile_args=["-O3", "-pthread", *flags],
+        extra_link_args=["-pthread"],
+        depends=["perception/kernels/team.h"],
         optional=True,
     )
 

@@ -6,6 +6,8 @@ import ctypes
 import os
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ from perception.detector.weights import load_weights
 from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.registry import make_fusion
 from perception.kernels import library
-from perception.kernels.convolution import Convolution, Workers
+from perception.kernels.convolution import Convolution, Floats, Workers
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 from tests.tiny_detector import TINY, random_cloud, random_network, tiny
@@ -181,6 +183,46 @@ def test_without_a_compiler_pytorch_does_it(
         choose(random_network(), tiny, "compiled")
 
 
+@needs_compiled
+def test_frames_that_are_decoded_at_once_do_not_disturb_each_other() -> None:
+    build = library.network()
+    assert build is not None
+    workers = Workers(build, 3)
+    generator = np.random.default_rng(0)
+    weights = generator.standard_normal((32, 32, 3, 3)).astype(np.float32)
+    layer = Convolution(workers, weights, np.zeros(32, np.float32))
+    images = [generator.standard_normal((44, 44, 32)).astype(np.float32) for _ in range(4)]
+    alone = [np.empty_like(image) for image in images]
+    for image, out in zip(images, alone, strict=True):
+        layer(image, out)
+
+    def many(image: Floats, expected: Floats) -> bool:
+        out = np.empty_like(image)
+        for _ in range(200):
+            out.fill(np.nan)
+            layer(image, out)
+            if not np.array_equal(out, expected):
+                return False
+        return True
+
+    with ThreadPoolExecutor(len(images)) as pool:
+        assert all(pool.map(many, images, alone))
+
+
+@needs_compiled
+def test_a_networks_threads_end_with_it() -> None:
+    build = library.network()
+    assert build is not None
+    before = set(os.listdir("/proc/self/task"))
+    workers = Workers(build, 4)
+    assert len(set(os.listdir("/proc/self/task")) - before) == 3
+    del workers
+    end = time.monotonic() + 30.0
+    while not set(os.listdir("/proc/self/task")) <= before:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("broken", ["slow", "wrong", "not a number"])
 def test_what_is_slower_or_wrong_is_not_taken(
     tiny: BevConfig, monkeypatch: pytest.MonkeyPatch, broken: str
@@ -196,10 +238,10 @@ def test_what_is_slower_or_wrong_is_not_taken(
             return heat + wrong, channels
 
     seconds = {"torch": 1.0, "broken": 0.95 if broken == "slow" else 0.1}
-    monkeypatch.setattr(backends, "_seconds", lambda backend, fused: seconds[backend.name])
+    monkeypatch.setattr(backends, "_cost_s", lambda backend, fused: seconds[backend.name])
     exact, other = TorchBackend(network, tiny), Broken(network, tiny)
     other.name = "broken"
-    assert backends._fastest(exact, [other]) is exact
+    assert backends._cheapest(exact, [other]) is exact
 
 
 def test_bfloat16_is_tried_only_where_the_processor_has_it(
@@ -208,11 +250,11 @@ def test_bfloat16_is_tried_only_where_the_processor_has_it(
     monkeypatch.delenv("ONEDNN_MAX_CPU_ISA", raising=False)
     tried: list[str] = []
 
-    def fastest(exact: backends.Backend, candidates: list[backends.Backend]) -> backends.Backend:
+    def cheapest(exact: backends.Backend, candidates: list[backends.Backend]) -> backends.Backend:
         tried.extend(candidate.name for candidate in candidates)
         return exact
 
-    monkeypatch.setattr(backends, "_fastest", fastest)
+    monkeypatch.setattr(backends, "_cheapest", cheapest)
     monkeypatch.setattr(library, "network", lambda: None)
     for flags in (set(), {"avx2", "fma"}, {"amx_tile", "amx_bf16"}):
         monkeypatch.setattr(library, "processor_flags", lambda flags=flags: frozenset(flags))

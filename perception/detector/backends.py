@@ -1,4 +1,4 @@
-"""What runs the network: PyTorch, or the loops in C, whichever is the fastest on this machine.
+"""What runs the network: PyTorch, or the loops in C, whichever takes this machine the least.
 
 - `torch`: float32 in PyTorch; there on every machine, and what the others are held against.
 - `compiled`: float32 in C, where there was a compiler. Up to rounding the same.
@@ -37,7 +37,7 @@ _TRIAL_CELLS = 40
 """Side of the map that is decoded to see how fast it goes: a few milliseconds."""
 _TRIALS = 3
 _FASTER = 0.9
-"""Share of PyTorch's time that another one must stay below to be taken."""
+"""Share of PyTorch's processor time that another one must stay below to be taken."""
 _TOLERANCE: dict[Numerics, float] = {"float32": 1e-3, "bfloat16": 0.03}
 """How far chances may be off those of float32 in PyTorch."""
 
@@ -121,7 +121,7 @@ class CompiledBackend:
 
 
 def choose(network: Network, config: BevConfig, wanted: str | None = None) -> Backend:
-    """The fastest backend on this machine, or the one that is wanted by name; the environment's
+    """The cheapest backend on this machine, or the one that is wanted by name; the environment's
     (SETTING) when None.
 
     Raises PerceptionError for an unknown one, or one that cannot run here.
@@ -144,7 +144,7 @@ def choose(network: Network, config: BevConfig, wanted: str | None = None) -> Ba
         candidates.append(CompiledBackend(network, config))
     if "avx512_bf16" in library.processor_flags():
         candidates.append(_in_bfloat16(network, config))
-    return _fastest(exact, candidates)
+    return _cheapest(exact, candidates)
 
 
 def fold_norms(network: Network) -> None:
@@ -168,27 +168,28 @@ def _in_bfloat16(network: Network, config: BevConfig) -> Backend:
     return TorchBackend(network, config, "bfloat16")
 
 
-def _fastest(exact: Backend, candidates: list[Backend]) -> Backend:
-    """The fastest of those that say what `exact` says."""
+def _cheapest(exact: Backend, candidates: list[Backend]) -> Backend:
+    """The cheapest of those that say what `exact` says."""
     chances = torch.rand(
         (FEATURES, _TRIAL_CELLS, _TRIAL_CELLS), generator=torch.Generator().manual_seed(0)
     )
-    best, least = exact, _FASTER * _seconds(exact, chances)
+    best, least = exact, _FASTER * _cost_s(exact, chances)
     told = exact.decode(chances)[0].sigmoid()
     for candidate in candidates:
-        seconds = _seconds(candidate, chances)
+        cost_s = _cost_s(candidate, chances)
         off = float((candidate.decode(chances)[0].sigmoid() - told).abs().max())
         # `not >=`: NaN is off, too.
-        if seconds < least and off <= _TOLERANCE[candidate.numerics]:
-            best, least = candidate, seconds
+        if cost_s < least and off <= _TOLERANCE[candidate.numerics]:
+            best, least = candidate, cost_s
     return best
 
 
-def _seconds(backend: Backend, fused: Tensor) -> float:
-    """The least time of a few tries: whatever else runs on the machine only adds to it."""
+def _cost_s(backend: Backend, fused: Tensor) -> float:
+    """The least processor time of a few tries, of all threads together: what is left for everybody
+    else on the machine counts, and whatever these do meanwhile does not."""
     times = []
     for _ in range(_TRIALS):
-        begun = time.perf_counter()
+        begun = time.process_time()
         backend.decode(fused)
-        times.append(time.perf_counter() - begun)
+        times.append(time.process_time() - begun)
     return min(times)

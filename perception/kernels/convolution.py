@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from itertools import count
+import weakref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,6 @@ Flags = NDArray[np.bool_]
 
 PANEL = 16
 """Channels that are written come in multiples of this."""
-PARTS_OF_THREAD = 2
-"""Into how many parts of each thread's the rows of a layer are split: more wait for less, and each
-takes a turn at Python's lock."""
 TILE = 4
 """Cells along one side of what a tile of Winograd's gives."""
 _TO_TILE = np.array(
@@ -37,44 +33,26 @@ _TO_TILE = np.array(
 
 
 class Workers:
-    """Splits work over rows among threads, and keeps each thread's buffers."""
+    """The threads that share a layer, and the memory that each thread's layers write to.
+
+    May be used from several threads: one has the others' help at a time.
+    """
 
     def __init__(self, library: ctypes.CDLL, threads: int) -> None:
         self.library = library
-        self._threads = threads
-        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self.threads = threads
+        self.team: int | None = library.team_make(threads) if threads > 1 else None
+        if self.team is not None:
+            weakref.finalize(self, library.team_end, self.team)
         self._kept = threading.local()
 
     def buffer(self, name: str, shape: tuple[int, ...]) -> Floats:
         """Float32 memory of the calling thread, with what was last left in it."""
         kept: dict[str, Floats] = self._kept.__dict__.setdefault("buffers", {})
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         if name not in kept or kept[name].size < size:
             kept[name] = np.empty(size, np.float32)
         return kept[name][:size].reshape(shape)
-
-    def split(self, rows: int, work: Callable[[int, int], None]) -> None:
-        """Calls `work(first, last)` for parts of the rows, several at once.
-
-        Each thread takes the next part when it is done with one, and nobody waits for a thread that
-        has not begun: on a busy machine the others may not get a processor in time.
-        """
-        if self._pool is None:
-            work(0, rows)
-            return
-        parts = min(rows, PARTS_OF_THREAD * self._threads)
-        ends = [rows * i // parts for i in range(parts + 1)]
-        turn = count()
-
-        def take() -> None:
-            while (part := next(turn)) < parts:
-                work(ends[part], ends[part + 1])
-
-        others = [self._pool.submit(take) for _ in range(self._threads - 1)]
-        take()
-        for other in others:
-            if not other.cancel():
-                other.result()
 
 
 class Convolution:
@@ -123,31 +101,21 @@ class Convolution:
         rows, columns, _ = image.shape
         workers, library = self._workers, self._workers.library
         if self._tiled:
-            size = library.scratch3(self.before, self.after)
-
-            def work(first: int, last: int) -> None:
-                library.convolve3(
-                    *(pointer(image), _pitch(image), rows, columns, self.before),
-                    *(pointer(self._weights), pointer(self._bias), self.after),
-                    *(pointer(add), _pitch(add), self._relu, pointer(needed)),
-                    *(pointer(out), _pitch(out)),
-                    *(pointer(workers.buffer("scratch", (size,))), first, last),
-                )
-
-            workers.split(-(-rows // TILE), work)
+            size = workers.threads * library.scratch3(self.before, self.after)
+            library.convolve3(
+                *(workers.team, pointer(image), _pitch(image), rows, columns, self.before),
+                *(pointer(self._weights), pointer(self._bias), self.after),
+                *(pointer(add), _pitch(add), self._relu, pointer(needed)),
+                *(pointer(out), _pitch(out), pointer(workers.buffer("scratch", (size,)))),
+            )
         else:
-            size = library.scratch(self._kernel, self.before, self.after)
-
-            def work(first: int, last: int) -> None:
-                library.convolve(
-                    *(pointer(image), _pitch(image), rows, columns, self.before),
-                    *(self._kernel, self._stride, pointer(self._weights), pointer(self._bias)),
-                    *(self.after, pointer(add), _pitch(add), self._relu, repeat, pointer(out)),
-                    *(_pitch(out), *out.shape[:2]),
-                    *(pointer(workers.buffer("scratch", (size,))), first, last),
-                )
-
-            workers.split(-(-rows // self._stride), work)
+            size = workers.threads * library.scratch(self._kernel, self.before, self.after)
+            library.convolve(
+                *(workers.team, pointer(image), _pitch(image), rows, columns, self.before),
+                *(self._kernel, self._stride, pointer(self._weights), pointer(self._bias)),
+                *(self.after, pointer(add), _pitch(add), self._relu, repeat, pointer(out)),
+                *(_pitch(out), *out.shape[:2], pointer(workers.buffer("scratch", (size,)))),
+            )
 
 
 def tiles(cells: Flags) -> Flags:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FOLDER = Path(__file__).parent
-_VERSION = 1
+_VERSION = 2
 """Of the libraries' functions: one that was built from another source is not called."""
 _NEEDED = {
     "_network_avx512": {"avx512f", "avx2", "fma"},
@@ -33,9 +33,11 @@ _KINDS = {
 }
 _NETWORK = {
     "scratch3": "l ii",
-    "convolve3": "v piiii ppi pii p pi pii",
+    "team_make": "p i",
+    "team_end": "v p",
+    "convolve3": "v p piiii ppi pii p pi p",
     "scratch": "l iii",
-    "convolve": "v piiii ii ppi pi ii pi ii pii",
+    "convolve": "v p piiii ii ppi pi ii pi ii p",
     "limit": "v ppli",
     "image_scratch": "l iil",
     "attend": "v pp ili p",

@@ -1,15 +1,18 @@
-/* The detector's network for one thread: points to image, and convolutions.
+/* The detector's network: points to image, and convolutions.
 
    Images are float32 (rows, columns, channels); a pitch is the number of floats from one cell to
    the next, so that an image may lie in part of the channels of a wider one. Channels that are
-   written are multiples of 16, the columns of a panel of weights. Several threads may work on one
-   image, each on rows of its own. perception/kernels/library.py declares what is called. */
+   written are multiples of 16, the columns of a panel of weights. The threads of a team share the
+   rows of a convolution, each with scratch of its own.
+   perception/kernels/library.py declares what is called. */
 
 #include <math.h>
 #include <string.h>
 
+#include "team.h"
+
 /* Raise with any change of what functions take: perception/kernels/library.py has the same. */
-int loops_version(void) { return 1; }
+int loops_version(void) { return 2; }
 
 #if defined(__AVX512F__)
 #define LANES 16
@@ -103,19 +106,30 @@ static void tile_into(const float *from, long right, long down, int channels, fl
     }
 }
 
-/* Floats of scratch for `convolve3`. */
+/* Floats of scratch for `convolve3`, for each thread. */
 long scratch3(int before, int after) { return 36L * (BLOCK * (before + after) + before); }
 
 /* out = 3 x 3 convolution of `in`, zero beyond the border, + bias (+ `add`), not negative where
-   `relu`; for the rows of tiles (4 rows of cells each) from `first` to `last`. Tiles (rows / 4,
-   columns / 4, rounded up) that are not `needed` become 0; without it, all are.
-   weights: (36, after / 16, before, 16), in Winograd's form. */
-void convolve3(const float *in, int in_pitch, int rows, int columns, int before,
-               const float *weights, const float *bias, int after, const float *add, int add_pitch,
-               int relu, const unsigned char *needed, float *out, int out_pitch, float *scratch,
-               int first, int last)
+   `relu`. Tiles (rows / 4, columns / 4, rounded up) that are not `needed` become 0; without it, all
+   are. weights: (36, after / 16, before, 16), in Winograd's form. */
+typedef struct {
+    const float *in, *weights, *bias, *add;
+    const unsigned char *needed;
+    float *out, *scratch;
+    int in_pitch, rows, columns, before, after, add_pitch, relu, out_pitch;
+} layer3;
+
+/* For the rows of tiles (4 rows of cells each) from `first` to `last`. */
+static void rows_of_convolve3(const void *given, int first, int last, int who)
 {
-    float *v = scratch, *m = v + 36L * BLOCK * before, *edge = m + 36L * BLOCK * after;
+    const layer3 *l = given;
+    const float *in = l->in, *weights = l->weights, *bias = l->bias, *add = l->add;
+    const unsigned char *needed = l->needed;
+    float *out = l->out;
+    int in_pitch = l->in_pitch, rows = l->rows, columns = l->columns, before = l->before;
+    int after = l->after, add_pitch = l->add_pitch, relu = l->relu, out_pitch = l->out_pitch;
+    float *v = l->scratch + who * scratch3(before, after);
+    float *m = v + 36L * BLOCK * before, *edge = m + 36L * BLOCK * after;
     int across = (columns + 3) / 4, next = first * across, end = last * across;
     while (next < end) {
         int tile[BLOCK], n = 0;
@@ -176,24 +190,45 @@ void convolve3(const float *in, int in_pitch, int rows, int columns, int before,
     }
 }
 
-/* Floats of scratch for `convolve`. */
+void convolve3(team *team, const float *in, int in_pitch, int rows, int columns, int before,
+               const float *weights, const float *bias, int after, const float *add, int add_pitch,
+               int relu, const unsigned char *needed, float *out, int out_pitch, float *scratch)
+{
+    layer3 l = {in, weights, bias, add, needed, out, scratch,
+                in_pitch, rows, columns, before, after, add_pitch, relu, out_pitch};
+    share(team, rows_of_convolve3, &l, (rows + 3) / 4);
+}
+
+/* Floats of scratch for `convolve`, for each thread. */
 long scratch(int kernel, int before, int after)
 {
     return (long)BLOCK * (kernel * kernel * before + after);
 }
 
 /* out = kernel x kernel convolution of `in` at a stride, zero beyond the border, + bias, not
-   negative where `relu`, (+ `add`), each cell repeated `repeat` times along both axes; for the
-   rows of cells, before they are repeated, from `first` to `last`. `rows`, `columns`: those of
-   `in`; `out_rows`, `out_columns`: those of `out`. weights: (after / 16, kernel, kernel, before,
-   16). */
-void convolve(const float *in, int in_pitch, int rows, int columns, int before, int kernel,
-              int stride, const float *weights, const float *bias, int after, const float *add,
-              int add_pitch, int relu, int repeat, float *out, int out_pitch, int out_rows,
-              int out_columns, float *scratch, int first, int last)
+   negative where `relu`, (+ `add`), each cell repeated `repeat` times along both axes. `rows`,
+   `columns`: those of `in`; `out_rows`, `out_columns`: those of `out`. weights: (after / 16,
+   kernel, kernel, before, 16). */
+typedef struct {
+    const float *in, *weights, *bias, *add;
+    float *out, *scratch;
+    int in_pitch, rows, columns, before, kernel, stride, after, add_pitch, relu, repeat, out_pitch;
+    int out_rows, out_columns;
+} layer;
+
+/* For the rows of cells, before they are repeated, from `first` to `last`. */
+static void rows_of_convolve(const void *given, int first, int last, int who)
 {
+    const layer *l = given;
+    const float *in = l->in, *weights = l->weights, *bias = l->bias, *add = l->add;
+    float *out = l->out;
+    int in_pitch = l->in_pitch, rows = l->rows, columns = l->columns, before = l->before;
+    int kernel = l->kernel, stride = l->stride, after = l->after, add_pitch = l->add_pitch;
+    int relu = l->relu, repeat = l->repeat, out_pitch = l->out_pitch;
+    int out_rows = l->out_rows, out_columns = l->out_columns;
     int across = (columns + stride - 1) / stride, k = kernel * kernel * before;
-    float *patch = scratch, *found = scratch + (long)BLOCK * k;
+    float *patch = l->scratch + who * scratch(kernel, before, after);
+    float *found = patch + (long)BLOCK * k;
     for (int y = first; y < last; y++)
         for (int begin = 0; begin < across; begin += BLOCK) {
             int n = across - begin < BLOCK ? across - begin : BLOCK;
@@ -227,6 +262,17 @@ void convolve(const float *in, int in_pitch, int rows, int columns, int before, 
                         }
                     }
         }
+}
+
+void convolve(team *team, const float *in, int in_pitch, int rows, int columns, int before,
+              int kernel, int stride, const float *weights, const float *bias, int after,
+              const float *add, int add_pitch, int relu, int repeat, float *out, int out_pitch,
+              int out_rows, int out_columns, float *scratch)
+{
+    layer l = {in, weights, bias, add, out, scratch,
+               in_pitch, rows, columns, before, kernel, stride, after, add_pitch, relu, repeat,
+               out_pitch, out_rows, out_columns};
+    share(team, rows_of_convolve, &l, (rows + stride - 1) / stride);
 }
 
 /* Features (cells, channels) to 0 to 1, and to 0 where nothing was said. */
