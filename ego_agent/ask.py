@@ -12,13 +12,12 @@ import itertools
 import math
 import queue
 import time
-from collections.abc import Iterator
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from ego_agent.evidence import Queues
-from ego_agent.experience import frames_of
+from ego_agent.frame_round import LATE_S, FrameRound
 from ego_agent.knowledge import Knowledge
+from ego_agent.lessons import Lessons
 from ego_agent.link import LinkEstimate
 from ego_agent.monitor import Monitor
 from ego_agent.tally import TallyKeeper
@@ -35,8 +34,6 @@ MIN_PAYLOAD_BYTES = 2048
 """Boxes must always fit."""
 SILENT_S = 1.0
 """When neither a beacon nor an answer has come for so long, the link carries nothing."""
-LATE_S = 1.25
-"""How long after the deadline an answer may still come; its bytes are counted then."""
 SMALL_OFFSET_NS = 50_000_000
 """A smaller clock offset is taken for delay: frames are 100 ms apart."""
 MAX_SKEW_FRAMES = 1.5
@@ -45,10 +42,6 @@ scan a little later than the ego gives the frame before."""
 REQUESTS_UNDER_WAY = 2
 """Of one robot that keeps up. Answers that take longer than a frame would cost every second frame
 with one; more would queue at the robot and on the link."""
-
-
-PROBE_FRAMES = 5.0
-"""Frames that the answer to a probe counts for: there are few of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,69 +62,6 @@ class _Arrival:
     ask: _Ask
     outcome: Answer[Observation] | CoAdaptError
     at: float
-
-
-@dataclass(slots=True, eq=False)
-class FrameRound:
-    """The requests of one frame. The asking thread writes it; until the frame's time is over, other
-    threads only read `contributions_in_turn`."""
-
-    algorithm: Algorithm
-    begun_at: float
-    deadline_s: float
-    contributions: list[Contribution] = field(default_factory=list)
-    bytes: dict[str, int] = field(default_factory=dict)
-    """Payload bytes of the contributions that arrived in time, by robot."""
-    missing: dict[str, str] = field(default_factory=dict)
-    """Robots without a contribution: `kind: detail`."""
-    waiting: set[str] = field(default_factory=set)
-    asked_at: dict[str, float] = field(default_factory=dict)
-    """When each robot was asked, `time.monotonic()` seconds like all times here."""
-    arrived_at: dict[str, float] = field(default_factory=dict)
-    """When each robot's answer was there, also one that was late."""
-    encode_ms: dict[str, float] = field(default_factory=dict)
-    """How long each contribution's robot took to encode it."""
-    rate_hz: float = 10.0
-    """Of the frames that wait for it."""
-    capacity_bps: float = 1.0
-    """C(t) when it began."""
-    probe: bool = False
-    """It is asked for the sake of its time: nobody fuses what comes."""
-    closed_at: float | None = None
-    """When the last robot had answered or the deadline had passed; None until then."""
-    _arrived: queue.SimpleQueue[Contribution | None] = field(default_factory=queue.SimpleQueue)
-
-    @property
-    def due_at(self) -> float:
-        """When the deadline passes."""
-        return self.begun_at + self.deadline_s
-
-    @property
-    def given_up_at(self) -> float:
-        """When no answer can come any more: a second try may end as late as this."""
-        return self.begun_at + 2.0 * (self.deadline_s + LATE_S)
-
-    def outcome(self, robot: str) -> str:
-        """What came of a robot in a closed round: `in_time`, or one of MISSING_KINDS."""
-        return kind_of(self.missing[robot]) if robot in self.missing else "in_time"
-
-    def contributions_in_turn(self) -> Iterator[Contribution]:
-        """Each contribution when it arrives, until the round is closed. For one caller."""
-        while (contribution := self._arrived.get()) is not None:
-            yield contribution
-
-    def take(self, contribution: Contribution) -> None:
-        """Adds what came in time."""
-        self.contributions.append(contribution)
-        self._arrived.put(contribution)
-
-    def close(self, now: float) -> None:
-        """Ends the waiting."""
-        for robot in sorted(self.waiting):
-            self.missing[robot] = f"deadline: no answer within {self.deadline_s:g} s"
-        self.waiting.clear()
-        self.closed_at = now
-        self._arrived.put(None)
 
 
 class Asker:
@@ -157,7 +87,7 @@ class Asker:
         self.knowledge = knowledge
         self._tally = tally
         self._clock = clock
-        self._frames_hz = 1.0 / frame_period_s
+        self._lessons = Lessons(knowledge.experience, link, 1.0 / frame_period_s)
         self._max_skew_ns = round(MAX_SKEW_FRAMES * frame_period_s * 1e9)
         self._max_error_m = max_error_m
         self._keep_ground = keep_ground
@@ -168,7 +98,6 @@ class Asker:
         """Robots whose newest answer came in time."""
         self._rounds: list[FrameRound] = []
         """Those that still wait for answers."""
-        self._queues = Queues()
         self._answered_at = time.monotonic()
 
     def ask(
@@ -261,9 +190,7 @@ class Asker:
             if done.waiting and not done.probe and silent_s >= SILENT_S:
                 self._link.silence(now)
             for robot in done.waiting:
-                # Not how long it takes, but that it takes longer, is known at once.
-                longer_s = math.nextafter(done.deadline_s, math.inf)
-                self._note(done, robot, longer_s, done.deadline_s, at_least=True)
+                self._lessons.silence(done, robot)
             done.close(now)
 
     def _is_busy(self, robot: str, now: float) -> bool:
@@ -316,8 +243,9 @@ class Asker:
     def _take(self, arrival: _Arrival) -> None:
         """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
-        self._learn(arrival)
-        self._remember(arrival)
+        self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at)
+        if isinstance(arrival.outcome, Answer):
+            self._answered_at = arrival.at
         self._settle(ask)
         late = ask.robot not in done.waiting
         done.waiting.discard(ask.robot)
@@ -349,49 +277,6 @@ class Asker:
         pose = seen.sensor_pose().matrix()
         done.take(Contribution(ask.robot, seen.payload, pose, age_s))
 
-    def _remember(self, arrival: _Arrival) -> None:
-        """Teaches how long the robot took."""
-        ask, done, outcome = arrival.ask, arrival.ask.round, arrival.outcome
-        waited_s = arrival.at - done.asked_at[ask.robot]
-        late_s = waited_s if ask.robot in done.waiting else waited_s - done.deadline_s
-        if isinstance(outcome, Answer):
-            self._note(done, ask.robot, waited_s, late_s, outcome.message.encode_ms * 1e-3)
-        else:
-            self._note(done, ask.robot, math.inf, late_s)
-
-    def _note(
-        self,
-        done: FrameRound,
-        robot: str,
-        answer_s: float,
-        waited_s: float,
-        encode_s: float | None = None,
-        *,
-        at_least: bool = False,
-    ) -> None:
-        """All frames of the time that it kept the robot busy count."""
-        self.knowledge.experience.record(
-            robot,
-            done.algorithm,
-            answer_s,
-            frames=PROBE_FRAMES
-            if done.probe
-            else frames_of(waited_s, done.rate_hz, self._frames_hz),
-            encode_s=encode_s,
-            capacity_bps=done.capacity_bps,
-            at_least=at_least,
-        )
-
-    def _learn(self, arrival: _Arrival) -> None:
-        """Takes what a robot's kernel says of its own link, also in an answer that is late."""
-        if not isinstance(arrival.outcome, Answer):
-            return
-        self._answered_at = arrival.at
-        robot, seen = arrival.ask.robot, arrival.outcome.message
-        shown = self._queues.take((robot, seen.instance), seen.uplink)
-        if shown is not None:
-            self._link.add_robot(robot, shown, arrival.at)
-
     def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
         """Why an answer is not what was asked for."""
         asked = ask.request
@@ -412,18 +297,6 @@ class Asker:
     def _clock_offset_ns(self, robot: str) -> int:
         offset_ns = self._monitor.clock_offset_ns(robot)
         return offset_ns if abs(offset_ns) >= SMALL_OFFSET_NS else 0
-
-
-MISSING_KINDS = (
-    "offline", "left", "busy", "deadline", "refused", "invalid", "unanswered", "skew", "rejected",
-    "probe",
-)  # fmt: skip
-"""Why a chosen robot is not in a fused frame: the part of a reason before its colon."""
-
-
-def kind_of(reason: str) -> str:
-    """The kind of a reason in `FrameRound.missing`: one of MISSING_KINDS."""
-    return reason.split(":", 1)[0]
 
 
 def _why(error: CoAdaptError) -> str:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ego_agent.ask import Asker, FrameRound, kind_of
+from ego_agent.ask import Asker
+from ego_agent.frame_round import FrameRound, kind_of
 from ego_agent.pace import stride
 from ego_agent.pipeline import AskedFrame, Pipeline
 from ego_agent.sense import OwnFrame, OwnSensor

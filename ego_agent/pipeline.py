@@ -13,7 +13,7 @@ import time
 from collections import deque
 from dataclasses import dataclass
 
-from ego_agent.ask import FrameRound
+from ego_agent.frame_round import FrameRound
 from ego_agent.sense import OwnFrame
 from perception.fusion.base import Fusion, Gathering
 from swarm.messages import Decision

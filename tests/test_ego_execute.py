@@ -22,7 +22,7 @@ from ego_hall import (  # noqa: F401
 from ego_swarm import Heard, Swarm, until
 
 from ego_agent.analyze import analyze
-from ego_agent.ask import MISSING_KINDS, kind_of
+from ego_agent.frame_round import MISSING_KINDS, kind_of
 from ego_agent.knowledge import Knowledge
 from swarm import keyspace
 from swarm.errors import PerceptionError

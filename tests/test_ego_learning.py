@@ -20,7 +20,7 @@ from ego_hall import (  # noqa: F401
 from ego_swarm import until
 
 from ego_agent.answers import AnswerTimes
-from ego_agent.ask import kind_of
+from ego_agent.frame_round import kind_of
 from swarm.messages import Observation, ObservationRequest, Probe
 
 

@@ -22,7 +22,7 @@ from ego_hall import (  # noqa: F401
 )
 from ego_swarm import Heard, Swarm, until
 
-from ego_agent.ask import FrameRound, kind_of
+from ego_agent.frame_round import FrameRound, kind_of
 from ego_agent.pipeline import MAX_FRAMES, AskedFrame, Pipeline
 from ego_agent.sense import OwnFrame
 from perception.types import Boxes

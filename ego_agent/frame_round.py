@@ -1,0 +1,86 @@
+"""One frame that robots were asked for: what came of each, and what it brought."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from perception.fusion.base import Contribution
+from swarm.messages import Algorithm
+
+LATE_S = 1.25
+"""How long after the deadline an answer may still come; its bytes are counted then."""
+MISSING_KINDS = (
+    "offline", "left", "busy", "deadline", "refused", "invalid", "unanswered", "skew", "rejected",
+    "probe",
+)  # fmt: skip
+"""Why a chosen robot is not in a fused frame: the part of a reason before its colon."""
+
+
+@dataclass(slots=True, eq=False)
+class FrameRound:
+    """The requests of one frame. The asking thread writes it; until the frame's time is over, other
+    threads only read `contributions_in_turn`."""
+
+    algorithm: Algorithm
+    begun_at: float
+    deadline_s: float
+    contributions: list[Contribution] = field(default_factory=list)
+    bytes: dict[str, int] = field(default_factory=dict)
+    """Payload bytes of the contributions that arrived in time, by robot."""
+    missing: dict[str, str] = field(default_factory=dict)
+    """Robots without a contribution: `kind: detail`."""
+    waiting: set[str] = field(default_factory=set)
+    asked_at: dict[str, float] = field(default_factory=dict)
+    """When each robot was asked, `time.monotonic()` seconds like all times here."""
+    arrived_at: dict[str, float] = field(default_factory=dict)
+    """When each robot's answer was there, also one that was late."""
+    encode_ms: dict[str, float] = field(default_factory=dict)
+    """How long each contribution's robot took to encode it."""
+    rate_hz: float = 10.0
+    """Of the frames that wait for it."""
+    capacity_bps: float = 1.0
+    """C(t) when it began."""
+    probe: bool = False
+    """It is asked for the sake of its time: nobody fuses what comes."""
+    closed_at: float | None = None
+    """When the last robot had answered or the deadline had passed; None until then."""
+    _arrived: queue.SimpleQueue[Contribution | None] = field(default_factory=queue.SimpleQueue)
+
+    @property
+    def due_at(self) -> float:
+        """When the deadline passes."""
+        return self.begun_at + self.deadline_s
+
+    @property
+    def given_up_at(self) -> float:
+        """When no answer can come any more: a second try may end as late as this."""
+        return self.begun_at + 2.0 * (self.deadline_s + LATE_S)
+
+    def outcome(self, robot: str) -> str:
+        """What came of a robot in a closed round: `in_time`, or one of MISSING_KINDS."""
+        return kind_of(self.missing[robot]) if robot in self.missing else "in_time"
+
+    def contributions_in_turn(self) -> Iterator[Contribution]:
+        """Each contribution when it arrives, until the round is closed. For one caller."""
+        while (contribution := self._arrived.get()) is not None:
+            yield contribution
+
+    def take(self, contribution: Contribution) -> None:
+        """Adds what came in time."""
+        self.contributions.append(contribution)
+        self._arrived.put(contribution)
+
+    def close(self, now: float) -> None:
+        """Ends the waiting."""
+        for robot in sorted(self.waiting):
+            self.missing[robot] = f"deadline: no answer within {self.deadline_s:g} s"
+        self.waiting.clear()
+        self.closed_at = now
+        self._arrived.put(None)
+
+
+def kind_of(reason: str) -> str:
+    """The kind of a reason in `FrameRound.missing`: one of MISSING_KINDS."""
+    return reason.split(":", 1)[0]
