@@ -13,11 +13,13 @@ NETWORK = {
 }
 
 
-def loops(name: str, source: str, flags: list[str]) -> Extension:
-    """A library of perception/kernels."""
+def loops(
+    name: str, source: str, flags: list[str], folder: str = "perception/kernels"
+) -> Extension:
+    """A library beside its source."""
     return Extension(
-        f"perception.kernels.{name}",
-        [f"perception/kernels/{source}.c"],
+        f"{folder.replace('/', '.')}.{name}",
+        [f"{folder}/{source}.c"],
         extra_compile_args=["-O3", "-pthread", *flags],
         extra_link_args=["-pthread"],
         depends=["perception/kernels/team.h"],

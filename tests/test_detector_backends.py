@@ -49,7 +49,9 @@ def every_build() -> list[ctypes.CDLL]:
     """Those of the builds of network.c that this processor can run."""
     flags = library.processor_flags()
     names = [name for name, needed in library._NEEDED.items() if needed <= flags]
-    found = [library._load(name, library._NETWORK) for name in names]
+    found = [
+        library.load(library._FOLDER, name, library._VERSION, library._NETWORK) for name in names
+    ]
     assert found
     return [build for build in found if build is not None]
 

@@ -65,7 +65,7 @@ def network() -> ctypes.CDLL | None:
     flags = processor_flags()
     for name, needed in _NEEDED.items():
         if needed <= flags:
-            found = _load(name, _NETWORK)
+            found = load(_FOLDER, name, _VERSION, _NETWORK)
             if found is not None:
                 return found
     return None
@@ -74,13 +74,13 @@ def network() -> ctypes.CDLL | None:
 @cache
 def coding() -> ctypes.CDLL | None:
     """coding.c; None where it was not compiled."""
-    return _load("_coding", _CODING)
+    return load(_FOLDER, "_coding", _VERSION, _CODING)
 
 
 @cache
 def places() -> ctypes.CDLL | None:
     """places.c; None where it was not compiled."""
-    return _load("_places", _PLACES)
+    return load(_FOLDER, "_places", _VERSION, _PLACES)
 
 
 @cache
@@ -99,11 +99,16 @@ def pointer(array: NDArray[np.generic] | None) -> int | None:
     return None if array is None else array.ctypes.data
 
 
-def _load(name: str, functions: dict[str, str]) -> ctypes.CDLL | None:
-    for path in sorted(_FOLDER.glob(f"{name}.*so")):
+def load(folder: Path, name: str, version: int, functions: dict[str, str]) -> ctypes.CDLL | None:
+    """The library of that name in a folder, if its `loops_version` is this one; else None.
+
+    `functions` gives each function's result and arguments by their kinds: p pointer, i int, l long,
+    f float, d double, v none.
+    """
+    for path in sorted(folder.glob(f"{name}.*so")):
         try:
             library = ctypes.CDLL(str(path))
-            if library.loops_version() != _VERSION:
+            if library.loops_version() != version:
                 continue
             for function, kinds in functions.items():
                 result, *arguments = (_KINDS[kind] for kind in kinds.replace(" ", ""))
