@@ -32,5 +32,6 @@ setup(
         *(loops(f"_network_{name}", "network", flags) for name, flags in NETWORK.items()),
         loops("_coding", "coding", []),
         loops("_places", "places", []),
+        loops("_rays", "rays", ["-ffp-contract=off"], "worlds/factory"),
     ]
 )

@@ -8,7 +8,8 @@ cd "$(dirname "$0")/.."
 venv=.venv
 stamp=$venv/.setup-done
 inputs="requirements.lock requirements-dev.lock requirements-torch.lock pyproject.toml setup.py deploy/setup.sh \
-    perception/kernels/coding.c perception/kernels/network.c perception/kernels/places.c perception/kernels/team.h"
+    perception/kernels/coding.c perception/kernels/network.c perception/kernels/places.c perception/kernels/team.h \
+    worlds/factory/rays.c"
 
 say() { echo "setup: $*" >&2; }
 . deploy/apt.sh

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from worlds.cache import ScanCache
 from worlds.factory import FactoryWorld
+from worlds.factory.rays import rays
+
+NAME = f"v{1 if rays() is None else 2}-floor-s1-r16-n6-R1-0003"
 
 
 @pytest.fixture
@@ -21,7 +24,7 @@ def rows() -> NDArray[np.float32]:
 def test_a_kept_scan_is_the_computed_one(tmp_path: Path) -> None:
     computed = FactoryWorld(rings=16)
     FactoryWorld(rings=16, cache=tmp_path).scan("R1", 3)
-    assert [path.name for path in tmp_path.iterdir()] == ["v1-floor-s1-r16-n6-R1-0003.npy"]
+    assert [path.name for path in tmp_path.iterdir()] == [f"{NAME}.npy"]
     kept = FactoryWorld(rings=16, cache=tmp_path).scan_with_actors("R1", 3)
     expected = computed.scan_with_actors("R1", 3)
     assert np.array_equal(kept[0].points, expected[0].points)
@@ -30,7 +33,7 @@ def test_a_kept_scan_is_the_computed_one(tmp_path: Path) -> None:
 
 
 def test_a_kept_scan_is_read_not_computed(tmp_path: Path, rows: NDArray[np.float32]) -> None:
-    ScanCache(tmp_path).write("v1-floor-s1-r16-n6-R1-0003", rows)
+    ScanCache(tmp_path).write(NAME, rows)
     kept = FactoryWorld(rings=16, cache=tmp_path).scan("R1", 3)
     assert np.array_equal(kept.points, rows[:, :3])
 

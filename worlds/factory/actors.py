@@ -14,6 +14,9 @@ from worlds.factory.paths import Motion, Path
 
 Floats = NDArray[np.float64]
 
+STATIC = -1
+"""Index of everything that is no actor."""
+
 
 @dataclass(frozen=True, slots=True)
 class Shape:

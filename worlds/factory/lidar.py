@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import threading
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from swarm.errors import WorldError
-from swarm.geometry import TWO_PI, Pose
+from swarm.geometry import Pose
 from worlds.factory.actors import Solids
-from worlds.factory.layout import Floor, triangles
+from worlds.factory.grid import RayGrid
+from worlds.factory.layout import Floor
+from worlds.factory.meshes import MeshRays
+from worlds.factory.rays import CompiledRays, come_back, rays
 from worlds.returns import Returns
-
-Floats = NDArray[np.float64]
-Rays = NDArray[np.float32]
 
 COLUMNS = 1024
 LOWEST_RAD, HIGHEST_RAD = np.radians(-25.0), np.radians(15.0)
@@ -28,23 +23,25 @@ NOISE_M = 0.02
 """Standard deviation of the range; data sheets of this class give 2 to 3 cm."""
 DROP_OUT = 0.01
 """Share of the returns that get lost."""
-STATIC = -1
-"""Index of everything that is no actor."""
 
 
 class Lidar:
     """Shoots scans on one floor. Safe to use from several threads."""
 
     def __init__(self, floor: Floor, rings: int) -> None:
-        self._elevations = np.linspace(LOWEST_RAD, HIGHEST_RAD, rings)
-        azimuths = np.arange(COLUMNS) * (TWO_PI / COLUMNS)
-        flat, up = np.cos(self._elevations)[:, None], np.sin(self._elevations)[:, None]
-        self._rays: Rays = np.stack(
-            [flat * np.cos(azimuths), flat * np.sin(azimuths), up + 0.0 * azimuths], axis=-1
-        ).astype(np.float32)
-        self._floor = floor
-        self._lock = threading.Lock()
-        self._scene: Any = None
+        grid = RayGrid(np.linspace(LOWEST_RAD, HIGHEST_RAD, rings), COLUMNS)
+        self._directions = grid.directions().reshape(-1, 3)
+        self._library = rays()
+        self._rays = (
+            MeshRays(floor, grid, RANGE_M)
+            if self._library is None
+            else CompiledRays(self._library, floor, grid, RANGE_M)
+        )
+
+    @property
+    def compiled(self) -> bool:
+        """Whether rays are cast in C."""
+        return self._library is not None
 
     def shoot(self, pose: Pose, own: int, bodies: Solids, rng: np.random.Generator) -> Returns:
         """One scan from a pose without roll and pitch: ring by ring from the lowest, each ring in
@@ -52,122 +49,16 @@ class Lidar:
 
         `own` is the actor that carries the sensor: it is not seen.
         """
-        count = self._rays.shape[0] * COLUMNS
-        distance = self._static(pose)
-        actors = np.full(count, STATIC, dtype=np.int16)
-        ray, hit, owner = self._bodies(pose, own, bodies)
-        # The nearest body of each ray is written last.
-        order = np.argsort(-hit, kind="stable")
-        ray, hit, owner = ray[order], hit[order], owner[order]
-        nearer = hit < distance[ray]
-        ray = ray[nearer]
-        distance[ray], actors[ray] = hit[nearer], owner[nearer]
-
-        distance += rng.standard_normal(count, dtype=np.float32) * np.float32(NOISE_M)
-        kept = rng.random(count, dtype=np.float32) >= DROP_OUT
+        distance, actors = self._rays.cast(pose, own, bodies)
+        noise = rng.standard_normal(len(distance), dtype=np.float32)
+        luck = rng.random(len(distance), dtype=np.float32)
+        limits = NOISE_M, DROP_OUT, MIN_RANGE_M, RANGE_M
+        if self._library is not None:
+            return come_back(
+                self._library, distance, actors, self._directions, noise, luck, *limits
+            )
+        distance += noise * np.float32(NOISE_M)
+        kept = luck >= DROP_OUT
         kept &= (distance >= MIN_RANGE_M) & (distance <= RANGE_M)
         index = np.flatnonzero(kept)
-        points = self._rays.reshape(-1, 3)[index] * distance[index, None]
-        return Returns(points, actors[index])
-
-    def _static(self, pose: Pose) -> NDArray[np.float32]:
-        """(rings * COLUMNS,): distance to the floor or to what stands on it, or infinity."""
-        o3d = _open3d()
-        cos, sin = np.float32(np.cos(pose.yaw)), np.float32(np.sin(pose.yaw))
-        rays = np.empty((*self._rays.shape[:2], 6), dtype=np.float32)
-        rays[..., :3] = pose.x, pose.y, pose.z
-        x, y = self._rays[..., 0], self._rays[..., 1]
-        rays[..., 3] = cos * x - sin * y
-        rays[..., 4] = sin * x + cos * y
-        rays[..., 5] = self._rays[..., 2]
-        with self._lock:
-            if self._scene is None:
-                scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-                scene.add_triangles(*map(o3d.core.Tensor.from_numpy, triangles(self._floor.boxes)))
-                self._scene = scene
-            found = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
-        distance: NDArray[np.float32] = found["t_hit"].numpy()
-        down = np.flatnonzero(self._elevations < 0)
-        to_floor = (pose.z / -np.sin(self._elevations[down])).astype(np.float32)
-        distance[down] = np.minimum(distance[down], to_floor[:, None])
-        return distance.reshape(-1)
-
-    def _bodies(
-        self, pose: Pose, own: int, bodies: Solids
-    ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.int16]]:
-        """All hits of rays with bodies: ray, distance, actor."""
-        offset = bodies.centers - [pose.x, pose.y, pose.z]
-        cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
-        x, y = cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]
-        away = np.hypot(x, y)
-        radius = np.hypot(bodies.halves[:, 0], bodies.halves[:, 1])
-        picked = np.flatnonzero((bodies.owner != own) & (away - radius < RANGE_M))
-        x, y, z, away, radius = (v[picked] for v in (x, y, offset[:, 2], away, radius))
-        halves, turn = bodies.halves[picked], bodies.headings[picked] - pose.yaw
-
-        part, ray = self._candidates(x, y, z, away, radius, halves[:, 2])
-        cos, sin = np.cos(turn)[part], np.sin(turn)[part]
-        rays = self._rays.reshape(-1, 3)[ray]
-        towards = np.stack(
-            [cos * rays[:, 0] + sin * rays[:, 1], cos * rays[:, 1] - sin * rays[:, 0], rays[:, 2]],
-            axis=1,
-        )
-        towards = np.where(np.abs(towards) < 1e-9, 1e-9, towards)
-        middle = np.stack(
-            [
-                np.cos(turn) * x + np.sin(turn) * y,
-                np.cos(turn) * y - np.sin(turn) * x,
-                z,
-            ],
-            axis=1,
-        )
-        # Slab test (Kay and Kajiya, 1986): a ray is in the box while it is in all three slabs.
-        low = (middle - halves)[part] / towards
-        high = (middle + halves)[part] / towards
-        enter = np.minimum(low, high).max(axis=1)
-        leave = np.maximum(low, high).min(axis=1)
-        hits = np.flatnonzero((enter <= leave) & (enter > 0))
-        return (
-            ray[hits],
-            enter[hits].astype(np.float32),
-            bodies.owner[picked][part[hits]],
-        )
-
-    def _candidates(
-        self, x: Floats, y: Floats, z: Floats, away: Floats, radius: Floats, half_height: Floats
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs (part, ray) that may meet: the ray crosses the part's bounding cylinder."""
-        rings = len(self._elevations)
-        near, far = np.maximum(away - radius, 0.05), away + radius
-        top, bottom = z + half_height, z - half_height
-        highest = np.arctan2(top, np.where(top > 0, near, far))
-        lowest = np.arctan2(bottom, np.where(bottom < 0, near, far))
-        first = np.searchsorted(self._elevations, lowest - 1e-6)
-        rows = np.searchsorted(self._elevations, highest + 1e-6) - first
-        width = np.where(away > radius, np.arcsin(np.minimum(radius / away, 1.0)), np.pi)
-        step = TWO_PI / COLUMNS
-        middle = np.arctan2(y, x)
-        start = np.ceil((middle - width) / step).astype(np.int64)
-        columns = np.minimum(
-            np.floor((middle + width) / step).astype(np.int64) - start + 1, COLUMNS
-        )
-        sizes = np.clip(rows, 0, rings) * np.maximum(columns, 0)
-        part = np.repeat(np.arange(len(x)), sizes)
-        rank = np.arange(len(part)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        row, column = np.divmod(rank, columns[part])
-        return part, (first[part] + row) * COLUMNS + (start[part] + column) % COLUMNS
-
-
-def _open3d() -> Any:
-    """Open3D, imported when the first ray is cast: it takes a second.
-
-    Raises WorldError when a library that it needs is missing.
-    """
-    try:
-        import open3d
-    except (ImportError, OSError) as error:
-        raise WorldError(
-            f"the simulated factory needs Open3D, which cannot be loaded: {error}; on Debian it "
-            "needs libegl1, libgl1, libgomp1, libusb-1.0-0 and libx11-6"
-        ) from error
-    return open3d
+        return Returns(self._directions[index] * distance[index, None], actors[index])

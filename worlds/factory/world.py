@@ -23,8 +23,9 @@ from worlds.returns import Returns, kept_returns
 
 RATE_HZ = 10.0
 ROBOTS_ALLOWED = (2, 100)
-GENERATOR = 1
-"""Version of everything that shapes a scan: raise it when any point changes."""
+GENERATOR, GENERATOR_UNCOMPILED = 2, 1
+"""Versions of everything that shapes a scan, with rays cast in C and without, where points differ
+in their last bits. Any change of a point takes a new number."""
 MIN_KEPT = 64
 """Scans and truths held in memory; a large swarm holds one frame of all its robots."""
 
@@ -76,7 +77,8 @@ class FactoryWorld:
         self._actors = cast(scenario, self.floor, robots, rng)
         self._lidar = Lidar(self.floor, rings)
         self._noise_key = (seed, zlib.crc32(scenario.encode()))
-        self._file_key = f"v{GENERATOR}-{scenario}-s{seed}-r{rings}-n{robots}"
+        version = GENERATOR if self._lidar.compiled else GENERATOR_UNCOMPILED
+        self._file_key = f"v{version}-{scenario}-s{seed}-r{rings}-n{robots}"
         self._cache = ScanCache(cache) if cache is not None else None
         # A frame is a scan for each robot, the bodies and the truth.
         self._recent = Recent(max(MIN_KEPT, robots + 2))
