@@ -88,7 +88,6 @@ class Swarm:
             var_dir=str(directory),
             prometheus_config="",
             data=str(data or ""),
-            cache="" if data else str(directory),
             python=sys.executable,
         )
         self.address = f"tcp/{LOCALHOST}:{spec.router_port}"
