@@ -239,8 +239,10 @@ def test_what_is_slower_or_wrong_is_not_taken(
             wrong = {"slow": 0.0, "wrong": 0.5, "not a number": np.nan}[broken]
             return heat + wrong, channels
 
-    seconds = {"torch": 1.0, "broken": 0.95 if broken == "slow" else 0.1}
-    monkeypatch.setattr(backends, "_cost_s", lambda backend, fused: seconds[backend.name])
+    seconds = {"torch": 1.0, "broken": 1.2 if broken == "slow" else 0.1}
+    monkeypatch.setattr(
+        backends, "_costs_s", lambda tried, fused: [seconds[backend.name] for backend in tried]
+    )
     exact, other = TorchBackend(network, tiny), Broken(network, tiny)
     other.name = "broken"
     assert backends._cheapest(exact, [other]) is exact
