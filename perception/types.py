@@ -98,7 +98,9 @@ def clean_points(points: NDArray[np.floating]) -> Points:
         raise ScanError(f"a cloud must have shape (N, 3), this one has {points.shape}")
     cloud = np.asarray(points, dtype=np.float32)
     finite = np.isfinite(cloud)
-    return cloud if finite.all() else cloud[finite.all(axis=1)]
+    if finite.all():
+        return cloud
+    return cloud.compress(finite[:, 0] & finite[:, 1] & finite[:, 2], axis=0)
 
 
 __all__ = ["Boxes", "Points", "Scene", "SceneObject", "clean_points", "transform"]

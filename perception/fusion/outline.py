@@ -27,10 +27,9 @@ def outline(points: Points, ground: NDArray[np.bool_] | None = None) -> Floats:
     points: float32 (M, 3), finite, metres, in the sensor's frame, as the places are.
     ground: bool (M,), which of them are ground, where that is known.
     """
-    cloud = _standing(points, ground)
-    if not len(cloud):
+    if not len(points):
         return np.zeros((0, 2))
-    counts, low, high, x, y = _gathered(cloud)
+    counts, low, high, x, y = _gathered(points, ground_mask(points) if ground is None else ground)
     stands = (counts >= MIN_POINTS) & (high - low >= MIN_HEIGHT_M)
     around = np.column_stack([x[stands] / counts[stands], y[stands] / counts[stands]])
     azimuth = np.arctan2(around[:, 1], around[:, 0])
@@ -38,21 +37,25 @@ def outline(points: Points, ground: NDArray[np.bool_] | None = None) -> Floats:
     return turned
 
 
-def _gathered(cloud: Points) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats]:
-    """Of the points in each cell: how many, lowest and highest z, sums of x and of y. In the order
-    of the cells, x first."""
+def _gathered(
+    points: Points, ground: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], Floats, Floats, Floats, Floats]:
+    """Of the standing points in each cell: how many, lowest and highest z, sums of x and of y. In
+    the order of the cells, x first."""
     compiled = places()
     if compiled is not None:
-        side = 2 * _HALF_CELLS
-        count: NDArray[np.int64] = np.empty(side**2, np.int64)
-        low, high, x, y = (np.empty(side**2) for _ in range(4))
-        cloud = np.ascontiguousarray(cloud)
-        compiled.gather_cells(
-            *(pointer(cloud), len(cloud), CELL_M, _HALF_CELLS),
-            *(pointer(part) for part in (count, low, high, x, y)),
+        points, ground = np.ascontiguousarray(points), np.ascontiguousarray(ground)
+        cells, grid = np.empty(len(points), np.int32), np.empty((2 * _HALF_CELLS) ** 2, np.int32)
+        count = np.empty(len(points), np.int64)
+        low, high, x, y = np.empty((4, len(points)))
+        used = compiled.gather_cells(
+            *(pointer(points), pointer(ground), len(points), REACH_M, CELL_M, _HALF_CELLS),
+            *(pointer(part) for part in (cells, grid, count, low, high, x, y)),
         )
-        used = count > 0
-        return count[used], low[used], high[used], x[used], y[used]
+        return count[:used], low[:used], high[:used], x[:used], y[:used]
+    cloud = _standing(points, ground)
+    if not len(cloud):
+        return np.zeros(0, np.int64), *np.zeros((4, 0))
     cells = np.floor(cloud[:, :2] / CELL_M).astype(np.int64)
     keys = cells[:, 0] * 100_000 + cells[:, 1]
     order = np.argsort(keys, kind="stable")
@@ -68,14 +71,14 @@ def _gathered(cloud: Points) -> tuple[NDArray[np.int64], Floats, Floats, Floats,
 
 def standing(points: Points) -> NDArray[np.float32]:
     """All places (N, 2) of a cloud, as `outline`'s, where a point is not ground."""
-    return _standing(points, None)[:, :2]
+    return _standing(points, ground_mask(points))[:, :2]
 
 
-def _standing(points: Points, ground: NDArray[np.bool_] | None) -> Points:
-    if not len(points):
-        return points
-    cloud = points[~(ground_mask(points) if ground is None else ground)]
-    return cloud[(np.abs(cloud[:, 0]) < REACH_M) & (np.abs(cloud[:, 1]) < REACH_M)]
+def _standing(points: Points, ground: NDArray[np.bool_]) -> Points:
+    near = np.abs(points[:, 0]) < REACH_M
+    near &= np.abs(points[:, 1]) < REACH_M
+    near &= ~ground
+    return points.compress(near, axis=0)
 
 
 def thinned(places: Floats) -> Floats:

@@ -51,7 +51,9 @@ _CODING = {
     "residuals_read": "l pl pp pll pp",
 }
 _PLACES = {
-    "gather_cells": "v pl fl ppppp",
+    "heights_above": "v pl ff l f ppl l pp p",
+    "find_objects": "v ppl ff ff l l ppp ppp",
+    "gather_cells": "l ppl ff l pp ppppp",
     "stamp": "v pp ll ppl pp l",
     "sum_shifted": "v pl pll l p",
     "sum_moved": "v pl dd pl p pl p",

@@ -1,5 +1,5 @@
 /* What stands around a robot, and how well it lies over what the ego sees: the loops of
-   perception/fusion/outline.py and alignment.py. */
+   perception/scene/fast.py and of perception/fusion/outline.py and alignment.py. */
 
 #include <math.h>
 #include <stdint.h>
@@ -8,19 +8,157 @@
 /* Raise with any change of what functions take: perception/kernels/library.py has the same. */
 int loops_version(void) { return 2; }
 
-/* Of the points (n, 3) in each cell of a square grid with `half` cells on each side of the origin:
-   how many, their lowest and highest z, and the sums of x and y. Arrays of (2 half)^2, x first. */
-void gather_cells(const float *points, long n, float cell_m, long half, int64_t *count, double *low,
-                  double *high, double *x, double *y)
+static float least(float a, float b) { return a < b ? a : b; }
+
+/* Each cell (n) of a row or column bounded by those at both sides of it plus `rise`. */
+static void bound(const float *before, const float *here, const float *after, float rise, long n,
+                  float *bounded)
 {
-    long side = 2 * half;
-    memset(count, 0, sizeof(int64_t) * side * side);
+    for (long i = 0; i < n; i++)
+        bounded[i] = least(here[i], least(before[i] + rise, after[i] + rise));
+}
+
+/* The columns of a wide grid that lie between its borders. */
+static float *row_of(float *grid, long wide, long border, long row)
+{
+    return grid + (row + border) * wide + border;
+}
+
+/* Height of points (n, 3) above the ground below them: see `_ground_height` of
+   perception/scene/fast.py. Cells are 1 / `per_m` metres; `side` of them lie along each axis, from
+   -range_m on. The steps of the bound, `count`, are told by cells and by rise. Scratch: `cells`
+   (n), `grids` 2 (side + 2 border)^2, with a border as wide as the largest step. */
+void heights_above(const float *points, long n, float range_m, float per_m, long side, float pit_m,
+                   const int64_t *steps, const float *rises, long count, long border,
+                   int32_t *cells, float *grids, float *height)
+{
+    long wide = side + 2 * border, size = wide * wide;
+    float *lowest = grids, *other = grids + size;
+    for (long i = 0; i < 2 * size; i++) grids[i] = INFINITY;
     for (long i = 0; i < n; i++) {
         const float *point = points + 3 * i;
+        int32_t row = (int32_t)((point[0] + range_m) * per_m);
+        int32_t column = (int32_t)((point[1] + range_m) * per_m);
+        cells[i] = (int32_t)((row + border) * wide + column + border);
+        if (point[2] < lowest[cells[i]]) lowest[cells[i]] = point[2];
+    }
+    for (long row = 0; row < side; row++) {
+        const float *here = row_of(lowest, wide, border, row);
+        const float *up = here - wide, *down = here + wide;
+        float *level = row_of(other, wide, border, row);
+        for (long j = 0; j < side; j++) {
+            float left = least(here[j - 1], least(up[j - 1], down[j - 1]));
+            float right = least(here[j + 1], least(up[j + 1], down[j + 1]));
+            float around = least(least(left, right), least(up[j], down[j]));
+            level[j] = around < INFINITY && here[j] < around - pit_m ? around : here[j];
+        }
+    }
+    float *from = other, *to = lowest;
+    for (int along = 0; along < 2; along++)
+        for (long k = 0; k < count; k++) {
+            long apart = steps[k] * (along ? 1 : wide);
+            for (long row = 0; row < side; row++) {
+                const float *here = row_of(from, wide, border, row);
+                bound(here - apart, here, here + apart, rises[k], side,
+                      row_of(to, wide, border, row));
+            }
+            float *swapped = from;
+            from = to;
+            to = swapped;
+        }
+    for (long i = 0; i < n; i++) height[i] = points[3 * i + 2] - from[cells[i]];
+}
+
+/* Objects among points (n, 3): those with a height between `low` and `high`, in connected cells
+   (corners connect) that hold `least_points` or more together: see `_components` of
+   perception/scene/fast.py. `members` and `labels` take up to n, `found` what was found: how many
+   members and how many objects. Cells as in `heights_above`. Scratch: `cells` (n), `grid` side^2,
+   `stack` the larger of n + 1 and side^2. */
+void find_objects(const float *points, const float *height, long n, float low, float high,
+                  float range_m, float per_m, long side, long least_points, int32_t *cells,
+                  int32_t *grid, int32_t *stack, int64_t *members, int32_t *labels, int64_t *found)
+{
+    int32_t first_row = (int32_t)side, last_row = -1, first_column = (int32_t)side, last_column = -1;
+    long standing = 0;
+    for (long i = 0; i < n; i++) {
+        if (!(height[i] > low && height[i] < high)) continue;
+        int32_t row = (int32_t)((points[3 * i] + range_m) * per_m);
+        int32_t column = (int32_t)((points[3 * i + 1] + range_m) * per_m);
+        if (row < first_row) first_row = row;
+        if (row > last_row) last_row = row;
+        if (column < first_column) first_column = column;
+        if (column > last_column) last_column = column;
+        cells[standing] = (int32_t)(row * side + column);
+        members[standing++] = i;
+    }
+    found[0] = found[1] = 0;
+    if (!standing) return;
+    /* All else is done in the rectangle that holds the occupied cells. */
+    int32_t wide = last_column - first_column + 1, tall = last_row - first_row + 1;
+    memset(grid, 0, sizeof(int32_t) * wide * tall);
+    for (long i = 0; i < standing; i++) {
+        int32_t row = cells[i] / (int32_t)side - first_row;
+        int32_t column = cells[i] % (int32_t)side - first_column;
+        grid[cells[i] = row * wide + column] = -1;
+    }
+    int32_t objects = 0;
+    for (int32_t seed = 0; seed < wide * tall; seed++) {
+        if (grid[seed] != -1) continue;
+        long depth = 0;
+        grid[seed] = ++objects;
+        stack[depth++] = seed;
+        while (depth) {
+            int32_t at = stack[--depth], row = at / wide, column = at % wide;
+            for (int32_t i = row > 0 ? row - 1 : 0; i <= row + 1 && i < tall; i++)
+                for (int32_t j = column > 0 ? column - 1 : 0; j <= column + 1 && j < wide; j++)
+                    if (grid[i * wide + j] == -1) {
+                        grid[i * wide + j] = objects;
+                        stack[depth++] = i * wide + j;
+                    }
+        }
+    }
+    /* The stack is free again: points of each object, then its label. */
+    memset(stack, 0, sizeof(int32_t) * (objects + 1));
+    for (long i = 0; i < standing; i++) stack[grid[cells[i]]]++;
+    for (int32_t object = 1; object <= objects; object++)
+        stack[object] = stack[object] >= least_points ? (int32_t)found[1]++ : -1;
+    for (long i = 0; i < standing; i++) {
+        int32_t label = stack[grid[cells[i]]];
+        if (label < 0) continue;
+        members[found[0]] = members[i];
+        labels[found[0]++] = label;
+    }
+}
+
+/* Of the points (n, 3) of each cell of a square grid with `half` cells on each side of the origin,
+   as far as they stand: less than `reach_m` from the origin along x and y, and not `ground` (n),
+   which may be missing. How many, their lowest and highest z, and the sums of x and y: arrays of
+   the cells that have points, x first, up to n of them, of which the number is returned. Scratch:
+   `cells` (n), `grid` (2 half)^2. */
+long gather_cells(const float *points, const uint8_t *ground, long n, float reach_m, float cell_m,
+                  long half, int32_t *cells, int32_t *grid, int64_t *count, double *low,
+                  double *high, double *x, double *y)
+{
+    long side = 2 * half, used = 0;
+    memset(grid, 0, sizeof(int32_t) * side * side);
+    for (long i = 0; i < n; i++) {
+        const float *point = points + 3 * i;
+        cells[i] = -1;
+        if (ground && ground[i]) continue;
+        if (!(fabsf(point[0]) < reach_m && fabsf(point[1]) < reach_m)) continue;
         long column = (long)floorf(point[0] / cell_m) + half;
         long row = (long)floorf(point[1] / cell_m) + half;
         if (column < 0 || column >= side || row < 0 || row >= side) continue;
-        long at = column * side + row;
+        cells[i] = (int32_t)(column * side + row);
+        grid[cells[i]] = 1;
+    }
+    for (long at = 0; at < side * side; at++)
+        if (grid[at]) grid[at] = (int32_t)used++;
+    memset(count, 0, sizeof(int64_t) * used);
+    for (long i = 0; i < n; i++) {
+        if (cells[i] < 0) continue;
+        const float *point = points + 3 * i;
+        int32_t at = grid[cells[i]];
         if (!count[at]++) {
             low[at] = high[at] = point[2];
             x[at] = y[at] = 0.0;
@@ -30,6 +168,7 @@ void gather_cells(const float *points, long n, float cell_m, long half, int64_t 
         x[at] += point[0];
         y[at] += point[1];
     }
+    return used;
 }
 
 /* Lays a stamp (2 reach + 1)^2 on an image (side, side) around each of n cells, and keeps what is

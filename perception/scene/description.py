@@ -42,10 +42,11 @@ def ground_mask(points: NDArray[np.floating]) -> NDArray[np.bool_]:
     Raises ScanError for another shape.
     """
     finite = clean_points(points)
-    used = np.flatnonzero(np.isfinite(np.asarray(points, dtype=np.float32)).all(axis=1))
-    used = used[fast.in_range(finite)]
+    ground = fast.ground(finite)
+    if len(finite) == len(points):
+        return ground
     mask = np.zeros(len(points), dtype=np.bool_)
-    mask[used] = fast.segment(finite).ground
+    mask[np.isfinite(np.asarray(points, dtype=np.float32)).all(axis=1)] = ground
     return mask
 
 
@@ -69,9 +70,9 @@ def describe(
 
 def own_body(found: Segmentation, own_body_m: float = OWN_BODY_M) -> NDArray[np.bool_]:
     """Which objects of a segmentation are the robot's own body: bool (count,)."""
-    members = found.points[found.members, :2]
+    members = found.points.take(found.members, axis=0)
     sizes = np.bincount(found.labels, minlength=found.count)
-    x, y = (np.bincount(found.labels, column, found.count) / sizes for column in members.T)
+    x, y = (np.bincount(found.labels, members[:, i], found.count) / sizes for i in (0, 1))
     own: NDArray[np.bool_] = np.hypot(x, y) <= own_body_m
     return own
 

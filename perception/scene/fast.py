@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from perception.kernels.library import places, pointer
 from perception.scene.segmentation import Groups, Segmentation
 from swarm.geometry import Points
 
@@ -35,19 +36,29 @@ MIN_POINTS = 5
 _GROUND_SIDE = int(2 * RANGE_M / GROUND_CELL_M)
 _OBJECT_SIDE = int(2 * RANGE_M / OBJECT_CELL_M)
 _EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=np.int8)
+_STEPS = np.array(SPREAD_CELLS, dtype=np.int64)
+_RISES = (SLOPE * GROUND_CELL_M * _STEPS).astype(np.float32)
 
 
 def segment(points: Points) -> Segmentation:
     """Ground and objects of finite points, float32 (N, 3), sensor frame, z up, metres."""
     near = in_range(points)
-    cloud = points if near.all() else points[near]
+    cloud = points if near.all() else points.compress(near, axis=0)
     if not len(cloud):
         return Segmentation.empty()
-    x, y, z = np.ascontiguousarray(cloud.T)
-    height = z - _ground_height(x, y, z)
-    standing = np.flatnonzero((height > GROUND_BAND_M) & (height < CEILING_M))
-    members, labels, count = _components(x[standing], y[standing])
-    return Segmentation(cloud, height <= GROUND_BAND_M, standing[members], labels, count)
+    height = _heights(cloud)
+    members, labels, count = _objects(cloud, height)
+    return Segmentation(cloud, height <= GROUND_BAND_M, members, labels, count)
+
+
+def ground(points: Points) -> NDArray[np.bool_]:
+    """Which of finite points (N, 3) are ground, as `segment` has it; False beyond its reach."""
+    near = in_range(points)
+    if near.all():
+        return _heights(points) <= GROUND_BAND_M
+    found = np.zeros(len(points), dtype=np.bool_)
+    found[near] = _heights(points.compress(near, axis=0)) <= GROUND_BAND_M
+    return found
 
 
 def in_range(points: Points) -> NDArray[np.bool_]:
@@ -67,10 +78,30 @@ def _cells(x: NDArray[np.float32], y: NDArray[np.float32], size: float) -> NDArr
     return cells
 
 
+def _heights(points: Points) -> NDArray[np.float32]:
+    """Height of points in reach above the ground below them, (N,)."""
+    compiled = places()
+    if compiled is None or not len(points):
+        x, y, z = np.ascontiguousarray(points.T)
+        return z - _ground_height(x, y, z)
+    points = np.ascontiguousarray(points)
+    border = max(SPREAD_CELLS)
+    grids = np.empty((2, _GROUND_SIDE + 2 * border, _GROUND_SIDE + 2 * border), dtype=np.float32)
+    cells, height = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
+    compiled.heights_above(
+        *(pointer(points), len(points), RANGE_M, 1.0 / GROUND_CELL_M, _GROUND_SIDE, PIT_M),
+        *(pointer(_STEPS), pointer(_RISES), len(_STEPS), border),
+        *(pointer(cells), pointer(grids), pointer(height)),
+    )
+    return height
+
+
 def _ground_height(
     x: NDArray[np.float32], y: NDArray[np.float32], z: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Height of the ground below each point, from the lowest returns of the cells around it."""
+    if not len(z):
+        return z
     cells = _cells(x, y, GROUND_CELL_M)
     groups = Groups.of(cells, _GROUND_SIDE**2)
     lowest = np.full(_GROUND_SIDE**2, np.inf, dtype=np.float32)
@@ -92,12 +123,36 @@ def _spread(lowest: NDArray[np.float32]) -> NDArray[np.float32]:
     """The grid with each cell bounded by the cells around it plus SLOPE times the distance."""
     ground = lowest.copy()
     for axis_view in (ground, ground.T):
-        for cells in SPREAD_CELLS:
-            rise = np.float32(SLOPE * GROUND_CELL_M * cells)
+        for cells, rise in zip(SPREAD_CELLS, _RISES, strict=True):
             raised = axis_view + rise
             np.minimum(axis_view[cells:], raised[:-cells], out=axis_view[cells:])
             np.minimum(axis_view[:-cells], raised[cells:], out=axis_view[:-cells])
     return ground
+
+
+def _objects(
+    points: Points, height: NDArray[np.float32]
+) -> tuple[NDArray[np.intp], NDArray[np.int32], int]:
+    """Positions of the points in connected cells of MIN_POINTS or more, their labels, how many."""
+    compiled = places()
+    if compiled is None:
+        standing = np.flatnonzero((height > GROUND_BAND_M) & (height < CEILING_M))
+        x, y = np.ascontiguousarray(points.take(standing, axis=0)[:, :2].T)
+        members, labels, count = _components(x, y)
+        return standing[members], labels, count
+    points = np.ascontiguousarray(points)
+    members, found = np.empty(len(points), np.int64), np.zeros(2, np.int64)
+    labels, cells = (np.empty(len(points), np.int32) for _ in range(2))
+    grid = np.empty(_OBJECT_SIDE**2, np.int32)
+    stack = np.empty(max(_OBJECT_SIDE**2, len(points) + 1), np.int32)
+    compiled.find_objects(
+        *(pointer(points), pointer(height), len(points), GROUND_BAND_M, CEILING_M),
+        *(RANGE_M, 1.0 / OBJECT_CELL_M, _OBJECT_SIDE, MIN_POINTS),
+        *(pointer(cells), pointer(grid), pointer(stack)),
+        *(pointer(members), pointer(labels), pointer(found)),
+    )
+    kept, count = found.tolist()
+    return members[:kept], labels[:kept], count
 
 
 def _components(

@@ -32,13 +32,14 @@ class EarlyFusion(Fusion):
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """The scan, without its ground unless asked otherwise, within the asked error."""
         cloud = clean_points(points)
-        if np.abs(cloud).max(initial=0.0) > MAX_RANGE_M:
+        reach = np.abs(cloud)
+        if reach.max(initial=0.0) > MAX_RANGE_M:
             # A stray return must not cost the whole scan; the codec would refuse it.
-            cloud = cloud[(np.abs(cloud) <= MAX_RANGE_M).all(axis=1)]
+            cloud = cloud[(reach <= MAX_RANGE_M).all(axis=1)]
         ground = ground_mask(cloud)
         places = thinned(outline(cloud, ground))
         if not options.keep_ground:
-            cloud = cloud[~ground]
+            cloud = cloud.compress(~ground, axis=0)
         return add_outline(encode_points(cloud, options.max_error_m), places)
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
