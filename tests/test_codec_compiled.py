@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.codec import interlace, rans, residuals
+from perception.codec import image, rans, residuals, spinning
 from perception.codec.points import decode_points, encode_points
 from perception.kernels import library
 from swarm.errors import PayloadError
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def without_c(patch: pytest.MonkeyPatch) -> None:
-    for module in (interlace, rans, residuals):
+    for module in (image, rans, residuals, spinning):
         patch.setattr(module, "coding", lambda: None)
 
 

@@ -13,15 +13,12 @@ is on int32 (wrapping around in damaged payloads), so that every machine predict
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-from perception.kernels.library import coding, pointer
 
 Ints = NDArray[np.int32]
 Flags = NDArray[np.bool_]
@@ -39,7 +36,7 @@ PASSES = 2
 """Kinds of pass: even rings, odd rings."""
 
 _ACTIVITY_CAP = 64
-_FIRST_ACTIVITY = 8
+FIRST_ACTIVITY = 8
 _EXPECTED_CAP = 520
 _CLASS_OF = np.searchsorted(
     (3, 8, 16, 32, 64, 128, 256, _EXPECTED_CAP), np.arange(_EXPECTED_CAP + 1), "right"
@@ -98,44 +95,12 @@ def walk(first: Ints, present: Flags, columns: int, code: Coder) -> tuple[Ints, 
     `first` and `present` (ceil(columns / 32), rings) are values and returns of every 32nd column.
     Returns values and presence of the whole image, (columns, rings).
     """
-    compiled = coding()
-    if compiled is not None:
-        return _walk_in_c(compiled, first, present, columns, code)
-    cells = _Cells(first, present, np.full_like(first, _FIRST_ACTIVITY))
+    cells = _Cells(first, present, np.full_like(first, FIRST_ACTIVITY))
     spacing = SPACING
     while spacing > 1:
         cells = _refine(cells, slice(spacing // 2, columns, spacing), code)
         spacing //= 2
     return cells.value[:columns], cells.present[:columns]
-
-
-def _walk_in_c(
-    compiled: ctypes.CDLL, first: Ints, present: Flags, columns: int, code: Coder
-) -> tuple[Ints, Flags]:
-    """`walk` with the same answers, in place."""
-    count, rings = len(first) * SPACING, first.shape[1]
-    value = np.empty((count, rings), dtype=np.int32)
-    returns = np.empty((count, rings), dtype=np.bool_)
-    activity = np.empty((count, rings), dtype=np.int32)
-    value[::SPACING], returns[::SPACING], activity[::SPACING] = first, present, _FIRST_ACTIVITY
-    cells = pointer(value), pointer(returns), pointer(activity)
-    spacing = SPACING
-    while spacing > 1:
-        new = slice(spacing // 2, columns, spacing)
-        asked = len(range(*new.indices(columns)))
-        for odd in (0, 1):
-            part = slice(odd, rings, 2)
-            prediction = np.empty((count // spacing, len(range(odd, rings, 2))), dtype=np.int32)
-            context = np.empty_like(prediction)
-            place = *cells, count, rings, spacing, odd
-            compiled.interlace_ask(*place, pointer(prediction), pointer(context))
-            residual, answered = code(Question(new, part, prediction[:asked], context[:asked]))
-            residual, answered = np.ascontiguousarray(residual), np.ascontiguousarray(answered)
-            compiled.interlace_tell(
-                *(*place, asked, pointer(prediction), pointer(residual), pointer(answered))
-            )
-        spacing //= 2
-    return value[:columns], returns[:columns]
 
 
 def _refine(left: _Cells, new: slice, code: Coder) -> _Cells:

@@ -23,6 +23,7 @@ TOTAL = 1 << PRECISION
 _LOW = 1 << 16
 """States lie in [2**16, 2**32) between steps."""
 
+TOO_FEW = "entropy stream ends too early"
 
 Run = tuple[NDArray[np.int32], NDArray[np.uint8]]
 """Contexts and symbols, (n,) each."""
@@ -82,18 +83,21 @@ def encode(runs: list[Run], tables: Tables, lanes: int) -> bytes:
 def _put(
     compiled: ctypes.CDLL, runs: list[Run], tables: Tables, state: NDArray[np.uint32]
 ) -> bytes:
-    """`encode` in C, one run after the other."""
+    """`encode` in C."""
+    if not runs:
+        return state.astype("<u4").tobytes()
+    contexts = np.concatenate([contexts for contexts, _ in runs], dtype=np.int32)
+    symbols = np.concatenate([symbols for _, symbols in runs], dtype=np.uint8)
+    lengths = np.array([len(symbols) for _, symbols in runs], dtype=np.int64)
     # A symbol takes one word at most.
-    words = np.empty(sum(len(symbols) for _, symbols in runs), dtype=np.uint16)
-    at = len(words)
-    for contexts, symbols in reversed(runs):
-        contexts, symbols = np.ascontiguousarray(contexts), np.ascontiguousarray(symbols)
-        at = compiled.rans_put(
-            *(pointer(contexts), pointer(symbols), len(symbols), pointer(tables.frequency)),
-            *(pointer(tables.start), tables.symbols, pointer(state), len(state)),
-            *(pointer(words), at),
-        )
-    return np.concatenate([state.view(np.uint16), words[at:]]).astype("<u2").tobytes()
+    words = np.empty(len(symbols), dtype=np.uint16)
+    put = compiled.rans_put(
+        *(pointer(contexts), pointer(symbols), pointer(lengths), len(lengths), len(symbols)),
+        *(pointer(tables.frequency), pointer(tables.start), tables.symbols),
+        *(pointer(state), len(state), pointer(words)),
+    )
+    stream = np.concatenate([state.view(np.uint16), words[len(words) - put :]])
+    return stream.astype("<u2").tobytes()
 
 
 class Decoder:
@@ -109,7 +113,8 @@ class Decoder:
         self._compiled = coding()
         self._words = np.concatenate([words, np.zeros(lanes, words.dtype)]).astype(np.uint16)
         self._end = len(words)
-        self._at = 0
+        self.at = 0
+        """The next word."""
         self._tables = tables
         self._slots = tables.by_slot()
 
@@ -119,14 +124,13 @@ class Decoder:
         symbols = np.empty(len(contexts), dtype=np.uint8)
         if self._compiled is not None:
             contexts = np.ascontiguousarray(contexts)
-            self._at = self._compiled.rans_take(
-                *(pointer(contexts), len(contexts), pointer(self._slots)),
-                *(pointer(self._tables.frequency), pointer(self._tables.start)),
-                *(self._tables.symbols, pointer(self._state), lanes, pointer(self._words)),
-                *(self._at, self._end, pointer(symbols)),
+            *model, stream, end = self.arguments()
+            self.at = self._compiled.rans_take(
+                *(pointer(contexts), len(contexts), *model, stream),
+                *(self.at, end, pointer(symbols)),
             )
-            if self._at < 0:
-                raise PayloadError("entropy stream ends too early")
+            if self.at < 0:
+                raise PayloadError(TOO_FEW)
             return symbols
         slot_row = contexts << PRECISION
         cell_row = contexts * self._tables.symbols
@@ -146,14 +150,24 @@ class Decoder:
             x -= starts[cell]
             hungry = np.flatnonzero(x < _LOW)
             if len(hungry):
-                words = self._words[self._at : self._at + len(hungry)].astype(np.uint32)
+                words = self._words[self.at : self.at + len(hungry)].astype(np.uint32)
                 x[hungry] = (x[hungry] << np.uint32(16)) | words
-                self._at += len(hungry)
-                if self._at > self._end:
-                    raise PayloadError("entropy stream ends too early")
+                self.at += len(hungry)
+                if self.at > self._end:
+                    raise PayloadError(TOO_FEW)
         return symbols
+
+    def arguments(self) -> tuple[int | None, ...]:
+        """Slots, frequencies, starts, symbols, states, lanes, words and their end, as coding.c
+        takes them."""
+        tables = self._tables
+        return (
+            *(pointer(self._slots), pointer(tables.frequency), pointer(tables.start)),
+            *(tables.symbols, pointer(self._state), len(self._state)),
+            *(pointer(self._words), self._end),
+        )
 
     def finish(self) -> None:
         """Raises PayloadError unless the whole stream was read and every lane came home."""
-        if self._at != self._end or (self._state != _LOW).any():
+        if self.at != self._end or (self._state != _LOW).any():
             raise PayloadError("entropy stream does not end where it must")

@@ -29,11 +29,20 @@ _BASE = np.where(
     _CLASSES < DIRECT, _CLASSES, (2 + (_CLASSES - DIRECT) % 2) << np.maximum(_OCTAVE - 1, 0)
 ).astype(np.int32)
 
-_TOO_FEW = "raw bits of the residuals end too early"
+TOO_FEW = "raw bits of the residuals end too early"
 
 
 def to_symbols(residual: Ints, present: Flags) -> tuple[NDArray[np.uint8], bytes]:
     """Symbols and packed raw bits of residuals (n,) whose magnitude is below 2**22."""
+    compiled = coding()
+    if compiled is not None:
+        residual, present = np.ascontiguousarray(residual), np.ascontiguousarray(present)
+        symbols = np.empty(residual.shape, dtype=np.uint8)
+        bits = np.empty(3 * residual.size + 1, dtype=np.uint8)
+        written = compiled.residuals_write(
+            *(pointer(residual), pointer(present), residual.size, pointer(symbols), pointer(bits))
+        )
+        return symbols, bits[: -(-written // 8)].tobytes()
     magnitude = np.abs(residual)
     kind = magnitude.copy()
     large = np.flatnonzero(magnitude >= DIRECT)
@@ -51,7 +60,8 @@ class RawBits:
     def __init__(self, data: bytes) -> None:
         self._octets = np.frombuffer(data + bytes(4), dtype=np.uint8)
         self._end = 8 * len(data)
-        self._at = 0
+        self.at = 0
+        """The next bit."""
 
     def to_residuals(self, symbols: NDArray[np.uint8]) -> tuple[Ints, Flags]:
         """Residuals and presence of symbols. Raises PayloadError when the bits run out."""
@@ -68,30 +78,34 @@ class RawBits:
         residual *= sign
         return residual, present
 
+    def arguments(self) -> tuple[int | None, ...]:
+        """Classes, bits and their end, as coding.c takes them."""
+        return pointer(_BASE), pointer(_RAW_BITS), pointer(self._octets), self._end
+
     def finish(self) -> None:
         """Raises PayloadError when whole bytes are left over."""
-        if self._end - self._at >= 8:
-            raise PayloadError(f"{self._end - self._at} raw bits of the residuals are left over")
+        if self._end - self.at >= 8:
+            raise PayloadError(f"{self._end - self.at} raw bits of the residuals are left over")
 
     def _read_in_c(self, compiled: ctypes.CDLL, symbols: NDArray[np.uint8]) -> tuple[Ints, Flags]:
         symbols = np.ascontiguousarray(symbols)
         residual = np.empty(symbols.shape, dtype=np.int32)
         present = np.empty(symbols.shape, dtype=np.bool_)
-        self._at = compiled.residuals_read(
+        self.at = compiled.residuals_read(
             *(pointer(symbols), symbols.size, pointer(_BASE), pointer(_RAW_BITS)),
-            *(pointer(self._octets), self._at, self._end, pointer(residual), pointer(present)),
+            *(pointer(self._octets), self.at, self._end, pointer(residual), pointer(present)),
         )
-        if self._at < 0:
-            raise PayloadError(_TOO_FEW)
+        if self.at < 0:
+            raise PayloadError(TOO_FEW)
         return residual, present
 
     def _read(self, lengths: Ints) -> Ints:
-        ends = self._at + np.cumsum(lengths)
+        ends = self.at + np.cumsum(lengths)
         starts = ends - lengths
         if len(ends):
-            self._at = int(ends[-1])
-        if self._at > self._end:
-            raise PayloadError(_TOO_FEW)
+            self.at = int(ends[-1])
+        if self.at > self._end:
+            raise PayloadError(TOO_FEW)
         octet = starts >> 3
         window = np.zeros(len(octet), dtype=np.uint32)
         for place in range(4):

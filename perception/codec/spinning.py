@@ -20,17 +20,10 @@ from numpy.typing import NDArray
 from perception.codec import generic, rans, tables
 from perception.codec.envelope import inflate
 from perception.codec.grid import MAX_CELLS, MAX_COLUMNS, MAX_RINGS, SensorGrid, find_grid
-from perception.codec.interlace import (
-    SPACING,
-    UNIT,
-    UNIT_BITS,
-    Answer,
-    Flags,
-    Ints,
-    Question,
-    walk,
-)
+from perception.codec.image import record, restore
+from perception.codec.interlace import UNIT, Flags, Ints
 from perception.codec.residuals import RawBits, to_symbols
+from perception.kernels.library import coding, pointer
 from perception.types import Points
 from swarm.errors import PayloadError
 
@@ -85,9 +78,11 @@ def encode(cloud: Points, max_error_m: float) -> bytes | None:
     value.reshape(-1)[cells] = np.rint(places.range_m[chosen].astype(np.float64) * (UNIT / step))
     present.reshape(-1)[cells] = True
 
-    recorder = _Recorder(value, present)
-    walk(*recorder.first(), grid.columns, recorder)
-    runs, weights, raw = recorder.statistics()
+    asked = record(value, present)
+    symbols, raw = to_symbols(asked.residuals, asked.present)
+    weights = tables.count(asked.contexts, symbols)
+    ends = np.cumsum(asked.lengths)[:-1]
+    runs = list(zip(np.split(asked.contexts, ends), np.split(symbols, ends), strict=True))
     stream = rans.encode(runs, tables.from_weights(weights), _lanes(value.size))
     curve = np.diff(grid.elevations, n=2, prepend=np.zeros(2, np.int32)).astype("<i4")
     plain = curve.tobytes() + weights
@@ -120,85 +115,13 @@ def decode(body: bytes, max_points: int) -> Points:
     elevations = np.cumsum(np.cumsum(curve, dtype=np.int32), dtype=np.int32)
     weights = plain[4 * header.rings :]
     lanes = _lanes(header.rings * header.columns)
-    reader = _Reader(rans.Decoder(stream, tables.from_weights(weights), lanes), RawBits(raw))
-    first = reader.first(-(-header.columns // SPACING), header.rings)
-    value, present = walk(*first, header.columns, reader)
-    reader.finish()
+    decoder = rans.Decoder(stream, tables.from_weights(weights), lanes)
+    value, present = restore(header.columns, header.rings, decoder, RawBits(raw))
     grid = SensorGrid(elevations, header.columns, header.phase)
     cloud = _positions(grid, value, present, header.step_m)
     if at == len(body):
         return cloud
     return np.concatenate([cloud, generic.decode(body[at:], max_points - len(cloud))])
-
-
-class _Recorder:
-    """Answers for the cells of a known image and keeps what was asked."""
-
-    def __init__(self, value: Ints, present: Flags) -> None:
-        self._value = value
-        self._present = present
-        self._contexts: list[Ints] = []
-        self._residuals: list[Ints] = []
-        self._presence: list[Flags] = []
-
-    def first(self) -> Answer:
-        """Values and presence of the first columns, coded as differences from ring to ring."""
-        present = self._present[::SPACING]
-        steps = (self._value[::SPACING] + UNIT // 2) >> UNIT_BITS
-        ring = np.where(present, np.arange(steps.shape[1], dtype=np.intp), -1)
-        ring = np.maximum.accumulate(ring, axis=1)
-        filled = np.take_along_axis(steps, np.maximum(ring, 0), axis=1) * (ring >= 0)
-        change = np.diff(filled, axis=1, prepend=np.int32(0))
-        self._keep(np.full_like(change, tables.FIRST), change, present)
-        return (filled << UNIT_BITS).astype(np.int32), present
-
-    def __call__(self, question: Question) -> Answer:
-        """Residuals and presence of one pass."""
-        present = self._present[question.columns, question.rings]
-        residual = self._value[question.columns, question.rings] - question.prediction
-        residual += UNIT // 2
-        residual >>= UNIT_BITS
-        residual *= present
-        self._keep(question.context, residual, present)
-        return residual, present
-
-    def _keep(self, context: Ints, residual: Ints, present: Flags) -> None:
-        self._contexts.append(context.reshape(-1))
-        self._residuals.append(residual.reshape(-1))
-        self._presence.append(present.reshape(-1))
-
-    def statistics(self) -> tuple[list[rans.Run], bytes, bytes]:
-        """Runs of (contexts, symbols), weights of the tables, raw bits."""
-        symbols, raw = to_symbols(np.concatenate(self._residuals), np.concatenate(self._presence))
-        weights = tables.count(np.concatenate(self._contexts), symbols)
-        ends = np.cumsum([len(run) for run in self._contexts])[:-1]
-        return list(zip(self._contexts, np.split(symbols, ends), strict=True)), weights, raw
-
-
-class _Reader:
-    """Answers for the cells of an encoded image."""
-
-    def __init__(self, symbols: rans.Decoder, raw: RawBits) -> None:
-        self._symbols = symbols
-        self._raw = raw
-
-    def first(self, columns: int, rings: int) -> Answer:
-        """Values and presence of the first columns."""
-        symbols = self._symbols.take(np.full(columns * rings, tables.FIRST, dtype=np.int32))
-        change, present = self._raw.to_residuals(symbols)
-        steps = np.cumsum(change.reshape(columns, rings), axis=1, dtype=np.int32)
-        return steps << UNIT_BITS, present.reshape(columns, rings)
-
-    def __call__(self, question: Question) -> Answer:
-        """Residuals and presence of one pass."""
-        symbols = self._symbols.take(question.context.reshape(-1))
-        residual, present = self._raw.to_residuals(symbols)
-        return residual.reshape(question.context.shape), present.reshape(question.context.shape)
-
-    def finish(self) -> None:
-        """Raises PayloadError when something is left over."""
-        self._symbols.finish()
-        self._raw.finish()
 
 
 def _lanes(cells: int) -> int:
@@ -246,8 +169,17 @@ def _read_header(body: bytes) -> _Header:
 
 def _positions(grid: SensorGrid, value: Ints, present: Flags, step_m: float) -> Points:
     """Positions of the cells with a return, column by column."""
-    column, ring = np.nonzero(present)
     rays = grid.rays()
+    compiled = coding()
+    if compiled is not None:
+        points = np.empty((int(np.count_nonzero(present)), 3), dtype=np.float32)
+        directions = rays.cos_elevation, rays.sin_elevation, rays.cos_azimuth, rays.sin_azimuth
+        compiled.cells_to_points(
+            *(pointer(value), pointer(present), grid.columns, grid.rings, step_m / UNIT),
+            *(*(pointer(part) for part in directions), pointer(points)),
+        )
+        return points
+    column, ring = np.nonzero(present)
     range_m = value[present] * (step_m / UNIT)
     flat = range_m * rays.cos_elevation[ring]
     cloud = np.empty((len(ring), 3), dtype=np.float32)

@@ -38,10 +38,10 @@ def count(contexts: NDArray[np.int32], symbols: NDArray[np.uint8]) -> bytes:
     used = int(symbols.max(initial=0)) + 1
     joint = np.bincount(contexts * used + symbols, minlength=(FIRST + 1) * used)
     joint = joint.reshape(-1, used)
-    by_magnitude = np.zeros((_ROWS, used), dtype=np.int64)
-    np.add.at(by_magnitude, _MAGNITUDE_ROW, joint)
-    presence = np.zeros((_PRESENCE_ROWS, 2), dtype=np.int64)
-    np.add.at(presence, _PRESENCE_ROW, np.stack([joint[:, 0], joint[:, 1:].sum(axis=1)], axis=1))
+    passes = joint[:FIRST].reshape(PASSES, MAGNITUDES, SURROUNDINGS, used)
+    by_magnitude = np.concatenate([passes.sum(axis=2).reshape(-1, used), joint[FIRST:]])
+    around = np.concatenate([passes.sum(axis=1).reshape(-1, used), joint[FIRST:]])
+    presence = np.stack([around[:, 0], around[:, 1:].sum(axis=1)], axis=1)
     return _weigh(presence).tobytes() + _weigh(by_magnitude[:, 1:]).T.tobytes()
 
 

@@ -8,23 +8,34 @@ int loops_version(void) { return 2; }
 enum { PRECISION = 12, TOTAL = 1 << PRECISION };
 static const uint32_t LOW = 1u << 16;
 
-/* One run of `n` symbols, from its end, onto the lanes' states. Words are written downwards from
-   `words + at`; returns where the last one lies. */
-long rans_put(const int32_t *contexts, const uint8_t *symbols, long n, const uint32_t *frequencies,
-              const uint32_t *starts, long width, uint32_t *state, long lanes, uint16_t *words,
-              long at)
+/* Symbols of runs of given lengths, the last one first and each from its end, onto the lanes'
+   states. `contexts`, `symbols` and `words` end with those of the last run; words are written
+   downwards from there. Returns how many words that were. */
+long rans_put(const int32_t *contexts, const uint8_t *symbols, const int64_t *lengths, long runs,
+              long n, const uint32_t *frequencies, const uint32_t *starts, long width,
+              uint32_t *state, long lanes, uint16_t *words)
 {
-    for (long begin = n > 0 ? (n - 1) / lanes * lanes : -1; begin >= 0; begin -= lanes)
-        for (long lane = (n - begin < lanes ? n - begin : lanes) - 1; lane >= 0; lane--) {
-            long cell = contexts[begin + lane] * width + symbols[begin + lane];
-            uint32_t frequency = frequencies[cell], x = state[lane];
-            if (x >= (uint64_t)frequency << (32 - PRECISION)) {
-                words[--at] = (uint16_t)x;
-                x >>= 16;
+    uint16_t *word = words + n;
+    contexts += n;
+    symbols += n;
+    for (long run = runs - 1; run >= 0; run--) {
+        contexts -= lengths[run];
+        symbols -= lengths[run];
+        for (long begin = lengths[run] > 0 ? (lengths[run] - 1) / lanes * lanes : -1; begin >= 0;
+             begin -= lanes) {
+            long left = lengths[run] - begin;
+            for (long lane = (left < lanes ? left : lanes) - 1; lane >= 0; lane--) {
+                long cell = contexts[begin + lane] * width + symbols[begin + lane];
+                uint32_t frequency = frequencies[cell], x = state[lane];
+                if (x >= (uint64_t)frequency << (32 - PRECISION)) {
+                    *--word = (uint16_t)x;
+                    x >>= 16;
+                }
+                state[lane] = x / frequency * (TOTAL - frequency) + x + starts[cell];
             }
-            state[lane] = x / frequency * (TOTAL - frequency) + x + starts[cell];
         }
-    return at;
+    }
+    return words + n - word;
 }
 
 /* The symbols of one run of contexts. Reads words from `at` on, of which there are `end` and one a
@@ -86,9 +97,8 @@ static int32_t context_of(int32_t kind, int32_t expected, int32_t seen)
 /* Predictions and contexts of one pass over an image (columns, rings), of whose columns every
    `spacing`-th is known: the columns in the middle between, in the even rings, or in the odd ones
    when the even ones are known. Out: (new columns, rings of the pass). */
-void interlace_ask(const int32_t *value, const uint8_t *present, const int32_t *activity,
-                   long columns, long rings, long spacing, int odd, int32_t *prediction,
-                   int32_t *context)
+static void ask(const int32_t *value, const uint8_t *present, const int32_t *activity, long columns,
+                long rings, long spacing, int odd, int32_t *prediction, int32_t *context)
 {
     for (long column = spacing / 2; column < columns; column += spacing) {
         long left = (column - spacing / 2) * rings;
@@ -126,11 +136,11 @@ void interlace_ask(const int32_t *value, const uint8_t *present, const int32_t *
     }
 }
 
-/* Takes up the answers to `interlace_ask`: residuals in steps and returns of the first `asked` new
+/* Takes up the answers to `ask`: residuals in steps and returns of the first `asked` new
    columns; those beyond take their prediction. */
-void interlace_tell(int32_t *value, uint8_t *present, int32_t *activity, long columns, long rings,
-                    long spacing, int odd, long asked, const int32_t *prediction,
-                    const int32_t *residual, const uint8_t *answered)
+static void tell(int32_t *value, uint8_t *present, int32_t *activity, long columns, long rings,
+                 long spacing, int odd, long asked, const int32_t *prediction,
+                 const int32_t *residual, const uint8_t *answered)
 {
     for (long column = spacing / 2, i = 0; column < columns; column += spacing, asked--) {
         long left = (column - spacing / 2) * rings;
@@ -170,4 +180,107 @@ long residuals_read(const uint8_t *symbols, long n, const int32_t *base, const i
         present[i] = symbols[i] > 0;
     }
     return at;
+}
+
+/* Raw bits of residuals behind `bits`, most significant first, as `residuals_read` takes them, and
+   symbols. Returns the number of bits; up to 3 bytes a residual and one more are written. */
+long residuals_write(const int32_t *residual, const uint8_t *present, long n, uint8_t *symbols,
+                     uint8_t *bits)
+{
+    enum { DIRECT_BITS = 4, DIRECT = 1 << DIRECT_BITS };
+    uint64_t waiting = 0;
+    long at = 0, held = 0;
+    for (long i = 0; i < n; i++) {
+        uint32_t size = (uint32_t)size_of(residual[i]), kind = size;
+        if (size >= DIRECT) {
+            int octave = DIRECT_BITS;
+            while (size >> (octave + 1)) octave++;
+            kind = DIRECT + 2 * (octave - DIRECT_BITS) + (size >> (octave - 1) & 1);
+            waiting = waiting << (octave - 1) | (size & ((1u << (octave - 1)) - 1));
+            at += octave - 1;
+            for (held += octave - 1; held >= 8; held -= 8)
+                *bits++ = (uint8_t)(waiting >> (held - 8));
+        }
+        symbols[i] = present[i] ? (uint8_t)(1 + 2 * kind - (residual[i] > 0)) : 0;
+    }
+    if (held) *bits = (uint8_t)(waiting << (8 - held));
+    return at;
+}
+
+/* New columns of a pass that lie before column `end`. */
+static long new_columns(long end, long spacing)
+{
+    return end > spacing / 2 ? (end - spacing / 2 - 1) / spacing + 1 : 0;
+}
+
+/* What `interlace.walk` asks about the cells of an image (columns, rings) and what they answer, one
+   pass after the other; each pass' number of cells in `lengths`. `value`, `present` and `activity`
+   (padded, rings) hold every `spacing`-th column; as many cells are scratch for `prediction`, and
+   room for the other results. */
+void interlace_record(const int32_t *image, const uint8_t *returns, long columns, long rings,
+                      long spacing, long padded, int32_t *value, uint8_t *present,
+                      int32_t *activity, int32_t *prediction, int32_t *context, int32_t *residual,
+                      uint8_t *answered, int64_t *lengths)
+{
+    for (; spacing > 1; spacing /= 2)
+        for (int odd = 0; odd < 2; odd++) {
+            long asked = new_columns(columns, spacing), n = 0;
+            ask(value, present, activity, padded, rings, spacing, odd, prediction, context);
+            for (long column = spacing / 2; column < columns; column += spacing)
+                for (long ring = odd; ring < rings; ring += 2, n++) {
+                    long at = column * rings + ring;
+                    int32_t rest = sum(less(image[at], prediction[n]), UNIT / 2) >> UNIT_BITS;
+                    answered[n] = returns[at];
+                    residual[n] = returns[at] ? rest : 0;
+                }
+            tell(value, present, activity, padded, rings, spacing, odd, asked, prediction, residual,
+                 answered);
+            context += n;
+            residual += n;
+            answered += n;
+            *lengths++ = n;
+        }
+}
+
+/* The image behind an entropy stream and raw bits: see `rans_take`, `residuals_read` and
+   `interlace_record`. `at`: the next word and the next bit. Returns 0, or -1 where the stream and
+   -2 where the raw bits end too early. Scratch as large as the padded image: `prediction`,
+   `context`, `residual`, `answered`, `symbols`. */
+long interlace_read(long columns, long rings, long spacing, long padded, int32_t *value,
+                    uint8_t *present, int32_t *activity, int32_t *prediction, int32_t *context,
+                    int32_t *residual, uint8_t *answered, uint8_t *symbols, const uint8_t *slots,
+                    const uint32_t *frequencies, const uint32_t *starts, long width,
+                    uint32_t *state, long lanes, const uint16_t *words, long end,
+                    const int32_t *base, const int32_t *raw, const uint8_t *bits, long bits_end,
+                    int64_t *at)
+{
+    for (; spacing > 1; spacing /= 2)
+        for (int odd = 0; odd < 2; odd++) {
+            long asked = new_columns(columns, spacing), n = asked * ((rings + 1 - odd) / 2);
+            ask(value, present, activity, padded, rings, spacing, odd, prediction, context);
+            at[0] = rans_take(context, n, slots, frequencies, starts, width, state, lanes, words,
+                              at[0], end, symbols);
+            if (at[0] < 0) return -1;
+            at[1] = residuals_read(symbols, n, base, raw, bits, at[1], bits_end, residual, answered);
+            if (at[1] < 0) return -2;
+            tell(value, present, activity, padded, rings, spacing, odd, asked, prediction, residual,
+                 answered);
+        }
+    return 0;
+}
+
+/* Positions (n, 3) of the cells of an image (columns, rings) that have a return, column by column;
+   a value of 1 is unit_m metres. Directions as cosine and sine, (rings) and (columns). */
+void cells_to_points(const int32_t *value, const uint8_t *present, long columns, long rings,
+                     double unit_m, const double *cos_elevation, const double *sin_elevation,
+                     const double *cos_azimuth, const double *sin_azimuth, float *points)
+{
+    for (long column = 0; column < columns; column++)
+        for (long ring = 0; ring < rings; ring++, value++, present++) {
+            if (!*present) continue;
+            double range_m = *value * unit_m, flat = range_m * cos_elevation[ring];
+            *points++ = (float)(flat * cos_azimuth[column]);
+            *points++ = (float)(flat * sin_azimuth[column]);
+            *points++ = (float)(range_m * sin_elevation[ring]);
+        }
 }

@@ -44,11 +44,13 @@ _NETWORK = {
     "image": "l pl fffff ii ppp pppp",
 }
 _CODING = {
-    "rans_put": "l ppl ppl pl pl",
+    "rans_put": "l ppp ll ppl pl p",
     "rans_take": "l pl ppp l pl pll p",
-    "interlace_ask": "v ppp lll i pp",
-    "interlace_tell": "v ppp lll il ppp",
+    "interlace_record": "v pp lll l ppp ppppp",
+    "interlace_read": "l lll l ppp ppppp ppp l pl pl pp pl p",
     "residuals_read": "l pl pp pll pp",
+    "residuals_write": "l ppl pp",
+    "cells_to_points": "v pp ll d pppp p",
 }
 _PLACES = {
     "heights_above": "v pl ff l f ppl l pp p",

@@ -54,10 +54,11 @@ def segment(points: Points) -> Segmentation:
 def ground(points: Points) -> NDArray[np.bool_]:
     """Which of finite points (N, 3) are ground, as `segment` has it; False beyond its reach."""
     near = in_range(points)
+    found: NDArray[np.bool_] = np.zeros(len(points), dtype=np.bool_)
     if near.all():
-        return _heights(points) <= GROUND_BAND_M
-    found = np.zeros(len(points), dtype=np.bool_)
-    found[near] = _heights(points.compress(near, axis=0)) <= GROUND_BAND_M
+        np.less_equal(_heights(points), GROUND_BAND_M, out=found)
+    else:
+        found[near] = _heights(points.compress(near, axis=0)) <= GROUND_BAND_M
     return found
 
 
@@ -83,11 +84,13 @@ def _heights(points: Points) -> NDArray[np.float32]:
     compiled = places()
     if compiled is None or not len(points):
         x, y, z = np.ascontiguousarray(points.T)
-        return z - _ground_height(x, y, z)
+        height: NDArray[np.float32] = z - _ground_height(x, y, z)
+        return height
     points = np.ascontiguousarray(points)
     border = max(SPREAD_CELLS)
     grids = np.empty((2, _GROUND_SIDE + 2 * border, _GROUND_SIDE + 2 * border), dtype=np.float32)
-    cells, height = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
+    cells = np.empty(len(points), np.int32)
+    height = np.empty(len(points), np.float32)
     compiled.heights_above(
         *(pointer(points), len(points), RANGE_M, 1.0 / GROUND_CELL_M, _GROUND_SIDE, PIT_M),
         *(pointer(_STEPS), pointer(_RISES), len(_STEPS), border),
