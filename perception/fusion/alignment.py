@@ -9,6 +9,7 @@ likeliest one, given how well the outlines agree (a likelihood field: Thrun, Bur
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -79,25 +80,30 @@ class Field:
     def of(cls, places: NDArray[np.floating]) -> Field:
         """The field of everything that stands, (N, 2) metres."""
         side = round(2 * REACH_M / CELL_M)
-        return cls(np.zeros((side, side), np.float32), np.full((side, side), _NOTHING)).and_of(
-            places
-        )
+        field = cls(np.zeros((side, side), np.float32), np.full((side, side), _NOTHING))
+        return field._with(places)
 
     def and_of(self, places: NDArray[np.floating]) -> Field:
         """This field and that of more places together."""
+        return Field(self.likelihood.copy(), self.log.copy())._with(places)
+
+    def _with(self, places: NDArray[np.floating]) -> Field:
+        """`and_of`, which may change this field."""
         side = len(self.likelihood)
         column, row = np.floor((places + REACH_M) / CELL_M).astype(np.int64).T
         inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
-        cells = np.unique(row[inside] * side + column[inside])
+        used = np.zeros(side * side, dtype=np.bool_)
+        used[row[inside] * side + column[inside]] = True
+        cells = np.flatnonzero(used)
         compiled = loops()
         if compiled is not None:
-            image, log = self.likelihood.copy(), self.log.copy()
-            row, column = (np.ascontiguousarray(part) for part in np.divmod(cells, side))
+            row, column = np.divmod(cells, side)
             compiled.stamp(
-                *(pointer(image), pointer(log), side, BORDER, pointer(row), pointer(column)),
-                *(len(cells), pointer(_MARK), pointer(_LOG_MARK), SPREAD_CELLS),
+                *(pointer(self.likelihood), pointer(self.log), side, BORDER),
+                *(pointer(row), pointer(column), len(cells)),
+                *(pointer(_MARK), pointer(_LOG_MARK), SPREAD_CELLS),
             )
-            return Field(image, log)
+            return self
         image = np.zeros((side, side), dtype=np.float32)
         image.reshape(-1)[cells] = 1.0
         # The nearest place's Gaussian, one axis after the other: it is a product of both.
@@ -132,7 +138,7 @@ def align(field: Field, places: Floats, sender: Floats, min_gain: float = MIN_GA
     around = places - sender
     still = _score(field, around, sender, np.zeros((1, 3)))[0]
     best = _coarse(field, around, sender)
-    fine = best + _grid(FINE_SHIFTS_M, FINE_SHIFTS_M, FINE_TURNS_RAD)
+    fine = best + _fine_moves()
     scores = _score(field, around, sender, fine)
     # The mean of what is likely errs less than the likeliest.
     weights = np.exp(scores - scores.max())
@@ -166,13 +172,11 @@ def _spread(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _coarse(field: Field, around: Floats, sender: Floats) -> Floats:
     """The likeliest turn and shift (x, y, turn) of whole cells."""
-    steps = np.arange(-SHIFT_CELLS, SHIFT_CELLS + 1)
-    shifts = steps.astype(np.float64) * CELL_M
-    moves = _grid(shifts, shifts, TURNS_RAD)
+    moves, prior = _coarse_moves()
     turned = np.zeros((len(TURNS_RAD), 3))
     turned[:, 2] = TURNS_RAD
     base = field.index(_moved(around, sender, turned), margin=SHIFT_CELLS)
-    side, sets, wide = len(field.log), len(TURNS_RAD), len(steps)
+    side, sets, wide = len(field.log), len(TURNS_RAD), 2 * SHIFT_CELLS + 1
     compiled = loops()
     if compiled is not None:
         base = np.ascontiguousarray(base, dtype=np.int64)
@@ -187,8 +191,21 @@ def _coarse(field: Field, around: Floats, sender: Floats) -> Floats:
         shifted = sliding_window_view(field.log, (wide, wide))
         sums = shifted[row - SHIFT_CELLS, column - SHIFT_CELLS].sum(axis=1)
     found = sums.transpose(2, 1, 0).reshape(-1)
-    best: Floats = moves[int((found * INDEPENDENT + _prior(moves)).argmax())]
+    best: Floats = moves[int((found * INDEPENDENT + prior).argmax())]
     return best
+
+
+@cache
+def _coarse_moves() -> tuple[Floats, Floats]:
+    """All turns and shifts of whole cells (K, 3), and how likely they are by themselves (K,)."""
+    shifts = np.arange(-SHIFT_CELLS, SHIFT_CELLS + 1).astype(np.float64) * CELL_M
+    moves = _grid(shifts, shifts, TURNS_RAD)
+    return moves, _prior(moves)
+
+
+@cache
+def _fine_moves() -> Floats:
+    return _grid(FINE_SHIFTS_M, FINE_SHIFTS_M, FINE_TURNS_RAD)
 
 
 def _grid(x: Floats, y: Floats, turns: Floats) -> Floats:
