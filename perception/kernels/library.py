@@ -55,6 +55,7 @@ _CODING = {
 _PLACES = {
     "heights_above": "v pl ff l f ppl l pp p",
     "find_objects": "v ppl ff ff l l ppp ppp",
+    "ray_ends": "l ppl ff l i pp p",
     "gather_cells": "l ppl ff l pp ppppp",
     "stamp": "v pp ll ppl pp l",
     "sum_shifted": "v pl pll l p",

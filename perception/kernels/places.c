@@ -1,5 +1,6 @@
 /* What stands around a robot, and how well it lies over what the ego sees: the loops of
-   perception/scene/fast.py and of perception/fusion/outline.py and alignment.py. */
+   perception/scene/fast.py and visibility.py, and of perception/fusion/outline.py and
+   alignment.py. */
 
 #include <math.h>
 #include <stdint.h>
@@ -128,6 +129,54 @@ void find_objects(const float *points, const float *height, long n, float low, f
         members[found[0]] = members[i];
         labels[found[0]++] = label;
     }
+}
+
+/* Azimuth of a point that is not the origin, to 2e-6 radians: a polynomial fitted to the arc tangent
+   between 0 and 1. */
+static float azimuth_of(float x, float y)
+{
+    float ahead = fabsf(x), aside = fabsf(y);
+    float ratio = (aside < ahead ? aside : ahead) / (aside < ahead ? ahead : aside);
+    float s = ratio * ratio;
+    float turn = -0.01171911f * s + 0.0526473f;
+    turn = turn * s - 0.11642646f;
+    turn = turn * s + 0.19354038f;
+    turn = turn * s - 0.33262283f;
+    turn = (turn * s + 0.99997723f) * ratio;
+    if (aside > ahead) turn = 1.57079633f - turn;
+    if (x < 0) turn = 3.14159265f - turn;
+    return y < 0 ? -turn : turn;
+}
+
+/* Which of the points (n, 3) named by `index` can be the nearest (or farthest) of their ray, of
+   `rays` in a turn from azimuth -yaw on: of each ray that one, and every point so close to a border
+   between rays that `azimuth_of` cannot tell its ray. Their positions in `chosen`, up to `count`,
+   are returned by number. Scratch: `square` and `best` (rays). */
+long ray_ends(const float *points, const int64_t *index, long count, float yaw, float per_rad,
+              long rays, int farthest, double *square, int64_t *best, int64_t *chosen)
+{
+    static const float margin = 2e-3f;
+    long found = 0;
+    for (long ray = 0; ray < rays; ray++) best[ray] = -1;
+    for (long i = 0; i < count; i++) {
+        float x = points[3 * index[i]], y = points[3 * index[i] + 1];
+        float position = (x == 0 && y == 0) ? 0 : (azimuth_of(x, y) + yaw) * per_rad;
+        float below = floorf(position), over = position - below;
+        if (over < margin || over > 1 - margin) {
+            chosen[found++] = index[i];
+            continue;
+        }
+        long ray = (long)below % rays;
+        if (ray < 0) ray += rays;
+        double apart = (double)x * x + (double)y * y;
+        if (best[ray] < 0 || (farthest ? apart > square[ray] : apart < square[ray])) {
+            best[ray] = index[i];
+            square[ray] = apart;
+        }
+    }
+    for (long ray = 0; ray < rays; ray++)
+        if (best[ray] >= 0) chosen[found++] = best[ray];
+    return found;
 }
 
 /* Of the points (n, 3) of each cell of a square grid with `half` cells on each side of the origin,

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.kernels.library import places, pointer
 from perception.scene.description import OWN_BODY_M, own_body, segment
 from perception.scene.segmentation import Groups
 from swarm.errors import PerceptionError
@@ -41,23 +42,50 @@ def visible_range(
     found = segment(points)
     rays = sectors * (RAYS // sectors)
     kept = ~own_body(found, own_body_m)
-    obstacles = found.members[kept[found.labels]]
+    turn = np.float32(math.remainder(yaw, TWO_PI))
 
     reach = np.zeros(rays, dtype=np.float32)
-    ground = found.points[found.ground]
+    ground = _ends(found.points, np.flatnonzero(found.ground), rays, turn, farthest=True)
     if len(ground):
-        groups = Groups.of(_ray_of(ground, rays, yaw), rays)
+        groups = Groups.of(_ray_of(ground, rays, turn), rays)
         reach[groups.keys] = groups.maximum(np.hypot(ground[:, 0], ground[:, 1]))
-    if len(obstacles):
-        standing = found.points[obstacles]
-        groups = Groups.of(_ray_of(standing, rays, yaw), rays)
+    obstacles = found.members.compress(kept[found.labels])
+    standing = _ends(found.points, obstacles, rays, turn, farthest=False)
+    if len(standing):
+        groups = Groups.of(_ray_of(standing, rays, turn), rays)
         reach[groups.keys] = groups.minimum(np.hypot(standing[:, 0], standing[:, 1]))
     squares = (reach**2).reshape(sectors, -1)
     seen: NDArray[np.float32] = np.sqrt(squares.mean(axis=1))
     return seen
 
 
-def _ray_of(points: Points, rays: int, yaw: float) -> NDArray[np.int32]:
-    azimuth = np.arctan2(points[:, 1], points[:, 0]) + np.float32(math.remainder(yaw, TWO_PI))
+def _ends(
+    points: Points, index: NDArray[np.intp], rays: int, turn: np.float32, farthest: bool
+) -> Points:
+    """Of points (N, 3) those at `index` that can end a ray, and others: all of them without the
+    compiled loops. Which they are is decided by few exact azimuths instead of all."""
+    compiled = places()
+    if compiled is None:
+        return points.take(index, axis=0)
+    points = np.ascontiguousarray(points)
+    chosen = np.empty(len(index) + rays, dtype=np.int64)
+    square, best = np.empty(rays), np.empty(rays, dtype=np.int64)
+    count = compiled.ray_ends(
+        *(
+            pointer(points),
+            pointer(index),
+            len(index),
+            float(turn),
+            rays / TWO_PI,
+            rays,
+            int(farthest),
+        ),
+        *(pointer(square), pointer(best), pointer(chosen)),
+    )
+    return points.take(chosen[:count], axis=0)
+
+
+def _ray_of(points: Points, rays: int, turn: np.float32) -> NDArray[np.int32]:
+    azimuth = np.arctan2(points[:, 1], points[:, 0]) + turn
     indices: NDArray[np.int32] = np.floor(azimuth * np.float32(rays / TWO_PI)).astype(np.int32)
     return indices % np.int32(rays)
