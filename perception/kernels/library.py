@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FOLDER = Path(__file__).parent
-_VERSION = 2
+_VERSION = 3
 """Of the libraries' functions: one that was built from another source is not called."""
 _NEEDED = {
     "_network_avx512": {"avx512f", "avx2", "fma"},
