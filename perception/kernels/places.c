@@ -13,7 +13,7 @@ static float least(float a, float b) { return a < b ? a : b; }
 
 /* Each cell (n) of a row or column bounded by those at both sides of it plus `rise`. */
 static void bound(const float *before, const float *here, const float *after, float rise, long n,
-                  float *bounded)
+                  float *restrict bounded)
 {
     for (long i = 0; i < n; i++)
         bounded[i] = least(here[i], least(before[i] + rise, after[i] + rise));
@@ -46,7 +46,7 @@ void heights_above(const float *points, long n, float range_m, float per_m, long
     for (long row = 0; row < side; row++) {
         const float *here = row_of(lowest, wide, border, row);
         const float *up = here - wide, *down = here + wide;
-        float *level = row_of(other, wide, border, row);
+        float *restrict level = row_of(other, wide, border, row);
         for (long j = 0; j < side; j++) {
             float left = least(here[j - 1], least(up[j - 1], down[j - 1]));
             float right = least(here[j + 1], least(up[j + 1], down[j + 1]));
@@ -161,13 +161,13 @@ long ray_ends(const float *points, const int64_t *index, long count, float yaw, 
     for (long i = 0; i < count; i++) {
         float x = points[3 * index[i]], y = points[3 * index[i] + 1];
         float position = (x == 0 && y == 0) ? 0 : (azimuth_of(x, y) + yaw) * per_rad;
-        float below = floorf(position), over = position - below;
+        long ray = (long)position - (position < 0);
+        float over = position - ray;
         if (over < margin || over > 1 - margin) {
             chosen[found++] = index[i];
             continue;
         }
         /* A division takes longer than the turn or two that an azimuth and a yaw can be off. */
-        long ray = (long)below;
         while (ray < 0) ray += rays;
         while (ray >= rays) ray -= rays;
         double apart = (double)x * x + (double)y * y;
