@@ -182,8 +182,8 @@ long ray_ends(const float *points, const int64_t *index, long count, float yaw, 
 }
 
 /* Of the points (n, 3) of each cell of a square grid with `half` cells on each side of the origin,
-   as far as they stand: less than `reach_m` from the origin along x and y, and not `ground` (n),
-   which may be missing. How many, their lowest and highest z, and the sums of x and y: arrays of
+   as far as they stand: less than `reach_m` from the origin along x and y, and not `ground` (n).
+   How many, their lowest and highest z, and the sums of x and y: arrays of
    the cells that have points, x first, up to n of them, of which the number is returned. Scratch:
    `cells` (n), `grid` (2 half)^2. */
 long gather_cells(const float *points, const uint8_t *ground, long n, float reach_m, float cell_m,
@@ -195,7 +195,7 @@ long gather_cells(const float *points, const uint8_t *ground, long n, float reac
     for (long i = 0; i < n; i++) {
         const float *point = points + 3 * i;
         cells[i] = -1;
-        if (ground && ground[i]) continue;
+        if (ground[i]) continue;
         if (!(fabsf(point[0]) < reach_m && fabsf(point[1]) < reach_m)) continue;
         long column = (long)floorf(point[0] / cell_m) + half;
         long row = (long)floorf(point[1] / cell_m) + half;
