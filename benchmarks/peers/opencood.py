@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from benchmarks.intervals import ratio_of_medians
 from benchmarks.peers.frames import Shared, shared_frames
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
-from perception.fusion.detectors import shared_finder
+from perception.fusion.detectors import detector_backend
 from perception.fusion.registry import make_fusion
 from perception.opencood.clouds import ATTENUATION_PER_M
 from swarm.geometry import Points, Pose
@@ -100,7 +100,7 @@ def ratios() -> tuple[dict[str, Any], dict[str, Any]]:
         "vehicles": len(shared.scans[0]),
         "voxels": "spconv" if has_spconv() else "NumPy, as spconv is not installed",
         "weights": "random",
-        "our_backend": _backend(shared.detector),
+        "our_backend": detector_backend(shared.detector),
         "threads": torch.get_num_threads(),
     }
     samples = {
@@ -108,12 +108,6 @@ def ratios() -> tuple[dict[str, Any], dict[str, Any]]:
         for fusion, times in timed.items()
     }
     return figures, samples
-
-
-def _backend(detector: str) -> str:
-    """What runs our network."""
-    backend = getattr(shared_finder(detector), "backend", None)
-    return backend.name if backend is not None else "none: no weights"
 
 
 @dataclass(frozen=True, slots=True)

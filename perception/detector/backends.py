@@ -33,9 +33,9 @@ AUTO = "auto"
 SETTING = "COADAPT_DETECTOR_BACKEND"
 ISA_BELOW_AMX = "AVX512_CORE_BF16"
 """oneDNN's name for what it may use at most where AMX may fault."""
-_TRIAL_CELLS = 40
-"""Side of the map that is decoded to see how fast it goes: a few milliseconds."""
-_TRIALS = 5
+_TRIAL_CELLS = 64
+"""Side of the map that is decoded to see what it takes: some ten milliseconds."""
+_TRIALS = 3
 _BETTER = 0.9
 """Share of one's processor time that the next one must stay below to be taken instead."""
 _TOLERANCE: dict[Numerics, float] = {"float32": 1e-3, "bfloat16": 0.03}
@@ -177,14 +177,20 @@ def _cheapest(exact: Backend, candidates: list[Backend]) -> Backend:
     chances = torch.rand(
         (FEATURES, _TRIAL_CELLS, _TRIAL_CELLS), generator=torch.Generator().manual_seed(0)
     )
-    told = exact.decode(chances)[0].sigmoid()
+    threads = torch.get_num_threads()
+    # PyTorch's other threads would spin on while the next one is tried.
+    torch.set_num_threads(1)
+    try:
+        told = exact.decode(chances)[0].sigmoid()
 
-    def agrees(backend: Backend) -> bool:
-        off = float((backend.decode(chances)[0].sigmoid() - told).abs().max())
-        return off <= _TOLERANCE[backend.numerics]  # NaN is not.
+        def agrees(backend: Backend) -> bool:
+            off = float((backend.decode(chances)[0].sigmoid() - told).abs().max())
+            return off <= _TOLERANCE[backend.numerics]  # NaN is not.
 
-    backends = [*filter(agrees, candidates), exact]
-    costs_s = _costs_s(backends, chances)
+        backends = [*filter(agrees, candidates), exact]
+        costs_s = _costs_s(backends, chances)
+    finally:
+        torch.set_num_threads(threads)
     best = 0
     for i in range(1, len(backends)):
         if costs_s[i] < _BETTER * costs_s[best]:

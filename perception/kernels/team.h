@@ -24,8 +24,9 @@ typedef struct {
     int who;
 } member;
 
-/* Parts of a layer for each thread: more leave less to wait for at the end. */
-enum { PARTS_OF_THREAD = 4 };
+/* Parts of a layer for each thread: more leave less to wait for at the end, and fill their blocks
+   of tiles less. */
+enum { PARTS_OF_THREAD = 2 };
 
 static void take_parts(team *t, int who)
 {
