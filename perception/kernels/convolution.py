@@ -43,7 +43,8 @@ class Workers:
         self.threads = threads
         self.team: int | None = library.team_make(threads) if threads > 1 else None
         if self.team is not None:
-            weakref.finalize(self, library.team_end, self.team)
+            # Not at the process's end: a thread may still be in a layer.
+            weakref.finalize(self, library.team_end, self.team).atexit = False
         self._kept = threading.local()
 
     def buffer(self, name: str, shape: tuple[int, ...]) -> Floats:
