@@ -142,8 +142,6 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         env=_environment(spec, place, EGO_METRICS_PORT)
         | {
             "OMP_NUM_THREADS": EGO_THREADS,
-            # PyTorch's threads would spin between two passes, on processors that robots need.
-            "OMP_WAIT_POLICY": "passive",
             "COADAPT_EGO": spec.ego,
             "COADAPT_POLICY": spec.policy,
             "COADAPT_PERIOD_S": str(spec.period_s),
