@@ -11,6 +11,9 @@ from swarm.messages import Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
+CLEARLY = 0.05
+"""So far below Q_min a new decision is changed at once; predictions waver by nearly as much from
+one cycle to the next, as what is learnt of the robots' times does."""
 ANOTHER_LINK = 2.0
 """A link that is this many times wider or narrower than a cycle ago is another one."""
 MAX_CYCLE_S = 5.0
@@ -27,14 +30,19 @@ def best_option(scorer: Scorer, options: Sequence[Score]) -> Score:
 
 
 def still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
-    """The decision in force, scored in the new scene; None where it cannot be carried on."""
+    """The decision in force with those of its robots that can go on, scored in the new scene.
+
+    None where it cannot be carried on: nobody is left of those that it chose. A robot that drops
+    out is no reason to choose algorithm, rate and the others anew.
+    """
     if previous is None or previous.algorithm not in scorer.knowledge.algorithms:
         return None
     scorer = scorer.at_rate(previous.rate_hz)
     if scorer.pace.rate_hz != previous.rate_hz:
         return None
-    others = [robot for robot in previous.participants if robot != scorer.scene.ego.robot]
-    if not all(scorer.can(robot, previous.algorithm) for robot in others):
+    chosen = [robot for robot in previous.participants if robot != scorer.scene.ego.robot]
+    others = [robot for robot in chosen if scorer.can(robot, previous.algorithm)]
+    if chosen and not others:
         return None
     score = scorer.score(others, previous.algorithm)
     return score if scorer.fits(score) else None
@@ -47,12 +55,17 @@ def settle(
 
     A change must gain `switch_gain`; one that costs more must also leave `upgrade_reserve` of the
     budget free, so that a small drop of C(t) does not undo it at once; and the decision in force
-    must be `dwell_s` old, unless the link has changed. Reaching Q_min goes before all of them, and
+    must be `dwell_s` old, unless the link has changed or a robot has dropped out, whose place
+    another may take at once. Reaching Q_min goes before all of them where it is clearly missed, and
     so does leaving a decision that brings nothing. `held` is the score of `previous` as it is now.
     """
     objective = scorer.objective
     if _dwells(scorer, previous) and not _pressing(scorer, best, held):
-        return held
+        if len(held.participants) + 1 == len(previous.participants):
+            return held
+        options = [o for o in options if (o.algorithm, o.pace) == (held.algorithm, held.pace)]
+        options.append(held)
+        best = best_option(scorer, options)
     if scorer.good_enough(best) and not scorer.good_enough(held):
         return best
     best = best_option(scorer, [o for o in options if _roomy(scorer, o, held)])
@@ -83,8 +96,7 @@ def _dwells(scorer: Scorer, previous: Decision) -> bool:
 
 def _pressing(scorer: Scorer, best: Score, held: Score) -> bool:
     """Whether what is held cannot wait for its time to be over."""
-    lost = scorer.objective.q_min - scorer.objective.switch_gain
-    if scorer.good_enough(best) and held.quality < lost:
+    if scorer.good_enough(best) and held.quality < scorer.objective.q_min - CLEARLY:
         return True
     if not held.participants:
         return bool(best.participants)

@@ -4,6 +4,7 @@ import itertools
 import math
 from dataclasses import replace
 
+import msgspec
 import pytest
 from ego_scenes import BOTH, NOW_NS, candidate, knowledge, scene, snapshot
 from hypothesis import given, settings
@@ -147,6 +148,20 @@ def test_a_decision_that_cannot_be_carried_on_is_replaced() -> None:
     assert decide(scene(ego, one), knowledge(["late"]), first).algorithm == "late"
     narrow = scene(ego, one, capacity_bps=1e6)
     assert decide(narrow, knowledge(), first).algorithm == "late"
+
+
+def test_a_robot_that_drops_out_changes_nothing_else_unless_another_takes_its_place() -> None:
+    ego, left = candidate("E", range(20)), candidate("A", range(20, 40))
+    stays = candidate("B", range(40, 50))
+    known = knowledge(["late"], switch_gain=0.3, q_min=0.5, slower_hz=(5.0, 2.0))
+    first = decide(scene(ego, left, stays), known)
+    slow = msgspec.structs.replace(first, rate_hz=2.0)
+    without = decide(scene(ego, stays, excluded={"A": "too old"}), known, slow)
+    assert (without.participants, without.rate_hz) == (("E", "B"), 2.0)
+    assert "kept" in without.reason
+    twin = candidate("C", range(20, 40))
+    replaced = decide(scene(ego, stays, twin, excluded={"A": "lost"}), known, slow)
+    assert set(replaced.participants) == {"E", "B", "C"}
 
 
 cells = st.sets(st.integers(0, 35), max_size=20)
