@@ -15,15 +15,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from benchmarks.report import write_report
-from ego_agent.analyze import analyze
-from ego_agent.demand import DemandMeter
-from ego_agent.knowledge import Knowledge
-from ego_agent.link import LinkEstimate
-from ego_agent.monitor import Monitor
-from ego_agent.objective import Objective
-from ego_agent.pace import SLOWER_HZ
-from ego_agent.plan import plan
-from ego_agent.policies.registry import make_policy
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import DemandMeter
+from ego_agent.plan.policies.registry import make_policy
 from swarm.arrays import pack
 from swarm.messages import (
     Beacon,

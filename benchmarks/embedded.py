@@ -29,8 +29,8 @@ from benchmarks.factory_scenes import factory_scene
 from benchmarks.gateway_embedded import embedded as together_or_alone
 from benchmarks.gateway_embedded import unlike
 from benchmarks.report import write_report
-from ego_agent.knowledge import Knowledge
-from ego_agent.prompting import make_prompt
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.plan.prompting import make_prompt
 from llm_gateway.backends.llamacpp.client import LlamaCpp
 from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL, find_model
 from llm_gateway.backends.llamacpp.native import CHUNK, Native, Part

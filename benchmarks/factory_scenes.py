@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import UnifiedScene
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
 from evaluation.windows.knowing import heard, snapshot
 from perception.fusion.registry import make_fusion
 from swarm.messages import ALGORITHMS

@@ -15,8 +15,8 @@ from typing import Any
 import jsonschema
 
 from benchmarks.factory_scenes import factory_scene
-from ego_agent.knowledge import Knowledge
-from ego_agent.prompting.prompt import make_prompt
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.plan.prompting.prompt import make_prompt
 from llm_gateway.backends.llamacpp.client import LlamaCpp
 from llm_gateway.model import Prompt, Reply
 from swarm.errors import DecisionError

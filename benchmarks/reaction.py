@@ -33,15 +33,15 @@ import numpy as np
 from benchmarks.factory_scenes import factory_scene
 from benchmarks.intervals import share_interval
 from benchmarks.report import write_report
-from ego_agent.advice.judge import judge
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Proposal, UnifiedScene
-from ego_agent.objective import Objective
-from ego_agent.policies.coverage import Coverage
-from ego_agent.prompting import LlmPrompt, make_prompt, read_answer
-from ego_agent.scoring import Score, Scorer
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.knowledge.objective import Objective
+from ego_agent.plan.advice.judge import judge
+from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.validation import validate
+from ego_agent.plan.policies.coverage import Coverage
+from ego_agent.plan.prompting import LlmPrompt, make_prompt, read_answer
 from ego_agent.settings import EgoSettings
-from ego_agent.validation import validate
 from llm_gateway.answers import AnswerError, extract
 from llm_gateway.backends.llamacpp.client import LlamaCpp
 from llm_gateway.backends.llamacpp.models import PACKAGES, find_model, installed_models

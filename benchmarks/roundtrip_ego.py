@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from ego_agent.__main__ import run
-from ego_agent.execute import FrameResult
-from ego_agent.frame_round import kind_of
+from ego_agent.execute.frame_round import kind_of
+from ego_agent.execute.fusion_loop import FrameResult
 from ego_agent.settings import load_settings
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points

@@ -8,7 +8,7 @@ from collections import deque
 
 from deploy.observe import Watch
 from deploy.progress import say
-from deploy.runtimes.base import ProcessStatus, Runtime
+from deploy.runtime import ProcessStatus, Runtime
 from deploy.state import State
 from swarm.errors import CoAdaptError, DeployError
 

@@ -10,21 +10,21 @@ from pathlib import Path
 from prometheus_client import CollectorRegistry
 
 from ego_agent.agent import EgoAgent
-from ego_agent.ask import Asker
-from ego_agent.execute import FrameResult, FusionLoop, live_motion
-from ego_agent.journal import Journal
-from ego_agent.knowledge import Knowledge
-from ego_agent.link import LinkEstimate
+from ego_agent.execute.ask import Asker
+from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_motion
+from ego_agent.execute.sense import OwnSensor
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.journal import Journal
+from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.metrics import EgoMetrics
-from ego_agent.monitor import Monitor
-from ego_agent.objective import Objective
-from ego_agent.pace import SLOWER_HZ
-from ego_agent.policies.base import Policy, Requiring
-from ego_agent.policies.registry import make_policy
-from ego_agent.sense import OwnSensor
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.policies.base import Policy, Requiring
+from ego_agent.plan.policies.registry import make_policy
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.steering import Steering
-from ego_agent.tally import TallyKeeper
 from perception.fusion.detectors import detector_backend
 from perception.fusion.registry import fusion_names, make_fusion
 from ros2.opening import open_world_of

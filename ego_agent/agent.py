@@ -15,23 +15,23 @@ from dataclasses import dataclass
 
 import msgspec
 
-from ego_agent.analyze import analyze
-from ego_agent.arrivals import Arrivals
-from ego_agent.control_budget import ControlBudget, Wish
-from ego_agent.demand import DemandMeter
-from ego_agent.execute import FusionLoop
-from ego_agent.journal import CycleRecord, Journal
-from ego_agent.knowledge import CycleResult, Knowledge
+from ego_agent.analyze.scene import analyze
+from ego_agent.execute.fusion_loop import FusionLoop
+from ego_agent.execute.sense import OwnSensor
+from ego_agent.knowledge.base import CycleResult, Knowledge
+from ego_agent.knowledge.journal import CycleRecord, Journal
+from ego_agent.knowledge.model import Snapshot, UnifiedScene
+from ego_agent.knowledge.record import cycle_record
+from ego_agent.knowledge.tally import Tally, TallyKeeper
 from ego_agent.metrics import EgoMetrics
-from ego_agent.model import Snapshot, UnifiedScene
-from ego_agent.monitor import Monitor
-from ego_agent.own_duty import OwnDuty
-from ego_agent.plan import plan
-from ego_agent.probe import Prober
-from ego_agent.record import cycle_record
-from ego_agent.sense import OwnSensor
+from ego_agent.monitor.own_duty import OwnDuty
+from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.control_budget import ControlBudget, Wish
+from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import DemandMeter
+from ego_agent.plan.probe import Prober
 from ego_agent.steering import Steering
-from ego_agent.tally import Tally, TallyKeeper
 from swarm import keyspace
 from swarm.errors import JournalError, TransportError
 from swarm.log import Logger

@@ -12,9 +12,9 @@ import math
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
-from ego_agent.advice.metrics import AdviceMetrics
-from ego_agent.journal import ByteTotals, CycleRecord, byte_totals
-from ego_agent.model import Snapshot, UnifiedScene
+from ego_agent.knowledge.journal import ByteTotals, CycleRecord, byte_totals
+from ego_agent.knowledge.model import Snapshot, UnifiedScene
+from ego_agent.plan.advice.metrics import AdviceMetrics
 from swarm.messages import Decision, NetDemand
 
 _BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)

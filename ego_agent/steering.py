@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import msgspec
 
-from ego_agent.knowledge import Knowledge
-from ego_agent.policies.base import Connecting, Policy, Preparing
-from ego_agent.policies.registry import make_policy, policy_names
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.plan.policies.base import Connecting, Policy, Preparing
+from ego_agent.plan.policies.registry import make_policy, policy_names
 from ego_agent.settings import EgoSettings
 from swarm import keyspace
 from swarm.log import Logger

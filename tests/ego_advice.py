@@ -11,10 +11,10 @@ from typing import Any
 from ego_scenes import NOW_NS, assert_valid, candidate, knowledge, scene, snapshot
 from zenoh_fixtures import WAIT_S, Inbox, SessionMaker, wait_until_served
 
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Candidate, UnifiedScene
-from ego_agent.plan import plan
-from ego_agent.policies.llm import Llm
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Candidate, UnifiedScene
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.llm import Llm
 from ego_agent.settings import EgoSettings
 from swarm import keyspace
 from swarm.messages import AdviceReport, DecideAnswer, DecideRequest, Decision, LlmTokens

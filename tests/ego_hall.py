@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from ego_swarm import Swarm, swarm_of, until
 
-from ego_agent.ask import Asker
-from ego_agent.execute import FrameResult, FusionLoop
-from ego_agent.knowledge import Knowledge
-from ego_agent.link import LinkEstimate
-from ego_agent.monitor import Monitor
-from ego_agent.sense import OwnFrame, OwnSensor
-from ego_agent.tally import TallyKeeper
+from ego_agent.execute.ask import Asker
+from ego_agent.execute.fusion_loop import FrameResult, FusionLoop
+from ego_agent.execute.sense import OwnFrame, OwnSensor
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
 from perception.codec.points import decode_points, encode_points
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation

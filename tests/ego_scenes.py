@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Candidate, Proposal, RobotView, Snapshot, UnifiedScene
-from ego_agent.objective import Objective
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Candidate, Proposal, RobotView, Snapshot, UnifiedScene
+from ego_agent.knowledge.objective import Objective
 from swarm.arrays import Array, pack
 from swarm.geometry import Pose
 from swarm.messages import ALGORITHMS, Algorithm, Beacon, Decision, SceneDescription

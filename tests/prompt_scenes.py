@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from ego_scenes import candidate, objects, snapshot, view
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import RobotView, UnifiedScene
-from ego_agent.prompting import LlmPrompt
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import RobotView, UnifiedScene
+from ego_agent.plan.prompting import LlmPrompt
 
 
 def floor(robots: int, known: Knowledge, capacity_bps: float = 5e6) -> UnifiedScene:

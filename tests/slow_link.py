@@ -20,8 +20,8 @@ from typing import IO, Any
 import msgspec
 from message_samples import SAMPLES
 
-from ego_agent.link import LinkEstimate
-from ego_agent.netstate import LinkWatch
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.netstate import LinkWatch
 from swarm import keyspace
 from swarm.messages import Beacon, Observation, ObservationRequest, TcpState
 from swarm.session import Answer, Session

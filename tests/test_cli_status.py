@@ -19,7 +19,7 @@ import pytest
 from coadapt.commands.status import render
 from coadapt.main import main
 from deploy.observe import RobotRow, SwarmView, Watch
-from deploy.runtimes.base import ProcessStatus
+from deploy.runtime import ProcessStatus
 from deploy.spec import make_spec
 from deploy.state import State
 from swarm import keyspace

@@ -25,7 +25,7 @@ from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
 from deploy.spec import factory_robots, make_spec
 from deploy.state import State, need_state
-from ego_agent.journal import read_journal
+from ego_agent.knowledge.journal import read_journal
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 READY_S = 120.0

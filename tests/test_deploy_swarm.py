@@ -20,7 +20,7 @@ from free_ports import free_port
 from deploy.netns import launch
 from deploy.observe import Watch
 from deploy.prometheus import Prometheus
-from deploy.runtimes.base import ProcessStatus
+from deploy.runtime import ProcessStatus
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
 from deploy.state import State, need_state

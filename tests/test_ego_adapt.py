@@ -16,13 +16,13 @@ from ego_scenes import NOW_NS, assert_valid, candidate, knowledge, scene
 from ego_swarm import Heard, Swarm, factory, hear, metrics_of, stop, swarm_of
 from free_ports import free_ports
 
-from ego_agent.evidence import Queues
-from ego_agent.journal import read_journal
-from ego_agent.knowledge import Knowledge
-from ego_agent.link import LinkEstimate
-from ego_agent.monitor import Monitor
-from ego_agent.plan import plan
-from ego_agent.policies.coverage import Coverage
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.journal import read_journal
+from ego_agent.monitor.evidence import Queues
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.coverage import Coverage
 from swarm import keyspace
 from swarm.messages import Backlog, Decision, LinkState, NetDemand, NetState
 from swarm.session import Session

@@ -10,11 +10,11 @@ from ego_scenes import NOW_NS, knowledge, objects, snapshot, view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ego_agent.analyze import analyze
-from ego_agent.grid import Grid
-from ego_agent.merge import merge_nearby
-from ego_agent.model import RobotView
-from ego_agent.scoring import Scorer
+from ego_agent.analyze.grid import Grid
+from ego_agent.analyze.merge import merge_nearby
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.model import RobotView
+from ego_agent.plan.choices.scoring import Scorer
 from swarm.arrays import Array, pack
 
 

@@ -7,11 +7,11 @@ from collections import Counter
 import pytest
 from ego_scenes import knowledge, snapshot, view
 
-from ego_agent.analyze import analyze
-from ego_agent.arrivals import Arrivals
-from ego_agent.plan import plan
-from ego_agent.policies.coverage import Coverage
-from ego_agent.tally import Tally
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.tally import Tally
+from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision
 
 EGO, NEAR, FAR = view("E"), view("A", 15.0), view("B", 0.0, 30.0)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ego_agent.clock_offset import MAX_DRIFT, SYMMETRIC_NS, TOLERANCE_NS, ClockOffset
+from ego_agent.monitor.clock_offset import MAX_DRIFT, SYMMETRIC_NS, TOLERANCE_NS, ClockOffset
 
 MS = 1_000_000
 S = 1_000_000_000

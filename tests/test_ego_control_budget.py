@@ -6,8 +6,15 @@ from dataclasses import replace
 
 from ego_scenes import snapshot, view
 
-from ego_agent.control_budget import FULL_BPS, LEAST_BPS, NEEDED_BPS, SHARE, ControlBudget, Wish
-from ego_agent.model import Snapshot
+from ego_agent.knowledge.model import Snapshot
+from ego_agent.plan.control_budget import (
+    FULL_BPS,
+    LEAST_BPS,
+    NEEDED_BPS,
+    SHARE,
+    ControlBudget,
+    Wish,
+)
 
 
 def seen(capacity_bps: float = 55e6, delay_s: float = 0.01, robots: int = 5) -> Snapshot:

@@ -10,11 +10,11 @@ from ego_scenes import NOW_NS, candidate, knowledge, scene, snapshot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ego_agent.demand import ROUNDING, SETTLED_S, DemandMeter, need
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import UnifiedScene
-from ego_agent.plan import plan
-from ego_agent.policies.coverage import Coverage
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import ROUNDING, SETTLED_S, DemandMeter, need
+from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision, NetDemand, decode, encode
 
 # Q_min 0.95 takes early fusion with A and B: 24 kB a frame, 1.92 Mbit/s and headroom.

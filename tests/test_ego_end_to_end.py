@@ -12,7 +12,7 @@ import pytest
 from ego_swarm import Swarm, factory, metrics_of, recorded, stop, swarm_of, until
 from free_ports import free_ports
 
-from ego_agent.journal import byte_totals, read_journal
+from ego_agent.knowledge.journal import byte_totals, read_journal
 from ego_agent.settings import load_settings
 from swarm.arrays import unpack_finite
 from swarm.errors import SettingError

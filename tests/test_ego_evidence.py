@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ego_agent.evidence import MAX_QUEUES, MAX_SPAN_MS, MIN_STOOD_MS, Queues, Sample
+from ego_agent.monitor.evidence import MAX_QUEUES, MAX_SPAN_MS, MIN_STOOD_MS, Queues, Sample
 from swarm.messages import Backlog
 
 

@@ -21,9 +21,9 @@ from ego_hall import (  # noqa: F401
 )
 from ego_swarm import Heard, Swarm, until
 
-from ego_agent.analyze import analyze
-from ego_agent.frame_round import MISSING_KINDS, kind_of
-from ego_agent.knowledge import Knowledge
+from ego_agent.analyze.scene import analyze
+from ego_agent.execute.frame_round import MISSING_KINDS, kind_of
+from ego_agent.knowledge.base import Knowledge
 from swarm import keyspace
 from swarm.errors import PerceptionError
 from swarm.messages import Detections, Observation, ObservationRequest
@@ -68,7 +68,7 @@ def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
     ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However long the second frame takes, the answer to the first one is not too late to count.
-    monkeypatch.setattr("ego_agent.ask.LATE_S", 60.0)
+    monkeypatch.setattr("ego_agent.execute.ask.LATE_S", 60.0)
     go = threading.Event()
 
     def slow(request: ObservationRequest) -> Observation:

@@ -8,17 +8,17 @@ from collections.abc import Iterable
 import pytest
 from ego_scenes import snapshot, view
 
-from ego_agent.analyze import analyze
-from ego_agent.answers import AnswerTimes
-from ego_agent.experience import (
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.answers import AnswerTimes
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.experience import (
     HALF_LIFE_S,
     MAX_SERIES,
     MEMORY_FRAMES,
     Experience,
     frames_of,
 )
-from ego_agent.knowledge import Knowledge
-from ego_agent.own_costs import OwnCosts
+from ego_agent.knowledge.own_costs import OwnCosts
 
 DEADLINE_S = 0.25
 

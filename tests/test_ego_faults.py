@@ -31,9 +31,9 @@ from ego_swarm import (
 from free_ports import free_ports
 
 from ego_agent.__main__ import run
-from ego_agent.journal import CycleRecord, Journal, read_journal
+from ego_agent.knowledge.journal import CycleRecord, Journal, read_journal
+from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.settings import load_settings
-from ego_agent.tally import TallyKeeper
 from swarm import keyspace, transport
 from swarm.arrays import pack
 from swarm.messages import Beacon, Decision, Detections, SceneDescription, encode

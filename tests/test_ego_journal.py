@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ego_agent.journal import (
+from ego_agent.knowledge.journal import (
     CycleRecord,
     Decided,
     Frames,
@@ -165,7 +165,7 @@ def test_a_line_that_is_finished_while_it_is_read_is_no_broken_one(
             path.write_bytes(whole)
         return _parse(path, number, line)
 
-    monkeypatch.setattr("ego_agent.journal._parse", meanwhile)
+    monkeypatch.setattr("ego_agent.knowledge.journal._parse", meanwhile)
     assert [r.cycle for r in read_journal(path)] == [1, 2]
 
 
@@ -195,7 +195,8 @@ def test_a_second_process_on_the_same_journal_is_refused(tmp_path: Path) -> None
         [
             sys.executable,
             "-c",
-            "import sys; from pathlib import Path; from ego_agent.journal import Journal\n"
+            "import sys; from pathlib import Path\n"
+            "from ego_agent.knowledge.journal import Journal\n"
             "Journal(Path(sys.argv[1]))",
             str(tmp_path / "j.jsonl"),
         ],

@@ -9,14 +9,14 @@ import pytest
 from ego_advice import floor
 from ego_scenes import knowledge
 
-from ego_agent.advice.judge import Verdict, judge
-from ego_agent.policies import llm, surrogate
-from ego_agent.policies.llm import Llm
-from ego_agent.policies.surrogate import BySurrogate
-from ego_agent.scoring import Scorer
+from ego_agent.plan.advice.judge import Verdict, judge
+from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.policies import llm, surrogate
+from ego_agent.plan.policies.llm import Llm
+from ego_agent.plan.policies.surrogate import BySurrogate
+from ego_agent.plan.surrogate.features import NAMES
+from ego_agent.plan.surrogate.model import Surrogate, read_surrogate
 from ego_agent.settings import EgoSettings
-from ego_agent.surrogate.features import NAMES
-from ego_agent.surrogate.model import Surrogate, read_surrogate
 from swarm.errors import DecisionError
 
 MARGIN = EgoSettings().llm_value_margin

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from ego_scenes import NOW_NS
 
-from ego_agent.knowledge import MAX_SERIES, PRIOR_FACTORS, CycleResult, Knowledge
+from ego_agent.knowledge.base import MAX_SERIES, PRIOR_FACTORS, CycleResult, Knowledge
 from swarm.errors import DecisionError
 
 SECOND = 10**9

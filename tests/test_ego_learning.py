@@ -19,8 +19,8 @@ from ego_hall import (  # noqa: F401
 )
 from ego_swarm import until
 
-from ego_agent.answers import AnswerTimes
-from ego_agent.frame_round import kind_of
+from ego_agent.execute.frame_round import kind_of
+from ego_agent.knowledge.answers import AnswerTimes
 from swarm.messages import Observation, ObservationRequest, Probe
 
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ego_agent.evidence import FLOOR_BPS, MAX_QUEUES, Sample
-from ego_agent.link import DOUBLING_S, OLD_LINK_S, STATE_FRESH_S, LinkEstimate
+from ego_agent.monitor.evidence import FLOOR_BPS, MAX_QUEUES, Sample
+from ego_agent.monitor.link import DOUBLING_S, OLD_LINK_S, STATE_FRESH_S, LinkEstimate
 
 PRIOR = 55e6
 REPORT_S = 0.5

@@ -11,7 +11,7 @@ from ego_advice import Gateway, saying
 from ego_swarm import Swarm, factory, metrics_of, stop, swarm_of, until
 from free_ports import free_ports
 
-from ego_agent.journal import CycleRecord, read_journal
+from ego_agent.knowledge.journal import CycleRecord, read_journal
 from ego_agent.settings import load_settings
 from swarm.errors import SettingError
 from swarm.messages import Decision

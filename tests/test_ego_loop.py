@@ -12,17 +12,17 @@ import msgspec
 import pytest
 from ego_scenes import NOW_NS, assert_valid, candidate, snapshot
 
-from ego_agent.demand import need
-from ego_agent.experience import frames_of
-from ego_agent.explain import explain
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import UnifiedScene
-from ego_agent.objective import Objective
-from ego_agent.pace import MAX_DEADLINE_S, SLOWER_HZ, Pace, paces, stride
-from ego_agent.plan import plan
-from ego_agent.policies.coverage import Coverage
-from ego_agent.policies.registry import make_policy
-from ego_agent.probe import FIRST_S, LAST_S, Prober
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.experience import frames_of
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import MAX_DEADLINE_S, SLOWER_HZ, Pace, paces, stride
+from ego_agent.plan.choices.explain import explain
+from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import need
+from ego_agent.plan.policies.coverage import Coverage
+from ego_agent.plan.policies.registry import make_policy
+from ego_agent.plan.probe import FIRST_S, LAST_S, Prober
 from swarm.messages import Decision, Probe
 
 SECOND_NS = 10**9

@@ -11,10 +11,10 @@ from ego_scenes import candidate, knowledge, scene, snapshot, view
 from prometheus_client import CollectorRegistry, generate_latest
 
 from ego_agent.agent import EgoAgent
-from ego_agent.control_budget import Wish
-from ego_agent.link import LinkEstimate
 from ego_agent.metrics import EgoMetrics
-from ego_agent.monitor import Monitor
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.control_budget import Wish
 from swarm.log import make_logger
 from swarm.messages import Decision
 from swarm.process import Clock

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ego_agent.link import LinkEstimate
-from ego_agent.model import RobotView
-from ego_agent.monitor import DUPLICATE_WINDOW_S, FORGET_S, Monitor
+from ego_agent.knowledge.model import RobotView
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import DUPLICATE_WINDOW_S, FORGET_S, Monitor
 from swarm.arrays import pack
 from swarm.messages import Beacon, LinkState, NetState, SceneDescription
 from swarm.process import Clock

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from ego_agent.evidence import Sample
-from ego_agent.link import LinkEstimate
-from ego_agent.monitor import Monitor
-from ego_agent.netstate import MAX_LINKS, MAX_SENDERS, STEADY_S, LinkWatch
+from ego_agent.monitor.evidence import Sample
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.netstate import MAX_LINKS, MAX_SENDERS, STEADY_S, LinkWatch
+from ego_agent.monitor.snapshot import Monitor
 from swarm.messages import Backlog, Direction, LinkClass, LinkState, NetState, TcpState
 
 PRIOR = 55e6

@@ -22,9 +22,9 @@ from ego_hall import (  # noqa: F401
 )
 from ego_swarm import Heard, Swarm, until
 
-from ego_agent.frame_round import FrameRound, kind_of
-from ego_agent.pipeline import MAX_FRAMES, AskedFrame, Pipeline
-from ego_agent.sense import OwnFrame
+from ego_agent.execute.frame_round import FrameRound, kind_of
+from ego_agent.execute.pipeline import MAX_FRAMES, AskedFrame, Pipeline
+from ego_agent.execute.sense import OwnFrame
 from perception.types import Boxes
 from swarm.geometry import Pose
 from swarm.messages import Detections, Observation, ObservationRequest
@@ -146,7 +146,7 @@ def test_a_robot_that_is_ten_times_slower_takes_nothing_from_the_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # However long ten frames take here, the slow robot is not given up.
-    monkeypatch.setattr("ego_agent.ask.LATE_S", 60.0)
+    monkeypatch.setattr("ego_agent.execute.ask.LATE_S", 60.0)
     changed = threading.Condition()
     asked = {"R2": 0, "R3": 0}
 

@@ -20,12 +20,12 @@ from ego_scenes import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Proposal, RobotView, UnifiedScene
-from ego_agent.plan import plan
-from ego_agent.policies.coverage import Coverage
-from ego_agent.policies.registry import make_policy
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, RobotView, UnifiedScene
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.coverage import Coverage
+from ego_agent.plan.policies.registry import make_policy
 from swarm.messages import Decision, decode, encode
 
 FLOOR = scene(candidate("E", range(20)), candidate("A", range(20, 40)), excluded={"D": "gone"})

@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from prompt_scenes import floor, text, tokens, user
 
-from ego_agent.knowledge import CycleResult
-from ego_agent.model import UnifiedScene
-from ego_agent.prompting import make_prompt
-from ego_agent.prompting.table import MAX_LISTED
-from ego_agent.scoring import Scorer
+from ego_agent.knowledge.base import CycleResult
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.prompting import make_prompt
+from ego_agent.plan.prompting.table import MAX_LISTED
 from perception.fusion.registry import all_fusions
 from swarm.errors import DecisionError
 from swarm.messages import DecideRequest, Decision, decode, encode

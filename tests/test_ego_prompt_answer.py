@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from prompt_scenes import floor
 
-from ego_agent.prompting import Advice, make_prompt, read_answer
+from ego_agent.plan.prompting import Advice, make_prompt, read_answer
 from swarm.errors import DecisionError
 
 PROMPT = make_prompt(floor(6, knowledge()), knowledge(), None, None)

@@ -9,9 +9,9 @@ import pytest
 from ego_scenes import knowledge
 from prompt_scenes import floor
 
-from ego_agent.model import Candidate, UnifiedScene
-from ego_agent.prompting import fingerprint, make_prompt
-from ego_agent.prompting.fingerprint import STEP_M
+from ego_agent.knowledge.model import Candidate, UnifiedScene
+from ego_agent.plan.prompting import fingerprint, make_prompt
+from ego_agent.plan.prompting.fingerprint import STEP_M
 
 KNOWN = knowledge()
 FLOOR = floor(6, KNOWN, 20e6)

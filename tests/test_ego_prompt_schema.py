@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from prompt_scenes import floor, parsed, sample
 
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Proposal, UnifiedScene
-from ego_agent.prompting import LlmPrompt, make_prompt, read_answer
-from ego_agent.prompting.schema import MAX_REASON
-from ego_agent.validation import validate
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.choices.validation import validate
+from ego_agent.plan.prompting import LlmPrompt, make_prompt, read_answer
+from ego_agent.plan.prompting.schema import MAX_REASON
 from swarm.messages import ALGORITHMS
 
 KNOWN = knowledge()

@@ -14,13 +14,18 @@ from ego_scenes import assert_valid, candidate, knowledge, scene
 from numpy.typing import NDArray
 from safetensors.numpy import save_file
 
-from ego_agent.model import UnifiedScene
-from ego_agent.policies.surrogate import BySurrogate
-from ego_agent.scoring import Scorer
-from ego_agent.surrogate.estimate import Estimate
-from ego_agent.surrogate.features import NAMES, SceneFeatures, with_algorithm
-from ego_agent.surrogate.model import Surrogate, packaged_surrogate, read_surrogate, write_surrogate
-from ego_agent.validation import validate
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.choices.validation import validate
+from ego_agent.plan.policies.surrogate import BySurrogate
+from ego_agent.plan.surrogate.estimate import Estimate
+from ego_agent.plan.surrogate.features import NAMES, SceneFeatures, with_algorithm
+from ego_agent.plan.surrogate.model import (
+    Surrogate,
+    packaged_surrogate,
+    read_surrogate,
+    write_surrogate,
+)
 from swarm.errors import DecisionError
 from swarm.geometry import Pose
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ego_agent.union import LEVELS, Union, Views
+from ego_agent.plan.choices.union import LEVELS, Union, Views
 
 CELLS, OBJECTS = 5, 3
 rows = st.integers(2, 5)

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from ego_scenes import NOW_NS, assert_valid, candidate, knowledge, proposal, scene
 
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Proposal, UnifiedScene
-from ego_agent.validation import MAX_REPAIRS, validate
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.choices.validation import MAX_REPAIRS, validate
 from swarm.messages import Decision, decode, encode
 
 # 20 Mbit/s at 10 Hz with 80 % headroom: 200 kB a frame.

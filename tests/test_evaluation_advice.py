@@ -13,7 +13,7 @@ import pytest
 from model_server import ModelServer, Request, says, serving_model, status
 
 from coadapt.main import main
-from ego_agent.policies.coverage import Coverage
+from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.settings import EgoSettings
 from evaluation.kept import Kept
 from evaluation.policies.advice import AdvisedAtOnce, Model
@@ -127,7 +127,9 @@ def test_models_of_one_name_on_two_servers_are_two(
 def test_a_slow_answer_is_asked_for_once_and_counts_once(
     server: ModelServer, messages: list[Heard], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ego_agent.policies.llm.EgoSettings", lambda: EgoSettings(llm_period_s=0.1))
+    monkeypatch.setattr(
+        "ego_agent.plan.policies.llm.EgoSettings", lambda: EgoSettings(llm_period_s=0.1)
+    )
 
     async def slowly(reader: StreamReader, writer: StreamWriter, request: Request) -> None:
         await asyncio.sleep(0.3)

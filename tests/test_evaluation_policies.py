@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from coadapt.main import main
-from ego_agent.model import Proposal
-from ego_agent.objective import Objective
+from ego_agent.knowledge.model import Proposal
+from ego_agent.knowledge.objective import Objective
 from evaluation.bootstrap import bootstrap_mean
 from evaluation.policies.claims import claims_of
 from evaluation.policies.decide import Decided, decisions, policy_of

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from coadapt.main import main
-from ego_agent.surrogate.features import NAMES
-from ego_agent.surrogate.model import read_surrogate
+from ego_agent.plan.surrogate.features import NAMES
+from ego_agent.plan.surrogate.model import read_surrogate
 from evaluation.kept import Kept
 from evaluation.policies.pieces import MADE_FROM
 from evaluation.surrogate import samples as sampling

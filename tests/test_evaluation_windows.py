@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from conftest import data_root
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.objective import Objective
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.objective import Objective
 from evaluation.cooperative import evaluate, fuse_frame
 from evaluation.policies.pieces import knowledge_of
 from evaluation.windows import knowing, links

@@ -5,6 +5,9 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -78,6 +81,51 @@ def test_a_room_imports_only_what_the_table_says(package: str, allowed: set[str]
     for path, module in imported(package):
         if top(module) in rooms():
             assert top(module) in allowed | {package}, f"{path} imports {module}"
+
+
+def modules_imported(path: Path) -> Iterator[str]:
+    """Of ours and others, full names: also of a module that is imported from its package."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for name in node.names:
+                inside = REPOSITORY.joinpath(*node.module.split("."), name.name)
+                is_module = inside.is_dir() or inside.with_suffix(".py").exists()
+                yield f"{node.module}.{name.name}" if is_module else node.module
+
+
+FOLDERS = sorted(
+    {path.parent for room in rooms() - {"tests"} for path in (REPOSITORY / room).rglob("*.py")}
+)
+
+
+def neighbours(folder: Path) -> dict[str, set[str]]:
+    """What imports what within a folder, by name: its files, and each folder in it as one."""
+    package = ".".join(folder.relative_to(REPOSITORY).parts)
+    found: dict[str, set[str]] = defaultdict(set)
+    for path in folder.rglob("*.py"):
+        name = path.relative_to(folder).with_suffix("").parts[0]
+        for module in modules_imported(path) if name != "__init__" else ():
+            if module.startswith(f"{package}."):
+                found[name].add(module[len(package) + 1 :].split(".")[0])
+        found[name].discard(name)
+    return found
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda f: str(f.relative_to(REPOSITORY)))
+def test_no_neighbours_import_each_other_in_a_circle(folder: Path) -> None:
+    tuple(TopologicalSorter(neighbours(folder)).static_order())
+
+
+def test_the_ego_is_the_figure_of_the_paper() -> None:
+    ego = neighbours(REPOSITORY / "ego_agent")
+    rooms_of_ego = {p.name for p in (REPOSITORY / "ego_agent").iterdir() if p.is_dir()}
+    assert rooms_of_ego - {"__pycache__"} == {"monitor", "analyze", "plan", "execute", "knowledge"}
+    assert ego["knowledge"] == set()
+    assert ego["monitor"] == ego["analyze"] == {"knowledge"}
+    assert ego["plan"] == {"knowledge", "settings"}
+    assert ego["execute"] == {"knowledge", "monitor"}
 
 
 def test_using_perception_and_a_world_loads_neither_zenoh_nor_open3d() -> None:

@@ -6,7 +6,7 @@ import pytest
 from conftest import data_root
 from ego_scenes import candidate, knowledge, scene
 
-from ego_agent.policies.registry import make_policy
+from ego_agent.plan.policies.registry import make_policy
 
 EVERYONE = ("early", "intermediate", "late")
 

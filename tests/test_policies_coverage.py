@@ -10,11 +10,11 @@ from ego_scenes import BOTH, NOW_NS, candidate, knowledge, scene, snapshot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Candidate, UnifiedScene
-from ego_agent.plan import plan
-from ego_agent.policies.coverage import Coverage
-from ego_agent.scoring import Score, Scorer
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Candidate, UnifiedScene
+from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from ego_scenes import candidate, knowledge, scene
 
-from ego_agent import policies
-from ego_agent.policies.registry import make_policy, policy_names
+from ego_agent.plan import policies
+from ego_agent.plan.policies.registry import make_policy, policy_names
 from swarm.errors import DecisionError
 
 THIRD_PARTY = """
-from ego_agent.model import Proposal
+from ego_agent.knowledge.model import Proposal
 
 class Farthest:
     name = "farthest"

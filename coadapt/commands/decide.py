@@ -39,11 +39,11 @@ def run(args: argparse.Namespace) -> int:
     """Prints the decision. Raises DecisionError for a scene or a policy that cannot be used."""
     import msgspec
 
-    from ego_agent.analyze import analyze
-    from ego_agent.explain import explain
-    from ego_agent.plan import plan
-    from ego_agent.policies.registry import make_policy
-    from ego_agent.scene_file import read_scene
+    from ego_agent.analyze.scene import analyze
+    from ego_agent.analyze.scene_file import read_scene
+    from ego_agent.plan.choices.explain import explain
+    from ego_agent.plan.decision import plan
+    from ego_agent.plan.policies.registry import make_policy
 
     case = read_scene(_read(args.scene), time.time_ns())
     policy = make_policy(args.policy, case.knowledge.algorithms)

@@ -161,7 +161,7 @@ def run_live(args: argparse.Namespace) -> int:
 
 def run_surrogate(args: argparse.Namespace) -> int:
     """Measures, trains and writes."""
-    from ego_agent.surrogate.model import WEIGHTS
+    from ego_agent.plan.surrogate.model import WEIGHTS
     from evaluation.surrogate.train import train
 
     train(args.windows, args.workers, FOLDER, args.output or WEIGHTS)

@@ -11,7 +11,7 @@ import msgspec
 from deploy import runtimes
 from deploy.observe import SwarmView, Watch
 from deploy.rates import format_rate
-from deploy.runtimes.base import ProcessStatus
+from deploy.runtime import ProcessStatus
 from deploy.state import State, need_state
 from swarm.errors import DeployError, TransportError
 from swarm.messages import AdviceReport

@@ -10,7 +10,7 @@ from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
 from deploy.progress import say
 from deploy.rates import parse_link_rate
-from deploy.runtimes.base import Runtime
+from deploy.runtime import Runtime
 from deploy.services import journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state

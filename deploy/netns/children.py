@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from deploy.netns import network
-from deploy.runtimes.base import ProcessState
+from deploy.runtime import ProcessState
 from deploy.services import Service, inherited
 from swarm.log import Logger
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from deploy.runtimes.base import Runtime
+from deploy.runtime import Runtime
 from deploy.spec import RuntimeName
 from swarm.errors import DeployError
 

@@ -20,7 +20,7 @@ from deploy.docker.image import ensure_image
 from deploy.docker.llm_image import ensure_llm_image
 from deploy.ports import check_free
 from deploy.progress import say
-from deploy.runtimes.base import ProcessState, ProcessStatus
+from deploy.runtime import ProcessState, ProcessStatus
 from deploy.spec import EMBEDDED, RuntimeName, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from deploy.netns import control, detached, launch
 from deploy.netns.supervisor import ROUTER_SOCKET, place_of
 from deploy.ports import listen_doors
-from deploy.runtimes.base import ProcessStatus
+from deploy.runtime import ProcessStatus
 from deploy.services import FOLDERS, services
 from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
 from deploy.state import (

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import msgspec
 
-from ego_agent.advice.questions import Heard, Question
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import Proposal, UnifiedScene
-from ego_agent.policies.llm import Llm
-from ego_agent.prompting import LlmPrompt
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.advice.questions import Heard, Question
+from ego_agent.plan.policies.llm import Llm
+from ego_agent.plan.prompting import LlmPrompt
 from ego_agent.settings import EgoSettings
 from evaluation.kept import Kept
 from evaluation.windows.links import WINDOW_S

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import UnifiedScene
-from ego_agent.plan import plan
-from ego_agent.policies.base import Policy
-from ego_agent.policies.chance import Chance
-from ego_agent.policies.registry import make_policy
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.base import Policy
+from ego_agent.plan.policies.chance import Chance
+from ego_agent.plan.policies.registry import make_policy
 from evaluation.windows.choice import Choice
 from evaluation.windows.knowing import EPOCH_NS, Heard, snapshot
 from evaluation.windows.measure import candidates_of

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.objective import Objective
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.objective import Objective
 from evaluation.kept import Kept
 from evaluation.windows import knowing
 from evaluation.windows.choice import Choice, Outcome

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ego_agent.knowledge import Knowledge
+from ego_agent.knowledge.base import Knowledge
 from evaluation.bootstrap import Interval, bootstrap_mean
 from evaluation.policies.decide import Decided
 from evaluation.policies.pieces import Outcomes, Place, knowledge_of

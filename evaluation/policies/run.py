@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ego_agent.policies.base import Policy
-from ego_agent.surrogate.model import packaged_surrogate
+from ego_agent.plan.policies.base import Policy
+from ego_agent.plan.surrogate.model import packaged_surrogate
 from evaluation.kept import Kept
 from evaluation.policies import advice
 from evaluation.policies.advice import AdvisedAtOnce, Model

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ego_agent.analyze import analyze
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import UnifiedScene
-from ego_agent.objective import Objective
-from ego_agent.surrogate.features import SceneFeatures, with_algorithm
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.objective import Objective
+from ego_agent.plan.surrogate.features import SceneFeatures, with_algorithm
 from evaluation.windows import knowing
 from evaluation.windows.choice import ALONE, Choice
 from evaluation.windows.knowing import Heard

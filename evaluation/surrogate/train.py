@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ego_agent.surrogate.features import NAMES
-from ego_agent.surrogate.model import Surrogate, write_surrogate
+from ego_agent.plan.surrogate.features import NAMES
+from ego_agent.plan.surrogate.model import Surrogate, write_surrogate
 from evaluation.kept import Kept
 from evaluation.policies.pieces import MADE_FROM
 from evaluation.surrogate.samples import Samples, measure, samples, training_windows

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ego_agent.objective import Objective
+from ego_agent.knowledge.objective import Objective
 
 ALONE = ""
 """The algorithm of an ego without participants: it does not matter."""

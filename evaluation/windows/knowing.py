@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from ego_agent.model import RobotView, Snapshot
+from ego_agent.knowledge.model import RobotView, Snapshot
 from evaluation.cooperative import disturbed
 from perception.detector import configuration
 from perception.fusion.base import EncodeOptions, Fusion

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from ego_agent.model import UnifiedScene
+from ego_agent.knowledge.model import UnifiedScene
 from evaluation.cooperative import SINGLE, Disturbance, fuse_frame, judge
 from evaluation.sharing import RememberingFusion
 from evaluation.windows.choice import ALONE, Choice, Outcome

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deploy.spec import comm_range_m
-from ego_agent.objective import Objective
+from ego_agent.knowledge.objective import Objective
 from evaluation.windows.links import (
     WINDOW_S,
     Link,

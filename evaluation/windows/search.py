@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
-from ego_agent.greedy import grow
-from ego_agent.knowledge import Knowledge
-from ego_agent.model import UnifiedScene
-from ego_agent.scoring import Scorer
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.plan.choices.greedy import grow
+from ego_agent.plan.choices.scoring import Scorer
 from evaluation.windows.choice import ALONE, Choice, Outcome
 from evaluation.windows.measure import Window, candidates_of
 

@@ -1,0 +1,1 @@
+"""Analyze: one unified scene from what all robots say they see."""

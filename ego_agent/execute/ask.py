@@ -1,0 +1,307 @@
+"""Asking robots for frames in parallel, each frame with a deadline.
+
+Answers come in on Zenoh's threads and are taken up by the asking thread through one queue, so that
+late answers of earlier frames are counted too. Frames overlap: the next one may be asked for while
+answers to this one are on their way. A robot that is not in time is not asked again until it has
+answered: a slow one costs its own frames, never the link or the next frame.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import queue
+import time
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from ego_agent.execute.frame_round import LATE_S, FrameRound
+from ego_agent.execute.lessons import Lessons
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
+from perception.fusion.base import Ask, Contribution
+from swarm import keyspace
+from swarm.errors import CoAdaptError, MessageError, RefusedError
+from swarm.messages import MAX_MESSAGE_BYTES, Algorithm, Observation, ObservationRequest
+from swarm.process import Clock
+from swarm.session import Answer, Session
+
+MAX_TRANSFER_S = 1.0
+"""No payload may take the link longer than this: what is older shows another moment."""
+MIN_PAYLOAD_BYTES = 2048
+"""Boxes must always fit."""
+SILENT_S = 1.0
+"""When neither a beacon nor an answer has come for so long, the link carries nothing."""
+SMALL_OFFSET_NS = 50_000_000
+"""A smaller clock offset is taken for delay: frames are 100 ms apart."""
+MAX_SKEW_FRAMES = 1.5
+"""An answer farther off than this many frame periods shows another moment: a robot that reads its
+scan a little later than the ego gives the frame before."""
+REQUESTS_UNDER_WAY = 2
+"""Of one robot that keeps up. Answers that take longer than a frame would cost every second frame
+with one; more would queue at the robot and on the link."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Ask:
+    """One request under way."""
+
+    robot: str
+    request: ObservationRequest
+    round: FrameRound
+    session: Session
+    tries: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    """How a request ended, and when."""
+
+    ask: _Ask
+    outcome: Answer[Observation] | CoAdaptError
+    at: float
+
+
+class Asker:
+    """Sends the requests of frames and gathers the answers. Used by the asking thread only, but for
+    `nudge`."""
+
+    def __init__(
+        self,
+        ego: str,
+        monitor: Monitor,
+        link: LinkEstimate,
+        knowledge: Knowledge,
+        tally: TallyKeeper,
+        clock: Clock,
+        frame_period_s: float,
+        *,
+        max_error_m: float,
+        keep_ground: bool,
+    ) -> None:
+        self._ego = ego
+        self._monitor = monitor
+        self._link = link
+        self.knowledge = knowledge
+        self._tally = tally
+        self._clock = clock
+        self._lessons = Lessons(knowledge.experience, link, 1.0 / frame_period_s)
+        self._max_skew_ns = round(MAX_SKEW_FRAMES * frame_period_s * 1e9)
+        self._max_error_m = max_error_m
+        self._keep_ground = keep_ground
+        self._numbers = itertools.count(1)
+        self._inbox: queue.SimpleQueue[_Arrival | None] = queue.SimpleQueue()
+        self._owing: dict[str, list[_Ask]] = {}
+        self._prompt: set[str] = set()
+        """Robots whose newest answer came in time."""
+        self._rounds: list[FrameRound] = []
+        """Those that still wait for answers."""
+        self._answered_at = time.monotonic()
+
+    def ask(
+        self,
+        session: Session | None,
+        robots: tuple[str, ...],
+        algorithm: Algorithm,
+        capture_ns: int,
+        deadline_s: float,
+        tell: Ask | None = None,
+        *,
+        rate_hz: float = 10.0,
+        probe: bool = False,
+    ) -> FrameRound:
+        """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
+        within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode.
+        `probe`: only for the sake of its time, beside a frame.
+
+        `attend` takes up the answers; a round in which nobody could be asked is closed at once.
+        """
+        tell = tell or Ask()
+        now = time.monotonic()
+        done = FrameRound(algorithm, now, deadline_s, rate_hz=rate_hz, probe=probe)
+        asked: list[str] = []
+        for robot in robots:
+            if session is None:
+                done.missing[robot] = "offline: no router"
+            elif not self._monitor.is_alive(robot):
+                done.missing[robot] = "left: its liveliness token is gone"
+            elif any(owed.round.probe for owed in self._owing.get(robot, ())):
+                done.missing[robot] = "probe: asked for another algorithm instead"
+            elif self._is_busy(robot, now):
+                done.missing[robot] = "busy: still owes the answer for an earlier frame"
+            else:
+                asked.append(robot)
+        if session is None or not asked:
+            done.close(now)
+            return done
+        capacity_bps, _ = self._link.capacity(now)
+        done.capacity_bps = capacity_bps
+        limits = self._link.robot_limits(now)
+        done.waiting.update(asked)
+        for robot in asked:
+            own_bps = min(capacity_bps / len(asked), limits.get(robot, capacity_bps))
+            share = min(int(own_bps / 8.0 * MAX_TRANSFER_S), MAX_MESSAGE_BYTES - 4096)
+            request = ObservationRequest(
+                ego=self._ego,
+                request=next(self._numbers),
+                algorithm=algorithm,
+                capture_ns=capture_ns + self._clock_offset_ns(robot),
+                max_error_m=self._max_error_m,
+                keep_ground=self._keep_ground,
+                max_bytes=max(MIN_PAYLOAD_BYTES, share),
+                reference=None if tell.reference is None else tell.reference.as_tuple(),
+                demand=tell.demand,
+            )
+            done.asked_at[robot] = time.monotonic()
+            self._send(_Ask(robot, request, done, session, tries=1))
+        self._rounds.append(done)
+        return done
+
+    def attend(self, seconds: float) -> None:
+        """Takes up answers for at most that long, and closes the rounds whose time is over; returns
+        early when something has come or a round was closed."""
+        now = time.monotonic()
+        first_due = min((done.due_at for done in self._rounds), default=math.inf)
+        try:
+            arrival = self._inbox.get(timeout=max(0.0, min(seconds, first_due - now)))
+            while True:
+                if arrival is not None and not self._asked_again(arrival):
+                    self._take(arrival)
+                arrival = self._inbox.get_nowait()
+        except queue.Empty:
+            pass
+        self._close_rounds(time.monotonic())
+
+    @property
+    def waits(self) -> bool:
+        """Whether a round still waits for answers."""
+        return bool(self._rounds)
+
+    def nudge(self) -> None:
+        """Lets `attend` return. From any thread."""
+        self._inbox.put(None)
+
+    def _close_rounds(self, now: float) -> None:
+        for done in [r for r in self._rounds if not r.waiting or now >= r.due_at]:
+            self._rounds.remove(done)
+            silent_s = min(now - self._answered_at, self._monitor.silent_s())
+            if done.waiting and not done.probe and silent_s >= SILENT_S:
+                self._link.silence(now)
+            for robot in done.waiting:
+                self._lessons.silence(done, robot)
+            done.close(now)
+
+    def _is_busy(self, robot: str, now: float) -> bool:
+        """Whether one more request would only queue: the robot is late already, or has as many
+        under way as one that keeps up may have."""
+        owed = [ask.round for ask in self._owing.get(robot, ()) if now < ask.round.given_up_at]
+        most = REQUESTS_UNDER_WAY if robot in self._prompt else 1
+        return len(owed) >= most or any(now >= done.due_at for done in owed)
+
+    def _send(self, ask: _Ask) -> None:
+        self._owing.setdefault(ask.robot, []).append(ask)
+
+        def finished(future: Future[Answer[Observation]]) -> None:
+            # On a Zenoh thread: note the time and hand over.
+            error = future.exception()
+            outcome = error if isinstance(error, CoAdaptError) else None
+            if error is not None and outcome is None:
+                outcome = MessageError(f"internal error: {error!r}")
+            at = time.monotonic()
+            self._inbox.put(_Arrival(ask, outcome if outcome is not None else future.result(), at))
+
+        ask.session.ask(
+            keyspace.observation(ask.session.swarm, ask.robot),
+            ask.request,
+            Observation,
+            timeout_s=ask.round.deadline_s + LATE_S,
+        ).add_done_callback(finished)
+
+    def _asked_again(self, arrival: _Arrival) -> bool:
+        """Asks once more when nobody answered although the robot is there: after a reconnect its
+        liveliness token may arrive before its queryable."""
+        ask = arrival.ask
+        unanswered = isinstance(arrival.outcome, CoAdaptError) and not isinstance(
+            arrival.outcome, RefusedError | MessageError
+        )
+        if not unanswered or ask.tries > 1 or arrival.at >= ask.round.due_at:
+            return False
+        if not self._monitor.is_alive(ask.robot):
+            return False
+        self._settle(ask)
+        self._send(_Ask(ask.robot, ask.request, ask.round, ask.session, tries=2))
+        return True
+
+    def _settle(self, ask: _Ask) -> None:
+        """The robot does not owe this answer any more."""
+        owed = [other for other in self._owing.pop(ask.robot, ()) if other is not ask]
+        if owed:
+            self._owing[ask.robot] = owed
+
+    def _take(self, arrival: _Arrival) -> None:
+        """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
+        ask, done = arrival.ask, arrival.ask.round
+        self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at)
+        if isinstance(arrival.outcome, Answer):
+            self._answered_at = arrival.at
+        self._settle(ask)
+        late = ask.robot not in done.waiting
+        done.waiting.discard(ask.robot)
+        if isinstance(arrival.outcome, CoAdaptError):
+            if not done.probe:
+                self._prompt.discard(ask.robot)
+            if not late:
+                done.missing[ask.robot] = _why(arrival.outcome)
+            return
+        if not done.probe:
+            (self._prompt.discard if late else self._prompt.add)(ask.robot)
+        done.arrived_at[ask.robot] = arrival.at
+        answer = arrival.outcome
+        seen = answer.message
+        self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
+        self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
+        wrong = self._mismatch(ask, seen)
+        if wrong is None:
+            size, at_ns = len(seen.payload), self._clock.now_ns()
+            self.knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
+        if late or done.probe:
+            return
+        if wrong is not None:
+            done.missing[ask.robot] = wrong
+            return
+        done.bytes[ask.robot] = len(seen.payload)
+        done.encode_ms[ask.robot] = seen.encode_ms
+        age_s = (ask.request.capture_ns - seen.capture_ns) * 1e-9
+        pose = seen.sensor_pose().matrix()
+        done.take(Contribution(ask.robot, seen.payload, pose, age_s))
+
+    def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
+        """Why an answer is not what was asked for."""
+        asked = ask.request
+        if (seen.robot, seen.request, seen.algorithm) != (
+            ask.robot,
+            asked.request,
+            asked.algorithm,
+        ):
+            return (
+                f"invalid: answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
+                f"{asked.request} to {ask.robot} ({asked.algorithm})"
+            )
+        skew_ns = seen.capture_ns - asked.capture_ns
+        if abs(skew_ns) > self._max_skew_ns:
+            return f"skew: its frame is {skew_ns * 1e-9:+.3f} s off"
+        return None
+
+    def _clock_offset_ns(self, robot: str) -> int:
+        offset_ns = self._monitor.clock_offset_ns(robot)
+        return offset_ns if abs(offset_ns) >= SMALL_OFFSET_NS else 0
+
+
+def _why(error: CoAdaptError) -> str:
+    if isinstance(error, RefusedError):
+        return f"refused: {error}"
+    if isinstance(error, MessageError):
+        return f"invalid: {error}"
+    return f"unanswered: {error}"

@@ -1,0 +1,305 @@
+"""Execute: carries out the decision in force, frame after frame, on threads of its own.
+
+A frame: read the own newest scan, ask the chosen robots, fuse whatever arrived before the deadline,
+publish. One thread asks, another one fuses, so that robots encode the next frame meanwhile. Frames
+that the machine has no time for are skipped before anybody is asked, and counted, so that the loop
+never falls behind the sensors.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ego_agent.execute.ask import Asker
+from ego_agent.execute.frame_round import FrameRound, kind_of
+from ego_agent.execute.pipeline import AskedFrame, Pipeline
+from ego_agent.execute.sense import OwnFrame, OwnSensor
+from ego_agent.knowledge.pace import stride
+from ego_agent.knowledge.tally import TallyKeeper
+from perception.fusion.base import Fusion
+from perception.fusion.compensation import MotionCompensation, OwnScan
+from perception.types import Boxes
+from swarm import keyspace
+from swarm.arrays import pack
+from swarm.errors import PerceptionError, TransportError
+from swarm.log import Logger
+from swarm.messages import Decision, Detections
+from swarm.session import Session
+
+MAX_WAIT_S = 0.5
+"""The loop looks at least this often whether it should stop, also when the clock was put back."""
+
+TIMELY_SCANS = 1.1
+"""Lag that a frame tolerates. Robots that share processors with the ego fall one scan behind when
+these are busy, and another pass through the detector would make them busier."""
+
+
+def live_motion(detector: str, scan_rate_hz: float) -> MotionCompensation:
+    """What an ego with sensors of that rate remembers of motion."""
+    return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameResult:
+    """One fused frame."""
+
+    own: OwnFrame
+    round: FrameRound
+    boxes: Boxes
+    participants: tuple[str, ...]
+    missing: Mapping[str, str]
+    latency_ms: float
+    """From the first query to the fused boxes."""
+    wait_ms: float
+    """How long the answers that were there waited for the frame before to be fused."""
+    add_ms: float
+    """Taking up what arrived, while others still encode."""
+    fuse_ms: float
+    """From all that was taken up to the fused boxes."""
+
+
+class FusionLoop:
+    """Fuses the newest frame at the fusion rate until stopped."""
+
+    def __init__(
+        self,
+        ego: str,
+        sensor: OwnSensor,
+        asker: Asker,
+        fusions: Mapping[str, Fusion],
+        motion: MotionCompensation,
+        tally: TallyKeeper,
+        log: Logger,
+        *,
+        rate_hz: float,
+        deadline_s: float,
+        on_result: Callable[[FrameResult], None] | None = None,
+    ) -> None:
+        """`on_result` hears of each published frame, on the fusing thread."""
+        self._ego = ego
+        self._sensor = sensor
+        self._asker = asker
+        self._fusions = fusions
+        self._motion = motion
+        self._tally = tally
+        self._log = log
+        self._rate_hz = rate_hz
+        self._probed: Decision | None = None
+        """The decision whose probe has been sent."""
+        self._deadline_s = deadline_s
+        self._decision: Decision | None = None
+        self._session: Session | None = None
+        self._on_result = on_result
+        self._pipeline = Pipeline()
+        self._stop = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._ask_frames, name="asking", daemon=True),
+            threading.Thread(target=self._fuse_frames, name="fusion", daemon=True),
+        ]
+        self.unpublished = 0
+        """Detections that could not be published."""
+
+    def start(self) -> None:
+        """Starts the threads; frames begin with the first decision."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Ends the threads after the frames that were asked for."""
+        self._stop.set()
+        self._asker.nudge()
+        until = time.monotonic() + self._deadline_s + 5.0
+        for thread in self._threads:
+            thread.join(max(0.0, until - time.monotonic()))
+
+    def connect(self, session: Session) -> None:
+        """From now on robots can be asked."""
+        self._session = session
+
+    def follow(self, decision: Decision) -> None:
+        """The decision to carry out from the next frame on."""
+        self._decision = decision
+
+    def fuse(self, decision: Decision, own: OwnFrame) -> FrameResult:
+        """Asks the decision's robots for the frame of `own` and fuses what came in time, all on
+        the caller's thread; not while the loop runs."""
+        frame = self._asked(decision, own)
+        while frame.round.closed_at is None:
+            self._asker.attend(MAX_WAIT_S)
+        return self._fused(frame, time.monotonic())
+
+    def _ask_frames(self) -> None:
+        last: int | None = None
+        while not self._stop.is_set():
+            decision = self._decision
+            step = 1 if decision is None else stride(decision, self._sensor.rate_hz, self._rate_hz)
+            newest = self._sensor.newest()
+            frame = newest - newest % step
+            # The first frame of a slower pace may lie before the last one of a faster.
+            if decision is None or (last is not None and last - step < frame <= last):
+                self._attend(self._sensor.until(frame + step))
+                continue
+            if (full_s := self._pipeline.full_for_s(time.monotonic())) > 0.0:
+                self._attend(full_s)
+                continue
+            if last is not None and frame > last + step:
+                self._tally.skipped((frame - last) // step - 1)
+            last = frame
+            try:
+                own = self._sensor.read(frame)
+                if own is None:
+                    self._tally.failed()
+                else:
+                    self._pipeline.put(self._asked(decision, own))
+            except Exception:
+                self._failed(frame)
+        while self._asker.waits:
+            self._attend(MAX_WAIT_S)
+        self._pipeline.close()
+
+    def _attend(self, seconds: float) -> None:
+        try:
+            self._asker.attend(min(MAX_WAIT_S, max(0.001, seconds)))
+        except Exception:
+            # One answer must not end perception.
+            self._log.error("answer_failed", exc_info=True)
+
+    def _fuse_frames(self) -> None:
+        while (frame := self._pipeline.take()) is not None:
+            try:
+                result = self._fused(frame, time.monotonic())
+                kinds = {robot: kind_of(reason) for robot, reason in result.missing.items()}
+                self._tally.fused(result.latency_ms, len(result.boxes), kinds)
+                self._publish(frame.decision, result)
+                if self._on_result is not None:
+                    self._on_result(result)
+                self._sensor.describe(frame.own)
+            except Exception:
+                self._failed(frame.own.frame)
+            self._pipeline.done()
+            self._asker.nudge()
+
+    def _failed(self, frame: int) -> None:
+        # One bad frame must not end perception; the journal shows that it failed.
+        self._tally.failed()
+        self._log.error("frame_failed", frame=frame, exc_info=True)
+
+    def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
+        """Begins a frame and asks its robots."""
+        others = tuple(robot for robot in decision.participants if robot != self._ego)
+        fusion = self._fusions[decision.algorithm]
+        scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
+        gathering = self._motion.begin(fusion, scan)
+        self._probe(decision, own)
+        done = self._asker.ask(
+            self._session,
+            others,
+            decision.algorithm,
+            own.capture_ns,
+            decision.deadline_s or self._deadline_s,
+            gathering.ask(),
+            rate_hz=decision.rate_hz,
+        )
+        return AskedFrame(decision, own, fusion, gathering, done)
+
+    def _probe(self, decision: Decision, own: OwnFrame) -> None:
+        """Asks the decision's question on the side, once: its answer teaches, and is not fused."""
+        probe = decision.probe
+        if probe is None or decision is self._probed:
+            return
+        self._probed = decision
+        if probe.algorithm == decision.algorithm and probe.robot in decision.participants:
+            return  # It is asked for that anyway by now.
+        fusion = self._fusions[probe.algorithm]
+        self._asker.ask(
+            self._session,
+            (probe.robot,),
+            probe.algorithm,
+            own.capture_ns,
+            decision.deadline_s or self._deadline_s,
+            fusion.begin(own.points, own.world_from_sensor).ask(),
+            rate_hz=decision.rate_hz,
+            probe=True,
+        )
+
+    def _fused(self, frame: AskedFrame, taken_at: float) -> FrameResult:
+        """Takes up what arrives until the frame's round is closed, and fuses it."""
+        own, gathering, done = frame.own, frame.gathering, frame.round
+        prepare_at = time.monotonic()
+        gathering.prepare()
+        prepare_s = time.monotonic() - prepare_at
+        rejected: dict[str, str] = {}
+        add_s = 0.0
+        for contribution in done.contributions_in_turn():
+            begun_at = time.monotonic()
+            # One robot's payload must not end the frame, whatever is wrong with it.
+            try:
+                gathering.add(contribution)
+            except Exception as error:
+                rejected[contribution.robot] = self._fault(error, own)
+            add_s += time.monotonic() - begun_at
+        fuse_at = time.monotonic()
+        try:
+            boxes = gathering.finish()
+        except Exception as error:
+            if not done.contributions:
+                raise
+            why = self._fault(error, own)
+            rejected = {c.robot: why for c in done.contributions}
+            boxes = frame.fusion.begin(own.points, own.world_from_sensor).finish()
+        end_at = time.monotonic()
+        fixed_s = prepare_s + end_at - fuse_at
+        count = len(done.contributions)
+        self._asker.knowledge.own_costs.record(frame.decision.algorithm, count, fixed_s, add_s)
+        missing = dict(done.missing)
+        missing.update({robot: f"rejected: {why}" for robot, why in rejected.items()})
+        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
+        assert done.closed_at is not None
+        return FrameResult(
+            own=own,
+            round=done,
+            boxes=boxes,
+            participants=(self._ego, *sorted(used)),
+            missing=missing,
+            latency_ms=(end_at - done.begun_at) * 1e3,
+            wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
+            add_ms=add_s * 1e3,
+            fuse_ms=(end_at - fuse_at) * 1e3,
+        )
+
+    def _fault(self, error: Exception, own: OwnFrame) -> str:
+        """Why a contribution is rejected; a fault that is not the payload's is logged."""
+        if isinstance(error, PerceptionError):
+            return str(error)
+        self._log.error("fusion_failed", frame=own.frame, exc_info=True)
+        return f"fusion failed: {type(error).__name__}"
+
+    def _publish(self, decision: Decision, result: FrameResult) -> None:
+        session, boxes = self._session, result.boxes
+        table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
+        message = Detections(
+            ego=self._ego,
+            cycle=decision.cycle,
+            frame=result.own.frame,
+            capture_ns=result.own.capture_ns,
+            algorithm=decision.algorithm,
+            participants=result.participants,
+            missing=dict(result.missing),
+            boxes=pack(table),
+            scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
+            labels=boxes.labels,
+            bytes=result.round.bytes,
+            latency_ms=result.latency_ms,
+            age_ms=max(0.0, self._sensor.age_s(result.own) * 1e3),
+        )
+        try:
+            if session is None:
+                raise TransportError("no router yet")
+            session.put(keyspace.detections(session.swarm, self._ego), message)
+        except TransportError:
+            self.unpublished += 1

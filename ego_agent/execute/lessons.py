@@ -1,0 +1,71 @@
+"""What answers teach: how long each robot takes for each algorithm, and what its link carries."""
+
+from __future__ import annotations
+
+import math
+
+from ego_agent.execute.frame_round import FrameRound
+from ego_agent.knowledge.experience import Experience, frames_of
+from ego_agent.monitor.evidence import Queues
+from ego_agent.monitor.link import LinkEstimate
+from swarm.errors import CoAdaptError
+from swarm.messages import Observation
+from swarm.session import Answer
+
+PROBE_FRAMES = 5.0
+"""Frames that the answer to a probe counts for: there are few of them."""
+
+
+class Lessons:
+    """Notes how requests ended. Used by the asking thread only."""
+
+    def __init__(self, experience: Experience, link: LinkEstimate, frames_hz: float) -> None:
+        """`frames_hz`: of the sensors."""
+        self._experience = experience
+        self._link = link
+        self._frames_hz = frames_hz
+        self._queues = Queues()
+
+    def answer(
+        self, robot: str, done: FrameRound, outcome: Answer[Observation] | CoAdaptError, at: float
+    ) -> None:
+        """An answer, or why there is none, `time.monotonic()` seconds; also one that is late."""
+        answer_s = at - done.asked_at[robot]
+        # Until the deadline it was waited for already.
+        more_s = answer_s if robot in done.waiting else answer_s - done.deadline_s
+        if not isinstance(outcome, Answer):
+            self._note(done, robot, math.inf, more_s)
+            return
+        seen = outcome.message
+        self._note(done, robot, answer_s, more_s, seen.encode_ms * 1e-3)
+        # What the robot's kernel says of its own link.
+        shown = self._queues.take((robot, seen.instance), seen.uplink)
+        if shown is not None:
+            self._link.add_robot(robot, shown, at)
+
+    def silence(self, done: FrameRound, robot: str) -> None:
+        """The deadline has passed: not how long it takes, but that it takes longer, is known."""
+        longer_s = math.nextafter(done.deadline_s, math.inf)
+        self._note(done, robot, longer_s, done.deadline_s, at_least=True)
+
+    def _note(
+        self,
+        done: FrameRound,
+        robot: str,
+        answer_s: float,
+        more_s: float,
+        encode_s: float | None = None,
+        *,
+        at_least: bool = False,
+    ) -> None:
+        """All frames of the time `more_s` that it kept the robot busy count."""
+        frames = frames_of(more_s, done.rate_hz, self._frames_hz)
+        self._experience.record(
+            robot,
+            done.algorithm,
+            answer_s,
+            frames=PROBE_FRAMES if done.probe else frames,
+            encode_s=encode_s,
+            capacity_bps=done.capacity_bps,
+            at_least=at_least,
+        )

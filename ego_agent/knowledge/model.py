@@ -1,0 +1,119 @@
+"""The values that pass between the stages of a control cycle.
+
+Monitor makes a `Snapshot`; Analyze makes a `UnifiedScene` of it; a policy makes a `Proposal` of
+that; validation makes the `messages.Decision` that Execute carries out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ego_agent.knowledge.answers import AnswerTimes
+from swarm.geometry import Pose
+from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, Source
+
+
+@dataclass(frozen=True, slots=True)
+class RobotView:
+    """What the ego knows of one robot at the start of a cycle. Ages are ages of what was sensed, on
+    the ego's own clock: a message that queued is old."""
+
+    robot: str
+    alive: bool
+    """Its liveliness token is present."""
+    beacon: Beacon | None
+    beacon_age_s: float
+    scene: SceneDescription | None
+    scene_age_s: float
+    round_trip_s: float | None
+    """Smoothed time from query to answer; None before the first answer."""
+    clock_offset_s: float
+    """Robot's time of day minus the ego's."""
+    duplicate: bool
+    """Two processes use this id at the same time."""
+    capacity_bps: float = math.inf
+    """What its own link delivers, where that is known to be less than the cell does."""
+    delay_s: float = 0.0
+    """How long its newest beacon was on its way."""
+    off_duty: str = ""
+    """Of the ego itself: who keeps its robot out of the swarm; empty while nobody does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Everything Monitor knows at the start of one cycle. The ego itself is one of `robots`."""
+
+    ego: str
+    cycle: int
+    now_ns: int
+    robots: Mapping[str, RobotView]
+    capacity_bps: float
+    """C(t), the estimate of what the ego's link delivers."""
+    capacity_source: str
+    """`measured`, `net/state` or `prior`."""
+    capacity_error: float | None = None
+    """Share by which what was measured is off what a fresh `net/state` says; None without both."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A robot that may take part: known, alive, fresh, unique and in range."""
+
+    robot: str
+    pose: Pose
+    distance_m: float
+    sizes: Mapping[Algorithm, int]
+    """Bytes of one observation by algorithm, of those that this swarm can fuse."""
+    area: NDArray[np.bool_]
+    """(G, G) cells of the unified grid that the robot sees."""
+    evidence: NDArray[np.float32]
+    """(K,) how well the robot sees each unified object, in [0, 1]."""
+    capacity_bps: float = math.inf
+    """What its own link delivers, where that is known to be less than C(t)."""
+    answers: Mapping[Algorithm, AnswerTimes] = field(default_factory=dict)
+    """How long its answers take, as far as anything is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnifiedScene:
+    """One scene from all robots' descriptions, on a square grid centred on the ego."""
+
+    ego: Candidate
+    candidates: tuple[Candidate, ...]
+    """Without the ego, nearest first."""
+    excluded: Mapping[str, str]
+    """Robots that may not take part, and why; the ego too where its own state is not known."""
+    objects: NDArray[np.float32]
+    """(K, 3) merged object centroids, world frame, metres."""
+    cell_m: float
+    capacity_bps: float
+    unheard: tuple[Candidate, ...] = ()
+    """Living robots in range that are excluded or whose scene is old, as they were last seen: what
+    they could show counts in what all could."""
+    unknown: int = 0
+    """Such robots of which nothing tells what they could show."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What a policy wants; nothing in it is trusted until it has been validated."""
+
+    participants: tuple[str, ...]
+    algorithm: str
+    reason: str
+    source: Source
+    made_ns: int | None = None
+    """When the scene that it was made from was taken, on the ego's clock; None: in this cycle."""
+    model: str = ""
+    """The language model that proposed it."""
+    notes: tuple[str, ...] = ()
+    """What was changed or refused on the way to it, one sentence each; goes before `repairs`."""
+    advice: AdviceReport | None = None
+    """How the policy stands with its language model, where it has one."""
+    rate_hz: float | None = None
+    """Frames a second; None leaves the best pace to validation."""

@@ -1,0 +1,58 @@
+"""How often a frame is fused, and how long it waits for the robots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ego_agent.knowledge.objective import Objective
+from swarm.messages import Decision
+
+MAX_DEADLINE_S = 1.0
+"""A slower pace may wait this long: what is older shows another moment."""
+FADES_S = 0.7
+"""In this time a result that is moved with its objects loses two thirds of its worth, as a late
+contribution does (perception/fusion/compensation.py)."""
+
+
+SLOWER_HZ = (5.0, 2.5, 2.0, 1.0)
+"""Rates that a live ego may choose instead of the set one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """A fusion rate and its deadline."""
+
+    rate_hz: float = 10.0
+    deadline_s: float = 0.25
+
+    def freshness(self, fastest: Pace, frame_s: float) -> float:
+        """What results are worth that come at this pace, against the fastest, in (0, 1].
+
+        exp(-(a - a0) / FADES_S), where a = 1 / (2 f) is the mean age of the newest result beside
+        the time that it took, f = min(rate, 1 / frame_s) the frames that the ego keeps up with, and
+        a0 the same of the fastest pace, had the ego all the time that it needs.
+        """
+        interval_s = max(1.0 / self.rate_hz, frame_s)
+        return math.exp(-(interval_s - 1.0 / fastest.rate_hz) / (2.0 * FADES_S))
+
+
+USUAL = Pace()
+
+
+def paces(objective: Objective) -> tuple[Pace, ...]:
+    """Those that may be chosen, fastest first.
+
+    A slower one waits for the robots up to a whole period, at most MAX_DEADLINE_S.
+    """
+    fastest = Pace(objective.rate_hz, objective.deadline_s)
+    slower = sorted(
+        {rate for rate in objective.slower_hz if rate < objective.rate_hz}, reverse=True
+    )
+    waits = [max(objective.deadline_s, min(MAX_DEADLINE_S, 1.0 / rate)) for rate in slower]
+    return (fastest, *(Pace(rate, wait_s) for rate, wait_s in zip(slower, waits, strict=True)))
+
+
+def stride(decision: Decision, sensor_hz: float, most_hz: float) -> int:
+    """Frames of a sensor from one fused frame to the next, at most `most_hz` fused frames."""
+    return max(1, round(sensor_hz / min(decision.rate_hz, most_hz)))

@@ -1,0 +1,1 @@
+"""Monitor: what the ego knows of every robot, and what its link carries."""

@@ -1,0 +1,140 @@
+"""What network controllers (`net/state`) and routers (`net/tcp`) say of the links, as far as an ego
+is concerned.
+
+There is one controller a host, and each speaks for the links that it has shaped. A link that its
+own controller no longer mentions is unshaped; that another one does not mention it means nothing. A
+router tells of the queues of its sockets; an ego knows its own by their addresses.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+
+from ego_agent.monitor.evidence import MIN_STOOD_MS, Queues
+from ego_agent.monitor.link import LinkEstimate
+from swarm.messages import Direction, LinkState, NetState, TcpState
+from swarm.tcp import connections
+from swarm.traffic import TrafficClass
+
+STEADY_S = 3.0
+"""While a link's configuration stays the same, the least that was available in this time counts:
+telemetry that comes and goes each second must not make decisions come and go with it. What is
+configured anew counts at once, up and down."""
+MAX_SENDERS = 64
+"""Controllers and routers whose messages are counted; the longest unheard is dropped."""
+MAX_LINKS = 1024
+
+_Link = tuple[str, Direction]
+
+
+@dataclass(slots=True)
+class _Word:
+    """What was said last of one link."""
+
+    controller: int
+    configured: tuple[int, int] = (0, 0)
+    """Capacity and level."""
+    recent: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=16))
+    """When, and bit/s that this ego could have."""
+    stood_ms: int | None = None
+    """Counter of fusion's queue."""
+
+    def stood(self, link: LinkState) -> bool:
+        """Whether fusion's queue has stood since the last word."""
+        before, self.stood_ms = self.stood_ms, None
+        if "fusion" in link.classes:
+            self.stood_ms = link.classes["fusion"].backlog.stood_ms
+        if before is None or self.stood_ms is None:
+            return False
+        return self.stood_ms - before >= MIN_STOOD_MS
+
+
+def own_addresses() -> frozenset[str]:
+    """This process's ends of its connections of the fusion class."""
+    return frozenset(c.local for c in connections(TrafficClass.FUSION))
+
+
+class LinkWatch:
+    """Passes on to the estimate what is said of the ego's cell and the robots' up-links.
+
+    Not thread-safe: its owner calls it from one thread at a time.
+    """
+
+    def __init__(
+        self,
+        ego: str,
+        link: LinkEstimate,
+        own: Callable[[], Collection[str]] = own_addresses,
+    ) -> None:
+        self._ego = ego
+        self._link = link
+        self._own = own
+        self._mine: Collection[str] = ()
+        self._queues = Queues()
+        self._seqs: OrderedDict[int, int] = OrderedDict()
+        self._words: dict[_Link, _Word] = {}
+
+    def take(self, state: NetState, now_s: float) -> bool:
+        """Takes a state; False where it is no newer than the last one of its controller."""
+        if not self._newer(state.controller, state.seq):
+            return False
+        heard: set[_Link] = set()
+        for link in state.links:
+            if link.direction == "up" or link.robot == self._ego:
+                heard.add((link.robot, link.direction))
+                self._hear(state.controller, link, now_s)
+        for name, word in list(self._words.items()):
+            if word.controller == state.controller and name not in heard:
+                del self._words[name]
+                self._pass_on(name, None, now_s)
+        return True
+
+    def take_tcp(self, state: TcpState, now_s: float) -> bool:
+        """Takes a router's word; False where it is no newer than its last one."""
+        if not self._newer(state.router, state.seq):
+            return False
+        if not any(peer in state.peers for peer in self._mine):
+            self._mine = self._own()  # Also where a connection was lost and is a new one.
+        for peer in self._mine:
+            if peer in state.peers:
+                sample = self._queues.take((state.router, peer), state.peers[peer])
+                if sample is not None:
+                    self._link.add_cell(sample, now_s)
+        return True
+
+    def _newer(self, sender: int, seq: int) -> bool:
+        if seq <= self._seqs.get(sender, -1):
+            return False
+        self._seqs[sender] = seq
+        self._seqs.move_to_end(sender)
+        if len(self._seqs) > MAX_SENDERS:
+            self._seqs.popitem(last=False)
+        return True
+
+    def _hear(self, controller: int, link: LinkState, now_s: float) -> None:
+        name: _Link = (link.robot, link.direction)
+        word = self._words.get(name)
+        if word is None or word.controller != controller:
+            if word is None and len(self._words) >= MAX_LINKS and link.robot != self._ego:
+                return
+            word = self._words[name] = _Word(controller)
+        if word.configured != (link.capacity_bps, link.level):
+            word.configured = (link.capacity_bps, link.level)
+            word.recent.clear()
+        granted_bps = link.grants.get(self._ego, link.available_bps)
+        word.recent.append((now_s, min(link.available_bps, granted_bps)))
+        least = min(bps for at, bps in word.recent if now_s - at <= STEADY_S)
+        self._pass_on(name, float(least), now_s, stood=word.stood(link))
+
+    def _pass_on(
+        self, name: _Link, bps: float | None, now_s: float, *, stood: bool = False
+    ) -> None:
+        if name == (self._ego, "down"):
+            if bps is None:
+                self._link.clear_state(now_s)
+            else:
+                self._link.set_state(bps, now_s, stood=stood)
+        elif name[1] == "up" and name[0] != self._ego:
+            self._link.set_uplink(name[0], bps, now_s, stood=stood)

@@ -1,0 +1,1 @@
+"""Plan: policies propose who takes part and how; validation decides."""

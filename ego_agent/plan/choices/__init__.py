@@ -1,0 +1,1 @@
+"""Choices (P, a): found, scored, checked, and kept while they are good enough."""

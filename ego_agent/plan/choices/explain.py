@@ -1,0 +1,88 @@
+"""What stood to be chosen in a scene, for people and for experiments."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ego_agent.knowledge.answers import UNTRIED
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Candidate, UnifiedScene
+from ego_agent.plan.choices.scoring import Scorer
+
+TOLD_FRAMES = 3.0
+"""Frames of evidence from which it is worth telling."""
+TOLD_BELOW = 0.9
+"""Who is in time more often than this is not told about."""
+
+
+def explain(scene: UnifiedScene, knowledge: Knowledge) -> dict[str, Any]:
+    """Plain values, ready for JSON: the budget in bytes a frame, the number of merged objects, each
+    candidate's distance in metres, sizes in bytes, width of its own link in bit/s (None: as wide as
+    the cell) and share of all that is seen (alone, and beyond
+    what the ego sees), how its answers take by algorithm, and why the others are excluded."""
+    scorer = Scorer(scene, knowledge)
+    ego_share = scorer.share([0])
+    return {
+        "budget_bytes": scorer.budget_bytes,
+        "algorithms": {name: knowledge.factors[name] for name in knowledge.algorithms},
+        "objects": len(scene.objects),
+        "ego_share": round(ego_share, 4),
+        "candidates": [
+            {
+                "robot": candidate.robot,
+                "distance_m": round(candidate.distance_m, 2),
+                "sizes": dict(candidate.sizes),
+                "capacity_bps": candidate.capacity_bps
+                if math.isfinite(candidate.capacity_bps)
+                else None,
+                "answers": _answers(scorer, candidate),
+                "share": round(scorer.share([row]), 4),
+                "adds_to_ego": round(scorer.share([0, row]) - ego_share, 4),
+            }
+            for row, candidate in enumerate(scene.candidates, start=1)
+        ],
+        "excluded": dict(scene.excluded),
+    }
+
+
+def told(scorer: Scorer) -> str:
+    """Half a sentence about the robot that is in time least often, by algorithm, where anybody is
+    known to be late; at the scorer's pace."""
+    late: list[tuple[float, str, str]] = []
+    for candidate in scorer.scene.candidates:
+        chances = {
+            name: scorer.in_time(candidate.robot, name)
+            for name in scorer.knowledge.algorithms
+            if candidate.answers.get(name, UNTRIED).frames >= TOLD_FRAMES
+        }
+        if chances and min(chances.values()) < TOLD_BELOW:
+            shares = ", ".join(f"{100 * p:.0f} % of {name}" for name, p in chances.items())
+            sentence = f"{candidate.robot} arrives in time in {shares}"
+            late.append((min(chances.values()), candidate.robot, sentence))
+    if not late:
+        return ""
+    sentence = min(late)[2]
+    return sentence + (f" (and {len(late) - 1} more are late)" if len(late) > 1 else "")
+
+
+def _answers(scorer: Scorer, candidate: Candidate) -> dict[str, Any]:
+    """What is known of a robot's answers: the probability to be in time at each pace, seconds, the
+    share that never came, and frames of its own evidence."""
+    return {
+        name: {
+            "in_time": {
+                f"{pace.rate_hz:g}": round(answers.in_time(pace.deadline_s), 3)
+                for pace in scorer.paces
+            },
+            "encode_s": _rounded(answers.encode_s),
+            "transfer_s": _rounded(answers.transfer_s),
+            "lost": round(answers.lost, 3),
+            "frames": round(answers.frames, 1),
+        }
+        for name, answers in candidate.answers.items()
+    }
+
+
+def _rounded(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds, 4)

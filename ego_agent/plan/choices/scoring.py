@@ -1,0 +1,226 @@
+"""What a choice (P, a) would bring and cost in one scene: Q(P, a) and C(P, a)."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ego_agent.knowledge.answers import UNTRIED
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.pace import USUAL, Pace, paces
+from ego_agent.plan.choices.union import Union, Views
+from swarm.messages import Algorithm
+
+ARRIVAL_STEPS = 20
+"""Probabilities to be in time count in steps of 1/20: a frame more or less moves no decision, and
+what is nearly always in time counts as certain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One choice and its prediction."""
+
+    participants: tuple[str, ...]
+    """Without the ego, nearest first."""
+    algorithm: Algorithm
+    quality: float
+    """Q(P, a) in [0, 1]."""
+    cost_bytes: int
+    """C(P, a): bytes of one fused frame over all participants but the ego."""
+    value: float
+    """Q - lambda C."""
+    pace: Pace = USUAL
+
+
+class Scorer:
+    """Scores choices in one scene, at one pace: the fastest, unless `at` says otherwise.
+
+    Row 0 of its arrays is the ego, row i the (i-1)th candidate.
+    """
+
+    def __init__(
+        self,
+        scene: UnifiedScene,
+        knowledge: Knowledge,
+        *,
+        budget_bytes: int | None = None,
+        hopes: bool = False,
+    ) -> None:
+        """`budget_bytes` is what a fused frame may cost; by default what C(t) carries. `hopes`:
+        everyone counts as in time, whatever has been learnt."""
+        self.scene = scene
+        self.knowledge = knowledge
+        self.objective = knowledge.objective
+        self.paces = paces(self.objective)
+        """Fastest first."""
+        self.pace = self.paces[0]
+        if budget_bytes is None:
+            budget_bytes = self.objective.budget_bytes(scene.capacity_bps)
+        self.budget_bytes = budget_bytes
+        self._hopes = hopes
+        self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
+        self._at: dict[Pace, Scorer] = {self.pace: self}
+        """The scorers of all paces that were asked for; they share it."""
+        robots = (scene.ego, *scene.candidates)
+        self.row_of = {c.robot: row for row, c in enumerate(robots)}
+        areas = np.stack([c.area for c in robots])
+        evidence = np.stack([c.evidence for c in robots]).astype(np.float64)
+        shown, told = areas, evidence
+        if scene.unheard:
+            shown = np.concatenate([areas, [c.area for c in scene.unheard]])
+            told = np.concatenate([evidence, [c.evidence for c in scene.unheard]])
+        area = int(shown.any(axis=0).sum())
+        objects = float(told.max(axis=0).sum())
+        alpha = self.objective.alpha if objects > 0.0 else 1.0
+        if area == 0:
+            alpha = 0.0
+        self._known = _known_part(scene)
+        area_weight = self._known * alpha / area if area else 0.0
+        object_weight = self._known * (1.0 - alpha) / objects if objects > 0.0 else 0.0
+        self.views = Views(areas, evidence, area_weight, object_weight)
+        self.nothing_to_see = area == 0 and objects == 0.0
+
+    def at(self, pace: Pace) -> Scorer:
+        """The same scene at another pace."""
+        known = self._at.get(pace)
+        if known is None:
+            known = copy.copy(self)
+            known.pace = pace
+            known.budget_bytes = self.objective.budget_bytes(self.scene.capacity_bps, pace.rate_hz)
+            known._arrival = {}
+            self._at[pace] = known
+        return known
+
+    def at_rate(self, rate_hz: float | None) -> Scorer:
+        """The same scene at the pace with that rate; the fastest where there is none."""
+        found = (pace for pace in self.paces if pace.rate_hz == rate_hz)
+        return self.at(next(found, self.paces[0]))
+
+    def arrival(self, algorithm: Algorithm) -> NDArray[np.float64]:
+        """Probability that each row's observation is in time, float64 (rows,); the ego's is 1."""
+        known = self._arrival.get(algorithm)
+        if known is None:
+            chances = [1.0, *(self.in_time(c.robot, algorithm) for c in self.scene.candidates)]
+            known = np.round(np.array(chances) * ARRIVAL_STEPS) / ARRIVAL_STEPS
+            self._arrival[algorithm] = known
+        return known
+
+    def in_time(self, robot: str, algorithm: Algorithm) -> float:
+        """Probability that a candidate's observation is in time."""
+        if self._hopes:
+            return 1.0
+        answers = self.scene.candidates[self.row_of[robot] - 1].answers
+        return answers.get(algorithm, UNTRIED).in_time(self.pace.deadline_s)
+
+    def share(self, rows: Collection[int], algorithm: Algorithm | None = None) -> float:
+        """The part of all that any living robot could show that these rows, the ego first, see, in
+        [0, 1].
+
+        With an algorithm the part that is expected to arrive in time; else as if all did. 1 when
+        nobody sees anything: then nobody can add anything to the ego. 0 when it is unknown: none of
+        the living robots can be used, or the ego does not know where it is itself.
+        """
+        if self.nothing_to_see:
+            return self._known
+        first, *others = rows
+        arrival = None if algorithm is None else self.arrival(algorithm)
+        union = Union(self.views, first)
+        for row in others:
+            union.add(row, 1.0 if arrival is None else float(arrival[row]))
+        return min(1.0, union.share())
+
+    def known(self, robot: str, algorithm: Algorithm) -> bool:
+        """Whether the robot is a candidate with a known size for the algorithm."""
+        row = self.row_of.get(robot, 0)
+        return row > 0 and algorithm in self.scene.candidates[row - 1].sizes
+
+    def can(self, robot: str, algorithm: Algorithm) -> bool:
+        """Whether the robot is a candidate with a known size for the algorithm, and its own link
+        carries that at the fusion rate."""
+        return self.known(robot, algorithm) and (
+            self.needs_bps(robot, algorithm) <= self.allowed_bps(robot)
+        )
+
+    def needs_bps(self, robot: str, algorithm: Algorithm) -> float:
+        """bit/s of a robot's observations. Raises KeyError where `known` is false."""
+        return self.size(robot, algorithm) * 8.0 * self.pace.rate_hz
+
+    def allowed_bps(self, robot: str) -> float:
+        """bit/s that observations may take of a candidate's own link; may be infinite."""
+        capacity_bps = self.scene.candidates[self.row_of[robot] - 1].capacity_bps
+        return self.objective.headroom * capacity_bps
+
+    def size(self, robot: str, algorithm: Algorithm) -> int:
+        """Bytes of one observation. Raises KeyError where `known` is false."""
+        return self.scene.candidates[self.row_of[robot] - 1].sizes[algorithm]
+
+    def score(self, participants: Iterable[str], algorithm: Algorithm) -> Score:
+        """The score of candidates (the ego is always part of it) with an available algorithm.
+
+        Raises KeyError for a robot whose size for this algorithm is not `known`.
+        """
+        rows = sorted({self.row_of[r] for r in participants} - {0})
+        chosen = tuple(self.scene.candidates[row - 1].robot for row in rows)
+        share = self.share([0, *rows], algorithm)
+        cost = sum(self.size(robot, algorithm) for robot in chosen)
+        return self.score_of(chosen, algorithm, share, cost)
+
+    def score_of(
+        self, participants: tuple[str, ...], algorithm: Algorithm, share: float, cost: int
+    ) -> Score:
+        """The score of a choice whose expected share and cost in bytes are known already."""
+        quality = self.knowledge.factors[algorithm] * min(1.0, share)
+        quality *= self.freshness(algorithm, len(participants))
+        value = self.objective.value(quality, cost)
+        return Score(participants, algorithm, quality, cost, value, self.pace)
+
+    def most(self, algorithm: Algorithm) -> float:
+        """More quality than any choice with this algorithm has at this pace."""
+        share = self.share([0, *self._able(algorithm)], algorithm)
+        return self.knowledge.factors[algorithm] * share * self.freshness(algorithm, 0)
+
+    def slower_is_worse(self, algorithm: Algorithm) -> bool:
+        """Whether no slower pace can bring anything: the link carries everyone at this one, and
+        nobody is in time more often where there is more time."""
+        able = self._able(algorithm)
+        sizes = [self.scene.candidates[row - 1].sizes[algorithm] for row in able]
+        known = sum(algorithm in c.sizes for c in self.scene.candidates)
+        if len(able) < known or sum(sizes) > self.budget_bytes:
+            return False
+        patient = self.at(self.paces[-1])
+        return bool(np.array_equal(self.arrival(algorithm), patient.arrival(algorithm)))
+
+    def _able(self, algorithm: Algorithm) -> list[int]:
+        """Rows of those that can send for it."""
+        robots = enumerate(self.scene.candidates, start=1)
+        return [row for row, candidate in robots if self.can(candidate.robot, algorithm)]
+
+    def freshness(self, algorithm: Algorithm, participants: int) -> float:
+        """What results at this pace are worth against those at the fastest, in (0, 1]."""
+        if not self.knowledge.learns:
+            return 1.0
+        frame_s = self.knowledge.own_costs.frame_s(algorithm, participants)
+        return self.pace.freshness(self.paces[0], frame_s)
+
+    def fits(self, score: Score) -> bool:
+        """Whether the link can carry the choice at the pace."""
+        return score.cost_bytes <= self.budget_bytes
+
+    def good_enough(self, score: Score) -> bool:
+        """Q >= Q_min."""
+        return score.quality >= self.objective.q_min
+
+
+def _known_part(scene: UnifiedScene) -> float:
+    """The part of the living robots of which something is known, the ego among them; 0 where
+    nobody can be used."""
+    silent = len(scene.unheard) + scene.unknown
+    if scene.ego.robot in scene.excluded or (silent and not scene.candidates):
+        return 0.0
+    known = {c.robot for c in (scene.ego, *scene.candidates, *scene.unheard)}
+    return len(known) / (len(known) + scene.unknown)

@@ -1,0 +1,89 @@
+"""The deterministic policy of the product, and the fallback of every other one.
+
+Robots join greedily, best marginal coverage first, while the link can carry them. Every set on the
+way is an option, for each algorithm; the best option wins, unless the decision in force is as good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.choices.explain import told
+from ego_agent.plan.choices.greedy import grow
+from ego_agent.plan.choices.hysteresis import best_option, settle, still_possible
+from ego_agent.plan.choices.scoring import Score, Scorer
+from swarm.messages import Decision
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Maximises Q - lambda C within Q_min and the link; slow to change its mind."""
+
+    name: str = "coverage"
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        """The best option that was found, or the decision in force if that is as good."""
+        best, reason = self.choose(Scorer(scene, knowledge), previous)
+        return Proposal(
+            participants=(scene.ego.robot, *best.participants),
+            algorithm=best.algorithm,
+            reason=reason,
+            source="policy",
+            rate_hz=best.pace.rate_hz,
+        )
+
+    def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
+        """The same as a score, and its reason."""
+        options = list(_options(scorer))
+        best = best_option(scorer, options)
+        held = still_possible(scorer, previous)
+        if held is not None and previous is not None:
+            best = settle(scorer, options, best, held, previous)
+        return best, _reason(scorer, best, kept=best is held)
+
+
+def _options(scorer: Scorer) -> Iterator[Score]:
+    """The ego alone, and all sets on the way of the greedy orders, at each pace that may be worth
+    its slowness."""
+    knowledge = scorer.knowledge
+    alone = scorer.score((), knowledge.best_algorithm())
+    yield alone
+    best = alone.value
+    for algorithm in knowledge.algorithms:
+        for pace in scorer.paces:
+            at = scorer.at(pace)
+            if pace is not scorer.paces[0] and at.most(algorithm) <= best:
+                continue
+            for by_byte in (True, False):
+                for score in grow(at, scorer.scene.candidates, algorithm, by_byte=by_byte):
+                    best = max(best, score.value)
+                    yield score
+            if at.slower_is_worse(algorithm):
+                break
+
+
+def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
+    """One sentence for people."""
+    at = scorer.at(score.pace)
+    rows = [0, *(scorer.row_of[robot] for robot in score.participants)]
+    share = at.share(rows, score.algorithm)
+    text = (
+        f"The ego and {len(score.participants)} of {len(scorer.scene.candidates)} robots in range "
+        f"see {100 * share:.0f} % of what all see; {score.algorithm} fusion costs "
+        f"{score.cost_bytes / 1e3:.1f} of {at.budget_bytes / 1e3:.1f} kB a frame"
+    )
+    if score.pace != scorer.paces[0]:
+        text += f" at {score.pace.rate_hz:g} frames a second"
+    if late := told(at):
+        text += f"; {late}"
+    if not scorer.good_enough(score):
+        text += f"; {score.quality:.2f} is the best quality, below {scorer.objective.q_min:.2f}"
+    return text + ("; kept, no change pays." if kept else ".")
+
+
+POLICIES = (Coverage,)

@@ -1,0 +1,110 @@
+"""Probing the way back: one robot is asked for one frame of what the ego would rather have.
+
+Without it, a decision that was given up because nothing came would only be tried again when it is
+half forgotten, by everybody at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.policies.coverage import Coverage
+from swarm.messages import Decision, Probe
+
+FIRST_S, LAST_S = 5.0, 60.0
+"""Time from one probe to the next: it doubles with every failure."""
+FOLLOW_S = 1.0
+"""After a success the next robot is asked this soon."""
+FORGET_S = 60.0
+"""When nothing has been missed for so long, the next probe is a first one."""
+DOUBTED = 0.9
+"""Who is expected to be in time more often than this is not probed."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """A probe whose end is not known yet."""
+
+    probe: Probe
+    at_s: float
+    deadline_s: float
+
+
+class Prober:
+    """Says in each cycle whether to probe. Times are `time.monotonic()` seconds."""
+
+    def __init__(self) -> None:
+        self._wait_s = FIRST_S
+        self._due_s: float | None = None
+        self._missed_s = float("-inf")
+        self._sent: _Sent | None = None
+
+    def take(
+        self, scene: UnifiedScene, knowledge: Knowledge, decision: Decision, now_s: float
+    ) -> Probe | None:
+        """The probe that the decision after this one shall carry, if one is due and the link
+        carries it."""
+        if not knowledge.learns:
+            return None
+        self._hear(knowledge, now_s)
+        if not any(candidate.answers for candidate in scene.candidates):
+            return None
+        if self._due_s is None:
+            self._due_s = now_s + self._wait_s
+        if self._sent is not None or now_s < self._due_s:
+            return None
+        hoping = Scorer(scene, knowledge, hopes=True)
+        hoped, _ = Coverage().choose(hoping, None)
+        if hoped.quality - decision.quality <= knowledge.objective.switch_gain:
+            self._due_s = now_s + FIRST_S
+            if now_s - self._missed_s > FORGET_S:
+                self._wait_s = FIRST_S
+            return None
+        self._missed_s = now_s
+        probe = _of(Scorer(scene, knowledge).at(hoped.pace), hoped, decision)
+        if probe is None:
+            self._due_s = now_s + FIRST_S
+            return None
+        self._sent = _Sent(probe, now_s, hoped.pace.deadline_s)
+        return probe
+
+    def _hear(self, knowledge: Knowledge, now_s: float) -> None:
+        """What came of the last probe; one that nobody has heard of for LAST_S was never sent."""
+        sent = self._sent
+        if sent is None:
+            return
+        told = knowledge.experience.last(sent.probe.robot, sent.probe.algorithm)
+        if told is None or told.at_s < sent.at_s:
+            if now_s - sent.at_s < FIRST_S:
+                return
+            came = False
+        else:
+            came = told.answer_s <= sent.deadline_s
+        self._sent = None
+        self._due_s = now_s + (FOLLOW_S if came else self._wait_s)
+        if not came:
+            self._wait_s = min(LAST_S, 2.0 * self._wait_s)
+
+
+def _of(scorer: Scorer, hoped: Score, decision: Decision) -> Probe | None:
+    """The hoped-for participant to ask: of those that are doubted and not asked for the same
+    anyway, the one whose answers are known least. None where nobody is, or where the link does not
+    carry the answer within a second."""
+    same = decision.participants if decision.algorithm == hoped.algorithm else ()
+    scene, objective = scorer.scene, scorer.objective
+    free_bps = (
+        objective.headroom * scene.capacity_bps - 8.0 * decision.cost_bytes * decision.rate_hz
+    )
+    able = []
+    for robot in set(hoped.participants) - set(same):
+        size = scorer.size(robot, hoped.algorithm)
+        if scorer.in_time(robot, hoped.algorithm) < DOUBTED and 8.0 * size <= free_bps:
+            answers = scene.candidates[scorer.row_of[robot] - 1].answers.get(hoped.algorithm)
+            able.append((answers.frames if answers else 0.0, robot, size))
+    if not able:
+        return None
+    _, robot, size = min(able)
+    return Probe(robot=robot, algorithm=hoped.algorithm, bytes=size)

@@ -1,0 +1,7 @@
+"""A scene as a question to a language model, and its answer as advice."""
+
+from ego_agent.plan.prompting.answer import Advice, read_answer
+from ego_agent.plan.prompting.fingerprint import fingerprint
+from ego_agent.plan.prompting.prompt import LlmPrompt, make_prompt
+
+__all__ = ["Advice", "LlmPrompt", "fingerprint", "make_prompt", "read_answer"]
