@@ -85,7 +85,7 @@ def chosen_fusion(args: argparse.Namespace) -> str | Fusion:
     """
     if args.opencood is None:
         return str(args.algorithm)
-    from perception.opencood.fusions import opencood_fusion
-    from perception.opencood.model import load
+    from options.opencood.fusions import opencood_fusion
+    from options.opencood.model import load
 
     return opencood_fusion(load(args.opencood))

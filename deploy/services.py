@@ -158,7 +158,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         name="console",
         role="console",
         host=INFRA,
-        argv=(place.python, "-m", "console"),
+        argv=(place.python, "-m", "options.console"),
         env=_console_environment(spec, place),
         metrics_port=spec.console_metrics_port,
     )
@@ -246,7 +246,7 @@ def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
 
 
 def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
-    """The console's settings (`console.settings`)."""
+    """The console's settings (`options.console.settings`)."""
     return {
         **_site_environment(spec, place, spec.console_metrics_port),
         "COADAPT_EGO": spec.ego,

@@ -14,13 +14,13 @@ import msgspec
 from swarm.errors import DeployError
 from swarm.keyspace import check_name
 from swarm.messages import MIN_RATE_BPS
-from swarm.process import WorldName
 from swarm.settings import Name
+from worlds.kinds import WorldKind
+from worlds.registry import swarm_worlds, world_kind
 
 RuntimeName = Literal["docker", "netns"]
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
-_COMM_RANGE_M = {"opv2v": 70.0, "road": 70.0}
 """The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
 EMBEDDED = "embedded"
@@ -32,9 +32,6 @@ _ALLOWED = {
     "runtime": "docker or netns",
     "robots": f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {_NAME_RULE}",
     "ego": "one of the robots",
-    "world": "factory, road, opv2v, bag or recording",
-    "data": "the directory of a recorded scenario (needed by opv2v) or of bags (needed by bag); "
-    "the file of `coadapt record` (needed by recording)",
     "seed": "a whole number >= 0",
     "rings": "16, 32 or 64",
     "policy": "the name of a policy: lower-case letters, digits and '-'",
@@ -68,7 +65,7 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     runtime: RuntimeName = "netns"
     robots: Annotated[tuple[Name, ...], msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS)]
     ego: Name
-    world: WorldName = "factory"
+    world: str = "factory"
     data: str = ""
     seed: Annotated[int, msgspec.Meta(ge=0)] = 1
     rings: Literal[16, 32, 64] = 32
@@ -140,14 +137,6 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
         return not self.differences(other)
 
 
-def comm_range_m(world: str) -> float | None:
-    """How far from the ego a robot may take part in a world; None leaves it to the ego's settings.
-
-    Of recordings it is what they were evaluated with.
-    """
-    return _COMM_RANGE_M.get(world)
-
-
 def factory_robots(count: int) -> tuple[str, ...]:
     """The robot ids of a simulated factory: R1 to Rn."""
     return tuple(f"R{number}" for number in range(1, count + 1))
@@ -177,17 +166,20 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("robots", robots)
     if "infra" in robots:
         raise DeployError("robot id 'infra' is taken by the router's and Prometheus' host")
+    if values.get("world", "factory") not in swarm_worlds():
+        raise _invalid("world", values["world"], ", ".join(swarm_worlds()))
+    world = world_kind(values.get("world", "factory"))
     swarm = values.get("swarm", "local")
     values.setdefault("ego", robots[0])
     if values.get("comm_range_m") is None:
-        values["comm_range_m"] = comm_range_m(values.get("world", "factory"))
+        values["comm_range_m"] = world.comm_range_m
     values.setdefault("epoch_ns", time.time_ns())
     values.setdefault("run_dir", str(run_dir_of(swarm)))
     values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
-    if not _has_data(values.get("world"), Path(values.get("data") or "?")):
-        raise _invalid("data", values.get("data", ""))
+    if not _has_data(world, values.get("data", "")):
+        raise _invalid("data", values.get("data", ""), f"{world.needs} (needed by {world.name})")
     spec: SwarmSpec = msgspec.convert(values, SwarmSpec)
     try:
         server = spec.llm_server()
@@ -205,11 +197,11 @@ def make_spec(**values: Any) -> SwarmSpec:
     return spec
 
 
-def _has_data(world: str | None, data: Path) -> bool:
+def _has_data(world: WorldKind, data: str) -> bool:
     """Whether a recorded world's data is there; simulated ones need none."""
-    if world == "recording":
-        return data.is_file()
-    return world not in ("bag", "opv2v") or data.is_dir()
+    if world.data == "file":
+        return bool(data) and Path(data).is_file()
+    return not world.data or (bool(data) and Path(data).is_dir())
 
 
 def run_base() -> Path:
@@ -226,7 +218,6 @@ def run_dir_of(swarm: str) -> Path:
     return run_base() / check_name("swarm name", swarm)
 
 
-def _invalid(name: str, value: object) -> DeployError:
-    return DeployError(
-        f"{name} = {value!r} is not valid; it must be {_ALLOWED.get(name, 'a text without limits')}"
-    )
+def _invalid(name: str, value: object, allowed: str = "") -> DeployError:
+    allowed = allowed or _ALLOWED.get(name, "a text without limits")
+    return DeployError(f"{name} = {value!r} is not valid; it must be {allowed}")

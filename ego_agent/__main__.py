@@ -27,7 +27,7 @@ from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.steering import Steering
 from perception.fusion.detectors import detector_backend
 from perception.fusion.registry import fusion_names, make_fusion
-from ros2.opening import open_world_of
+from sensing.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import Logger, make_logger

@@ -14,7 +14,7 @@ from robot_agent.encoder import Encoder
 from robot_agent.host import RobotHost
 from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
-from ros2.opening import open_world_of
+from sensing.opening import open_world_of
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.memory import keep_freed_memory

@@ -8,25 +8,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-import numpy as np
-
-from perception.detector import configuration
 from perception.fusion.base import EncodeOptions
-from perception.scene import describe, to_array, visible_range
 from robot_agent.encoder import Encoder
 from robot_agent.frames import Frame, Ring
 from robot_agent.metrics import RobotMetrics
 from robot_agent.sensor import Sensor
 from robot_agent.sizes import Sizes
-from swarm.arrays import pack
+from sensing.telling import Teller
 from swarm.errors import CoAdaptError, PerceptionError
 from swarm.log import Logger
 from swarm.messages import Beacon, Observation, ObservationRequest, SceneDescription
 from swarm.process import Clock
 from worlds.base import World
 
-SECTORS = 72
-"""Sectors of 5 degrees in a scene description."""
 MAX_GAP_S = 0.25
 """A frame farther than this from the time asked for is no answer: at 2 m/s it is 0.5 m off."""
 
@@ -53,9 +47,7 @@ class RobotAgent:
     ) -> None:
         """`size_period_s`: how old an announced size may be."""
         self.robot = robot
-        self._range_m = world.range_m
-        self._own_body_m = configuration(world.detector).own_body_m
-        self._instance = instance
+        self._teller = Teller(world, robot, instance, clock.now_ns)
         self._encoder = encoder
         self._clock = clock
         self._metrics = metrics
@@ -76,8 +68,6 @@ class RobotAgent:
         """Answers that are being encoded."""
         self._lock = threading.Lock()
         self._described: Frame | None = None
-        self._beacons = 0
-        self._scenes = 0
 
     def now_ns(self) -> int:
         """The time on the robot's clock."""
@@ -93,19 +83,13 @@ class RobotAgent:
         frame = self._ring.newest()
         if frame is None:
             return None
-        self._beacons += 1
-        return Beacon(
-            robot=self.robot,
-            instance=self._instance,
-            seq=self._beacons,
-            sent_ns=self._clock.now_ns(),
+        return self._teller.beacon(
+            frame.number,
+            frame.capture_ns,
+            frame.scan.pose,
+            frame.scan.velocity,
+            self._sizes.known(),
             steady_ns=time.monotonic_ns(),
-            capture_ns=frame.capture_ns,
-            frame=frame.number,
-            pose=frame.scan.pose.as_tuple(),
-            velocity=frame.scan.velocity,
-            range_m=self._range_m,
-            sizes=self._sizes.known(),
         )
 
     def describe(self) -> SceneDescription | None:
@@ -117,26 +101,10 @@ class RobotAgent:
         if frame is None or frame is self._described:
             return None
         self._described = frame
-        begun = time.perf_counter()
-        points, pose = frame.scan.points, frame.scan.pose
-        scene = describe(points, own_body_m=self._own_body_m)
-        seen = visible_range(points, SECTORS, pose.heading, self._own_body_m)
-        elapsed_s = time.perf_counter() - begun
-        self._metrics.scene_seconds.observe(elapsed_s)
-        self._scenes += 1
-        return SceneDescription(
-            robot=self.robot,
-            instance=self._instance,
-            seq=self._scenes,
-            sent_ns=self._clock.now_ns(),
-            capture_ns=frame.capture_ns,
-            frame=frame.number,
-            pose=pose.as_tuple(),
-            objects=pack(to_array(scene, pose.matrix())),
-            visible_m=pack(np.asarray(seen, dtype=np.float32).reshape(-1, 1)),
-            ground_points=scene.ground_points,
-            elapsed_ms=elapsed_s * 1e3,
-        )
+        scan = frame.scan
+        scene = self._teller.description(frame.number, frame.capture_ns, scan.pose, scan.points)
+        self._metrics.scene_seconds.observe(scene.elapsed_ms * 1e-3)
+        return scene
 
     def measure(self) -> None:
         """Encodes the newest frame for one algorithm whose announced size is too old, if there is
@@ -191,7 +159,7 @@ class RobotAgent:
         self._metrics.sent_bytes.labels(self.robot, request.algorithm).inc(len(payload))
         return Observation(
             robot=self.robot,
-            instance=self._instance,
+            instance=self._teller.instance,
             request=request.request,
             algorithm=request.algorithm,
             capture_ns=frame.capture_ns,

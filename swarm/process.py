@@ -16,8 +16,6 @@ import msgspec
 from swarm.messages.base import Algorithm
 from swarm.settings import Name, Port
 
-WorldName = Literal["bag", "factory", "opv2v", "recording", "road"]
-"""Worlds that a swarm on one machine can live in (`coadapt up`)."""
 _NS = 1_000_000_000
 
 
@@ -37,11 +35,10 @@ Algorithms = Annotated[tuple[Algorithm, ...], msgspec.Meta(min_length=1, max_len
 class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     """Settings of the processes that live in a world."""
 
-    world: Literal[WorldName, "ros2"] = "factory"
-    """`ros2` is a live robot, which belongs to one process (docs/worlds.md)."""
+    world: Annotated[str, msgspec.Meta(min_length=1, max_length=64)] = "factory"
+    """One of `worlds.registry.world_kinds()`."""
     world_data: str = ""
-    """Recorded data: a directory, needed by `bag` and `opv2v`; or a file, needed by `recording`;
-    or a live robot's address, needed by `ros2`."""
+    """What the world needs: recorded data (a directory or a file), or a live robot's address."""
     world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6
     world_seed: Annotated[int, msgspec.Meta(ge=0)] = 1
     world_rings: Literal[16, 32, 64] = 32

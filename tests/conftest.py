@@ -17,7 +17,7 @@ from zenoh_fixtures import (  # noqa: F401
     swarm_name,
 )
 
-from evaluation.sample import data_roots
+from research.evaluation.sample import data_roots
 
 # A busy machine is no failure: no test judges a time.
 settings.register_profile("untimed", deadline=None)

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from benchmarks.browser import why_not
+from research.benchmarks.browser import why_not
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from prometheus_client import CollectorRegistry
 
-from console.__main__ import serve
-from console.door import Door
-from console.settings import ConsoleSettings
+from options.console.__main__ import serve
+from options.console.door import Door
+from options.console.settings import ConsoleSettings
 from swarm import keyspace
 from swarm.arrays import Array, pack
 from swarm.messages import Beacon, Decision, Detections, LinkClass, LinkState, NetDemand, NetState

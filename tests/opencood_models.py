@@ -11,8 +11,8 @@ import torch
 import yaml
 from numpy.typing import NDArray
 
-from perception.opencood.config import OpenCoodConfig, read_config
-from perception.opencood.network import PointPillarNetwork
+from options.opencood.config import OpenCoodConfig, read_config
+from options.opencood.network import PointPillarNetwork
 from swarm.geometry import Points
 
 RANGE = [-25.6, -12.8, -3, 25.6, 12.8, 1]

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from deploy.spec import make_spec
-from evaluation.cooperative import fuse_frame
-from recordings.listen import Heard
-from recordings.outlet import Outlet
-from recordings.recorder import Recorder
-from recordings.scans import Scans
-from recordings.sink import Sink
+from options.recordings.format import Points
+from options.recordings.listen import Heard
+from options.recordings.outlet import Outlet
+from options.recordings.recorder import Recorder
+from options.recordings.scans import Scans
+from options.recordings.sink import Sink
 from swarm.arrays import pack
 from swarm.messages import Decision, Detections
 from swarm.process import capture_ns
-from worlds.factory import FactoryWorld
-from worlds.recording.format import Points
+from worlds.cooperative.fusing import fuse_frame
+from worlds.factory.world import FactoryWorld
 
 EPOCH_NS = 1_780_000_000_123_456_789
 

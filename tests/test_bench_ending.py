@@ -15,15 +15,15 @@ from pathlib import Path
 import pytest
 from deploy_support import WAIT_S, await_, network_of, networks_in_use, processes_of
 
-from benchmarks import live
 from deploy.spec import SwarmSpec, factory_robots, make_spec
+from research.benchmarks import live
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
 SWARM = "bench-ending"
 BENCHMARK = f"""
 import time
-from benchmarks.live import live_swarm
+from research.benchmarks.live import live_swarm
 from deploy.spec import factory_robots
 
 with live_swarm({SWARM!r}, {{}}, robots=factory_robots(2), rings=16) as state:
@@ -32,7 +32,7 @@ with live_swarm({SWARM!r}, {{}}, robots=factory_robots(2), rings=16) as state:
 """
 RUNNER = f"""
 import subprocess, sys
-from benchmarks.ending import adopt, end_adopted
+from research.benchmarks.ending import adopt, end_adopted
 
 adopt()
 process = subprocess.Popen([sys.executable, "-c", {BENCHMARK!r}], stdout=subprocess.PIPE, text=True)
@@ -106,7 +106,7 @@ def test_what_a_killed_benchmark_left_is_ended_by_who_ran_it() -> None:
 
 def test_a_benchmark_that_fails_does_not_hide_the_others(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks", "is_not_there", "report"],
+        [sys.executable, "-m", "research.benchmarks", "is_not_there", "report"],
         capture_output=True,
         text=True,
         env=ENVIRONMENT,
@@ -123,7 +123,7 @@ def test_a_benchmark_that_fails_does_not_hide_the_others(tmp_path: Path) -> None
 
 
 def test_a_report_tells_the_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from benchmarks.report import write_report
+    from research.benchmarks.report import write_report
 
     monkeypatch.chdir(tmp_path)
     machine = json.loads(write_report("some", {}, {}).read_text())["machine"]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from opencood_models import padded_voxels, scan, settings, write_model
 
-from benchmarks.intervals import ratio_of_medians, share_interval
-from benchmarks.peers import coadapt_scene, opencood
-from perception.opencood.clouds import network_cloud
-from perception.opencood.config import read_config
+from options.opencood.clouds import network_cloud
+from options.opencood.config import read_config
+from research.benchmarks.intervals import ratio_of_medians, share_interval
+from research.benchmarks.peers import coadapt_scene, opencood
 from swarm.geometry import Pose
-from worlds import carla
+from worlds.opv2v import carla
 
 
 def test_a_share_of_none_is_still_uncertain() -> None:

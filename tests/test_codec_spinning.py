@@ -18,8 +18,8 @@ from perception.codec.envelope import seal, unseal
 from perception.codec.points import KIND_GENERIC, KIND_SPINNING, decode_points, encode_points
 from perception.scene import ground_mask
 from swarm.errors import PayloadError
-from worlds.factory import FactoryWorld
-from worlds.opv2v import Opv2vWorld
+from worlds.factory.world import FactoryWorld
+from worlds.opv2v.world import Opv2vWorld
 
 GOLDEN = Path(__file__).parent / "golden"
 BOUNDS = st.sampled_from([0.001, 0.01, 0.1, 1.0])

@@ -20,11 +20,11 @@ from console_browser import (
 )
 from free_ports import free_port
 
-from benchmarks import browser as chromium
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
+from research.benchmarks import browser as chromium
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

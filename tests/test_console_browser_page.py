@@ -14,7 +14,7 @@ from console_swarm import EGO, Speakers, console, rows
 from free_ports import free_port
 from zenoh_fixtures import Inbox, RouterProcess, SessionMaker
 
-from benchmarks import browser as chromium
+from research.benchmarks import browser as chromium
 from swarm import keyspace
 from swarm.arrays import pack
 from swarm.messages import EgoSteered, EgoSteering, EgoWish

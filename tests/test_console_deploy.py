@@ -13,13 +13,13 @@ from console_swarm import Viewer, ask
 from deploy_support import WAIT_S, await_
 from free_ports import free_port
 
-from console.settings import load_settings
 from deploy.docker import compose
 from deploy.ports import check_free
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import INFRA, Service, inherited, services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
+from options.console.settings import load_settings
 from swarm.errors import DeployError
 
 

@@ -17,9 +17,9 @@ from free_ports import free_port
 from prometheus_client.parser import text_string_to_metric_families
 from zenoh_fixtures import Inbox, RouterProcess, SessionMaker, until, wait_until_served
 
-from console.app import PAGE
-from console.guard import Hosts
-from console.settings import ConsoleSettings, load_settings
+from options.console.app import PAGE
+from options.console.guard import Hosts
+from options.console.settings import ConsoleSettings, load_settings
 from swarm import keyspace
 from swarm.errors import NetworkError, SettingError
 from swarm.messages import (
@@ -224,7 +224,7 @@ def test_the_token_of_a_page_that_is_closed_controls_nothing(open_door: int) -> 
 def test_without_a_controller_the_page_is_told(
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("console.watch.ANSWER_S", 0.3)
+    monkeypatch.setattr("options.console.watch.ANSWER_S", 0.3)
     refused = viewer.shape({"profile": "off"})
     assert refused.status == 504
     assert "does not answer" in refused.error
@@ -305,7 +305,7 @@ def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("swarm.http_doors.UNTAKEN_S", 1.0)
-    monkeypatch.setattr("console.app.STALLED_S", 0.5)
+    monkeypatch.setattr("options.console.app.STALLED_S", 0.5)
     speakers = Speakers(open_session(shared_router.address))
     with (
         console(shared_router.address, swarm_name) as port,
@@ -366,7 +366,7 @@ def test_without_the_token_nothing_of_the_swarm_is_shown(
 def test_the_token_opens_as_a_header_and_as_a_form(
     guarded: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("console.app.WRONG_TOKEN_S", 0.0)
+    monkeypatch.setattr("options.console.app.WRONG_TOKEN_S", 0.0)
     assert ask(guarded, "GET", "/api/floor", Authorization=f"Bearer {TOKEN}").status == 200
     origin = f"http://127.0.0.1:{guarded}"
     wrong = ask(guarded, "POST", "/login", "token=wrong", Origin=origin)
@@ -387,7 +387,7 @@ def test_the_token_opens_as_a_header_and_as_a_form(
 
 
 def test_off_this_host_a_token_is_needed() -> None:
-    from console.door import Door
+    from options.console.door import Door
 
     with pytest.raises(SettingError, match="COADAPT_CONSOLE_TOKEN is not set"):
         Door(ConsoleSettings(ego="R1", console_host="0.0.0.0", console_port=0))
@@ -423,7 +423,10 @@ def test_the_process_serves_and_ends_on_a_signal_with_a_page_open(
         "COADAPT_METRICS_PORT": str(metrics_port),
     }
     with subprocess.Popen(
-        [sys.executable, "-m", "console"], env=environment, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "options.console"],
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stderr is not None
         first = process.stderr.readline()
@@ -450,7 +453,7 @@ def test_the_process_serves_and_ends_on_a_signal_with_a_page_open(
 def test_a_wrong_setting_ends_the_process_with_its_name() -> None:
     environment = os.environ | {"COADAPT_EGO": "R1", "COADAPT_CONSOLE_PORT": "high"}
     done = subprocess.run(
-        [sys.executable, "-m", "console"],
+        [sys.executable, "-m", "options.console"],
         env=environment,
         capture_output=True,
         text=True,

@@ -14,12 +14,12 @@ import pytest
 from console_swarm import EGO, Speakers, Viewer, console, rows
 from zenoh_fixtures import RouterProcess, SessionMaker, until
 
-from console.board import Board
-from console.faults import SILENT_S
-from console.floor import plan
-from console.hub import STEP_S
-from console.view import View
-from console.watch import Watch
+from options.console.board import Board
+from options.console.faults import SILENT_S
+from options.console.floor import plan
+from options.console.hub import STEP_S
+from options.console.view import View
+from options.console.watch import Watch
 from swarm.arrays import Array, pack
 from swarm.errors import TransportError
 from swarm.log import make_logger
@@ -275,7 +275,7 @@ def test_events_come_no_faster_than_a_screen_shows_them(
 def test_nothing_of_robots_is_heard_while_nobody_looks(
     speakers: Speakers, viewers: Callable[[], Viewer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("console.watch.LINGER_S", 0.1)
+    monkeypatch.setattr("options.console.watch.LINGER_S", 0.1)
     viewer = viewers()
     hear(viewer, lambda: say_all(speakers), lambda: "at" in viewer.state.get("robot/R2", {}), "R2")
     port = viewer.port

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import browser as chromium
-from console.app import PAGE
 from network_controller.mahimahi import read_trace
+from options.console.app import PAGE
+from research.benchmarks import browser as chromium
 
 Read = Callable[[str], object]
 READ = """async ([module, text]) => {

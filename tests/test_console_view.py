@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from console_swarm import EGO, rows
 
-from console.board import MAX_GONE, Board
-from console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Faults
-from console.view import MAX_ROBOTS, View
+from options.console.board import MAX_GONE, Board
+from options.console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Faults
+from options.console.view import MAX_ROBOTS, View
 from swarm.arrays import Array, pack
 from swarm.messages import Beacon, Decision, Detections, SceneDescription
 
@@ -114,7 +114,7 @@ def test_the_first_figures_count_from_when_somebody_looks(
     view: View, board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = 1000.0
-    monkeypatch.setattr("console.view.monotonic", lambda: now)
+    monkeypatch.setattr("options.console.view.monotonic", lambda: now)
     view.on_decision(decision(1), "")
     now += 60
     view.sees()
@@ -141,13 +141,13 @@ def test_a_clock_that_is_set_back_hides_no_silence(
     view: View, board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steady = 1000.0
-    monkeypatch.setattr("console.view.monotonic", lambda: steady)
+    monkeypatch.setattr("options.console.view.monotonic", lambda: steady)
     view.tick(True)
     view.sees()
     view.on_join("R2")
     view.on_beacon(beacon("R2"), "")
     clock = time.time()
-    monkeypatch.setattr("console.board.time.time", lambda: clock - 3600)
+    monkeypatch.setattr("options.console.board.time.time", lambda: clock - 3600)
     steady += SILENT_S + 1
     view.tick(True)
     assert shown(board)["faults"][-1]["text"] == "R2 is alive but sends no beacons"

@@ -29,7 +29,7 @@ from perception.kernels.convolution import Convolution, Floats, Workers
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 from tests.tiny_detector import TINY, random_cloud, random_network, tiny
-from worlds.factory import FactoryWorld
+from worlds.factory.world import FactoryWorld
 
 __all__ = ["tiny"]
 

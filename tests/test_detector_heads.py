@@ -17,7 +17,7 @@ from perception.detector.heads import MAX_PEAKS, boxes_at, read_boxes
 from perception.detector.network import BOX_CHANNELS
 from perception.detector.pillars import pillarise
 from perception.types import Boxes
-from training.targets import make_targets
+from research.training.targets import make_targets
 
 ROWS, COLUMNS = TINY.cells
 

@@ -8,10 +8,10 @@ import pytest
 from ego_swarm import factory, metrics_of, swarm_of, until
 from free_ports import free_ports
 
-from evaluation.cooperative import Disturbance, fuse_frame
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.messages import Detections
-from worlds.factory import FactoryWorld
+from worlds.cooperative.fusing import Disturbance, fuse_frame
+from worlds.factory.world import FactoryWorld
 
 EGO, OTHER = "R1", "R2"
 FRAMES = 4

@@ -15,18 +15,18 @@ from model_server import ModelServer, Request, says, serving_model, status
 from coadapt.main import main
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.settings import EgoSettings
-from evaluation.kept import Kept
-from evaluation.policies.advice import AdvisedAtOnce, Model
-from evaluation.policies.decide import Decided, decisions
-from evaluation.policies.pieces import knowledge_of
-from evaluation.windows import knowing, links
-from evaluation.windows.knowing import Heard
-from evaluation.windows.measure import Window
-from evaluation.windows.scenarios import Scenario, factory_suite
 from llm_gateway.backends.llamacpp.models import INSTALL, installed_models, runtime_installed
 from perception.fusion.registry import fusion_names
+from research.evaluation.kept import Kept
+from research.evaluation.policies.advice import AdvisedAtOnce, Model
+from research.evaluation.policies.decide import Decided, decisions
+from research.evaluation.policies.pieces import knowledge_of
+from research.evaluation.windows import knowing, links
+from research.evaluation.windows.knowing import Heard
+from research.evaluation.windows.measure import Window
+from research.evaluation.windows.scenarios import Scenario, factory_suite
+from research.training.plans import TEST_SEEDS
 from swarm.errors import CoAdaptError
-from training.plans import TEST_SEEDS
 
 SCENARIO = Scenario("advised", 4, links.shift(), TEST_SEEDS.start + 555_557, windows=2)
 KNOWLEDGE = knowledge_of(fusion_names("factory"), SCENARIO)

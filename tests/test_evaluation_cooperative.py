@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.cooperative import SINGLE, Disturbance, evaluate, fuse_frame, judge
-from evaluation.sharing import RememberingFusion
-from evaluation.tally import Tally
-from evaluation.uncoded import UncodedEarly
 from perception.fusion.base import EncodeOptions, Fusion, Gathering
 from perception.fusion.registry import make_fusion
+from perception.tally import Tally
 from perception.types import Boxes
+from research.evaluation.sharing import RememberingFusion
+from research.evaluation.uncoded import UncodedEarly
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Matrix, Points
-from worlds.factory import FactoryWorld
+from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
+from worlds.cooperative.judging import evaluate, judge
+from worlds.factory.world import FactoryWorld
 
 NOISY = Disturbance(pose_noise_m=0.4)
 LATE = Disturbance(delay_s=0.5)

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from coadapt.main import main
-from evaluation.detector import Case, algorithms_of, cases, measure
-from evaluation.kept import Kept
-from evaluation.splits import FIRST_FRAME, Part, nearest_first, simulated
-from evaluation.tally import Tally
-from training.plans import TEST_SEEDS
-from worlds.factory import FactoryWorld
+from perception.tally import Tally
+from research.evaluation.detector import Case, algorithms_of, cases, measure
+from research.evaluation.kept import Kept
+from research.evaluation.splits import FIRST_FRAME, Part, nearest_first, simulated
+from research.training.plans import TEST_SEEDS
+from worlds.factory.world import FactoryWorld
 
 KEYS = {
     "world", "algorithm", "robots", "pose_sigma_m", "delay_s", "ap_30", "ap_50", "ap_70",
@@ -129,7 +129,7 @@ def test_what_was_kept_gives_the_same_precision(tmp_path: Path) -> None:
 def test_a_missing_sample_is_said_and_skipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("evaluation.sample.ARCHIVE", Path("no-such") / "sample.tar.xz")
+    monkeypatch.setattr("research.evaluation.sample.ARCHIVE", Path("no-such") / "sample.tar.xz")
     status = main(["eval-detector", "--worlds", "opv2v", "--output", str(tmp_path / "d.json")])
     assert status == 1
     assert "opv2v: skipped: no no-such/sample.tar.xz" in capsys.readouterr().err

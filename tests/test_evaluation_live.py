@@ -11,16 +11,16 @@ import pytest
 from coadapt.main import main
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.state import read_state
-from evaluation.cooperative import fuse_frame
-from evaluation.live.compare import compare_live
-from evaluation.live.run import agreement, live_suite
-from evaluation.live.swarm import Recorded
-from evaluation.windows import links
-from evaluation.windows.scenarios import Scenario
 from perception.types import Boxes
+from research.evaluation.live.compare import compare_live
+from research.evaluation.live.run import agreement, live_suite
+from research.evaluation.live.swarm import Recorded
+from research.evaluation.windows import links
+from research.evaluation.windows.scenarios import Scenario
+from research.training.plans import TEST_SEEDS
 from swarm.arrays import pack
 from swarm.messages import Detections
-from training.plans import TEST_SEEDS
+from worlds.cooperative.fusing import fuse_frame
 
 SCENARIO = Scenario("live", 3, links.shift(), TEST_SEEDS.start + 555_558)
 
@@ -97,8 +97,8 @@ def test_a_real_swarm_is_compared_and_gone_afterwards(
     # Few frames that wait long for everybody, so that some are complete on a busy machine, too.
     monkeypatch.setenv("COADAPT_FUSION_RATE_HZ", "2")
     monkeypatch.setenv("COADAPT_DEADLINE_S", "4")
-    monkeypatch.setattr("evaluation.live.run.LINKS_BPS", (20_000_000,))
-    monkeypatch.setattr("evaluation.live.run.ROBOTS", (3,))
+    monkeypatch.setattr("research.evaluation.live.run.LINKS_BPS", (20_000_000,))
+    monkeypatch.setattr("research.evaluation.live.run.ROBOTS", (3,))
     options = ["--policies", "static-late", "--seconds", "10", "--runtime", "netns"]
     assert main(["eval", "live", *options, "--output", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "live.json").read_text())

@@ -12,10 +12,10 @@ import pytest
 import torch
 
 from coadapt.main import main
-from evaluation.cooperative import fuse_frame
 from perception.detector.weight_files import has_weights
 from perception.fusion import algorithms
-from worlds.factory import FactoryWorld
+from worlds.cooperative.fusing import fuse_frame
+from worlds.factory.world import FactoryWorld
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -99,7 +99,7 @@ def test_a_finished_run_says_how_to_install_its_weights(
 ) -> None:
     # Learning the codebook takes sixty batches more.
     codebook = np.zeros((4, 256, 8), dtype=np.float32)
-    monkeypatch.setattr("training.run.codebook_of", lambda plan, tensors: codebook)
+    monkeypatch.setattr("research.training.run.codebook_of", lambda plan, tensors: codebook)
     assert main(["train", "--config", "factory", "--steps", "1", "--folder", str(tmp_path)]) == 0
     weights = tmp_path / "weights.safetensors"
     assert weights.is_file()

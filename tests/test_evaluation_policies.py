@@ -16,19 +16,19 @@ import pytest
 from coadapt.main import main
 from ego_agent.knowledge.model import Proposal
 from ego_agent.knowledge.objective import Objective
-from evaluation.bootstrap import bootstrap_mean
-from evaluation.policies.claims import claims_of
-from evaluation.policies.decide import Decided, decisions, policy_of
-from evaluation.policies.pieces import Outcomes, knowledge_of
-from evaluation.policies.results import ORACLE, means_of, rows_of
-from evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
-from evaluation.windows import knowing, links
-from evaluation.windows.choice import ALONE, Choice, Outcome
-from evaluation.windows.measure import Window
-from evaluation.windows.scenarios import Expectation, Scenario, factory_suite
 from perception.fusion.registry import fusion_names
+from research.evaluation.bootstrap import bootstrap_mean
+from research.evaluation.policies.claims import claims_of
+from research.evaluation.policies.decide import Decided, decisions, policy_of
+from research.evaluation.policies.pieces import Outcomes, knowledge_of
+from research.evaluation.policies.results import ORACLE, means_of, rows_of
+from research.evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
+from research.evaluation.windows import knowing, links
+from research.evaluation.windows.choice import ALONE, Choice, Outcome
+from research.evaluation.windows.measure import Window
+from research.evaluation.windows.scenarios import Expectation, Scenario, factory_suite
+from research.training.plans import TEST_SEEDS
 from swarm.errors import EvaluationError
-from training.plans import TEST_SEEDS
 
 SCENARIO = Scenario("small", 4, links.shift(), TEST_SEEDS.start + 555_556, windows=2)
 ALGORITHMS = fusion_names("factory")
@@ -240,7 +240,7 @@ def test_a_killed_comparison_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def test_windows_without_a_true_box_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evaluation.cooperative.MIN_VISIBLE_POINTS", 1 << 30)
+    monkeypatch.setattr("worlds.cooperative.judging.MIN_VISIBLE_POINTS", 1 << 30)
     window = Window(replace(SCENARIO, robots=3), 0)
     nothing = window.outcome(Choice((), ALONE))
     assert nothing.ground_truth == 0

@@ -9,7 +9,7 @@ import pytest
 from conftest import data_root
 
 from coadapt.main import main
-from evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS, read_published, summary
+from research.evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS, read_published, summary
 from swarm.errors import EvaluationError
 
 SELECTION = {

@@ -11,16 +11,16 @@ import pytest
 from coadapt.main import main
 from ego_agent.plan.surrogate.features import NAMES
 from ego_agent.plan.surrogate.model import read_surrogate
-from evaluation.kept import Kept
-from evaluation.policies.pieces import MADE_FROM
-from evaluation.surrogate import samples as sampling
-from evaluation.surrogate import train as training
-from evaluation.surrogate.samples import Samples, random_choices, training_windows
-from evaluation.windows.choice import ALONE, Choice, Outcome
-from evaluation.windows.measure import Window
-from evaluation.windows.scenarios import SUITE_SEEDS, SURROGATE_SEEDS
 from perception.fusion.registry import fusion_names
-from training.plans import TEST_SEEDS
+from research.evaluation.kept import Kept
+from research.evaluation.policies.pieces import MADE_FROM
+from research.evaluation.surrogate import samples as sampling
+from research.evaluation.surrogate import train as training
+from research.evaluation.surrogate.samples import Samples, random_choices, training_windows
+from research.evaluation.windows.choice import ALONE, Choice, Outcome
+from research.evaluation.windows.measure import Window
+from research.evaluation.windows.scenarios import SUITE_SEEDS, SURROGATE_SEEDS
+from research.training.plans import TEST_SEEDS
 
 ALGORITHMS = fusion_names("factory")
 
@@ -71,7 +71,7 @@ def test_measured_windows_are_kept_and_trained_on(
     monkeypatch.setattr(training, "STEPS", 20)
     monkeypatch.setattr(sampling, "CHOICES", 8)
     monkeypatch.setattr(Window, "_measure", _pretended)
-    made_from = (*MADE_FROM, "evaluation/surrogate/samples.py")
+    made_from = (*MADE_FROM, "research/evaluation/surrogate/samples.py")
     kept = Kept(tmp_path / "kept", made_from)
     for scenario in training_windows(3):
         kept.put(training.key_of(scenario), sampling.measure(scenario))

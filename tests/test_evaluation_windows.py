@@ -15,22 +15,29 @@ from conftest import data_root
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.objective import Objective
-from evaluation.cooperative import evaluate, fuse_frame
-from evaluation.policies.pieces import knowledge_of
-from evaluation.windows import knowing, links
-from evaluation.windows.choice import ALONE, Choice, Outcome
-from evaluation.windows.measure import NotMeasuredError, Window, candidates_of, packed, unpacked
-from evaluation.windows.scenarios import (
+from perception.fusion.registry import fusion_names
+from research.evaluation.policies.pieces import knowledge_of
+from research.evaluation.windows import knowing, links
+from research.evaluation.windows.choice import ALONE, Choice, Outcome
+from research.evaluation.windows.measure import (
+    NotMeasuredError,
+    Window,
+    candidates_of,
+    packed,
+    unpacked,
+)
+from research.evaluation.windows.scenarios import (
     SURROGATE_SEEDS,
     Scenario,
     chosen,
     factory_suite,
     recorded_suite,
 )
-from evaluation.windows.search import best, every_choice, explore, held_out_regret
-from perception.fusion.registry import fusion_names
+from research.evaluation.windows.search import best, every_choice, explore, held_out_regret
+from research.training.plans import TEST_SEEDS
 from swarm.errors import CoAdaptError, EvaluationError
-from training.plans import TEST_SEEDS
+from worlds.cooperative.fusing import fuse_frame
+from worlds.cooperative.judging import evaluate
 
 KNOWLEDGE = Knowledge(Objective(lambda_cost=1.0))
 SMALL = Scenario("small", 3, links.shift(), TEST_SEEDS.start + 555_555, first_frame=40)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from test_boxes import make
 
-from evaluation.cooperative import SINGLE, Disturbance, evaluate, fuse_frame
 from perception.codec.boxes import encode_boxes
 from perception.codec.outlined import add_outline
 from perception.codec.points import encode_points
@@ -20,7 +19,9 @@ from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.errors import PerceptionError
 from swarm.geometry import Points, Pose, transform
-from worlds.opv2v import Opv2vWorld
+from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
+from worlds.cooperative.judging import evaluate
+from worlds.opv2v.world import Opv2vWorld
 
 CLUSTERED = {"early": EarlyFusion(Clustered("road")), "late": LateFusion(Clustered("road"))}
 """What is built here is made of bare faces, which the detector without learning takes for cars."""

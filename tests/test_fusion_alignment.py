@@ -13,7 +13,7 @@ from perception.fusion.maps import moved
 from perception.fusion.outline import SENT_POINTS, outline, standing, thinned
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, Pose, invert
-from worlds.factory import FactoryWorld
+from worlds.factory.world import FactoryWorld
 
 Floats = NDArray[np.float64]
 FLOOR = FactoryWorld(robots=4, seed=1_000_003)

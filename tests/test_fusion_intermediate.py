@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.cooperative import fuse_frame
 from perception.boxes import iou_bev
 from perception.codec.envelope import seal, unseal
 from perception.codec.features import CellBlock, decode_cells
@@ -35,7 +34,8 @@ from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
 from swarm.geometry import Points, Pose, invert
 from worlds.base import Scan
-from worlds.factory import FactoryWorld
+from worlds.cooperative.fusing import fuse_frame
+from worlds.factory.world import FactoryWorld
 
 pytestmark = pytest.mark.skipif(
     not has_weights("factory"), reason=f"no weights {weight_file('factory').name}: make train"

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.cooperative import SINGLE, Disturbance, fuse_frame, judge
 from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.participants import without_own
@@ -16,7 +15,9 @@ from perception.metrics import average_precision
 from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
 from swarm.geometry import Matrix, Points, Pose, invert
-from worlds.factory import FactoryWorld
+from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
+from worlds.cooperative.judging import judge
+from worlds.factory.world import FactoryWorld
 
 
 def boxes(*places: tuple[float, float], label: str = "robot", score: float = 0.9) -> Boxes:

@@ -13,14 +13,17 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-PROCESSES = {"robot_agent", "ego_agent", "network_controller", "llm_gateway", "console"}
+PROCESSES = {"robot_agent", "ego_agent", "network_controller", "llm_gateway", "options.console"}
+PRODUCT = (PROCESSES - {"options.console"}) | {
+    "swarm", "perception", "worlds", "sensing", "deploy", "coadapt",
+}  # fmt: skip
 PURE = {"swarm.errors", "swarm.files", "swarm.geometry"}
 
 
 def imported(package: str) -> set[tuple[str, str]]:
     """(file, module) for every import statement of a package, also those inside functions."""
     found = set()
-    for path in (REPOSITORY / package).rglob("*.py"):
+    for path in REPOSITORY.joinpath(*package.split(".")).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
                 found |= {(str(path.relative_to(REPOSITORY)), name.name) for name in node.names}
@@ -38,27 +41,54 @@ def rooms() -> set[str]:
     return {path.name for path in REPOSITORY.iterdir() if (path / "__init__.py").exists()}
 
 
-def top(module: str) -> str:
-    return module.split(".")[0]
+def room_of(module: str) -> str:
+    """Options and research are many rooms, the others one each."""
+    parts = module.split(".")
+    return ".".join(parts[: 2 if parts[0] in ("options", "research") else 1])
+
+
+def test_every_room_is_product_option_or_research() -> None:
+    assert rooms() - {"tests"} == PRODUCT | {"options", "research"}
 
 
 @pytest.mark.parametrize("package", ["perception", "worlds"])
 def test_perception_and_worlds_know_nothing_that_sends_of_the_swarm(package: str) -> None:
     allowed = {"perception": {"perception"}, "worlds": {"perception", "worlds"}}[package]
-    ours = PROCESSES | {"perception", "worlds", "deploy", "coadapt", "benchmarks", "training"}
     for path, module in imported(package):
-        assert top(module) != "zenoh", path
-        if top(module) == "swarm":
+        assert room_of(module) != "zenoh", path
+        if room_of(module) == "swarm":
             assert module in PURE, f"{path} imports {module}"
-        elif top(module) in ours:
-            assert top(module) in allowed, f"{path} imports {module}"
+        elif room_of(module) in rooms():
+            assert room_of(module) in allowed, f"{path} imports {module}"
 
 
 @pytest.mark.parametrize("process", sorted(PROCESSES))
 def test_processes_never_import_each_other(process: str) -> None:
     for path, module in imported(process):
-        assert top(module) not in PROCESSES - {process}, f"{path} imports {module}"
-        assert top(module) not in {"deploy", "coadapt", "benchmarks"}, f"{path} imports {module}"
+        assert room_of(module) not in PROCESSES - {process}, f"{path} imports {module}"
+        assert room_of(module) not in {"deploy", "coadapt"}, f"{path} imports {module}"
+
+
+@pytest.mark.parametrize("package", sorted(PRODUCT - {"coadapt"}))
+def test_the_product_imports_neither_options_nor_research(package: str) -> None:
+    for path, module in imported(package):
+        if module.split(".")[0] in ("options", "research"):
+            assert path.startswith("coadapt/commands/"), f"{path} imports {module}"
+
+
+def test_commands_load_options_and_research_only_when_they_run() -> None:
+    for path in (REPOSITORY / "coadapt").rglob("*.py"):
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ImportFrom) and node.module:
+                assert node.module.split(".")[0] not in ("options", "research"), path
+
+
+def test_options_do_not_import_research() -> None:
+    for path, module in imported("options"):
+        assert module.split(".")[0] != "research", f"{path} imports {module}"
+
+
+SENSES = {"swarm", "perception", "worlds"}
 
 
 @pytest.mark.parametrize(
@@ -67,20 +97,25 @@ def test_processes_never_import_each_other(process: str) -> None:
         ("swarm", set()),
         ("network_controller", {"swarm"}),
         ("llm_gateway", {"swarm"}),
-        ("console", {"swarm", "worlds"}),
+        ("sensing", SENSES),
+        ("robot_agent", SENSES | {"sensing"}),
+        ("ego_agent", SENSES | {"sensing"}),
         ("deploy", {"swarm", "worlds"}),
-        ("training", {"swarm", "perception", "worlds"}),
-        ("evaluation", rooms() - {"robot_agent", "benchmarks", "coadapt", "tests"}),
-        ("recordings", {"swarm", "perception", "worlds", "deploy", "evaluation"}),
-        ("ros2", {"swarm", "perception", "worlds"}),
-        ("robot_agent", {"swarm", "perception", "worlds", "ros2"}),
-        ("ego_agent", {"swarm", "perception", "worlds", "ros2"}),
+        ("options.console", {"swarm", "worlds"}),
+        ("options.ros", {"swarm"}),
+        ("options.bags", SENSES | {"options.ros"}),
+        ("options.ros2", SENSES | {"options.ros"}),
+        ("options.opencood", {"swarm", "perception"}),
+        ("options.recordings", SENSES | {"deploy", "options.bags"}),
+        ("research.training", SENSES),
+        ("research.evaluation", (PRODUCT - {"robot_agent", "coadapt"}) | {"research.training"}),
     ],
 )
 def test_a_room_imports_only_what_the_table_says(package: str, allowed: set[str]) -> None:
+    ours = PRODUCT | {"options", "research"}
     for path, module in imported(package):
-        if top(module) in rooms():
-            assert top(module) in allowed | {package}, f"{path} imports {module}"
+        if module.split(".")[0] in ours:
+            assert room_of(module) in allowed | {package}, f"{path} imports {module}"
 
 
 def modules_imported(path: Path) -> Iterator[str]:
@@ -131,6 +166,7 @@ def test_the_ego_is_the_figure_of_the_paper() -> None:
 def test_using_perception_and_a_world_loads_neither_zenoh_nor_open3d() -> None:
     code = (
         "import sys, perception.scene, perception.fusion.registry, worlds.registry\n"
+        "worlds.registry.world_kinds()\n"
         "print([m for m in ('zenoh', 'open3d') if m in sys.modules])"
     )
     done = subprocess.run(

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from opencood_models import PUBLISHED, SMALL, settings
 
-from perception.opencood.config import OpenCoodConfig, read_config
+from options.opencood.config import OpenCoodConfig, read_config
 from swarm.errors import PerceptionError
 
 

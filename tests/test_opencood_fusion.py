@@ -9,18 +9,18 @@ import pytest
 import torch
 from opencood_models import scan, settings, write_model
 
-from perception.codec.boxes import decode_boxes
-from perception.fusion.base import Contribution, EncodeOptions
-from perception.opencood.fusions import (
+from options.opencood.fusions import (
     MAX_BOXES,
     OpenCoodEarly,
     OpenCoodIntermediate,
     OpenCoodLate,
     opencood_fusion,
 )
-from perception.opencood.model import OpenCoodModel, load
-from perception.opencood.network import attend
-from perception.opencood.payload import map_bytes
+from options.opencood.model import OpenCoodModel, load
+from options.opencood.network import attend
+from options.opencood.payload import map_bytes
+from perception.codec.boxes import decode_boxes
+from perception.fusion.base import Contribution, EncodeOptions
 from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
 from swarm.geometry import Matrix, Pose, invert, pose_of

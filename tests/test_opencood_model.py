@@ -12,14 +12,14 @@ import pytest
 import torch
 from opencood_models import padded_voxels, scan, settings, write_model
 
-from perception.opencood.anchors import best, decode
-from perception.opencood.clouds import mirrored, network_cloud
-from perception.opencood.model import OpenCoodModel, load
-from perception.opencood.pillars import sort_into_pillars
+from options.opencood.anchors import best, decode
+from options.opencood.clouds import mirrored, network_cloud
+from options.opencood.model import OpenCoodModel, load
+from options.opencood.pillars import sort_into_pillars
 from perception.types import Boxes
 from swarm.errors import PerceptionError, ScanError
 from swarm.geometry import Pose
-from worlds import carla
+from worlds.opv2v import carla
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,10 @@ import torch
 from numpy.typing import NDArray
 from opencood_models import PUBLISHED, padded_voxels, random_state, scan, settings, write_model
 
+from options.opencood.clouds import mirrored, network_cloud
+from options.opencood.model import OpenCoodModel, load
+from options.opencood.pillars import sort_into_pillars
 from perception.boxes import iou_3d
-from perception.opencood.clouds import mirrored, network_cloud
-from perception.opencood.model import OpenCoodModel, load
-from perception.opencood.pillars import sort_into_pillars
 from perception.types import Boxes
 from swarm.geometry import Pose
 

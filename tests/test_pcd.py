@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swarm.errors import WorldError
-from worlds.pcd import read_pcd
+from worlds.opv2v.pcd import read_pcd
 
 POINTS = np.array([[1.5, -2.25, 3.0], [4.0, 5.5, -6.125]], dtype=np.float32)
 

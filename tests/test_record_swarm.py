@@ -21,16 +21,16 @@ from zenoh_fixtures import RouterProcess
 from coadapt.main import main
 from deploy.spec import make_spec
 from deploy.state import State
-from recordings.check import check
-from recordings.listen import Ears, Heard, Presence
-from recordings.record import Result, Wanted, record
-from recordings.recorder import Recorder
-from recordings.sink import Sink
+from options.recordings.check import check
+from options.recordings.file import RecordingFile
+from options.recordings.format import FUSED, LOG, Fused
+from options.recordings.listen import Ears, Heard, Presence
+from options.recordings.record import Result, Wanted, record
+from options.recordings.recorder import Recorder
+from options.recordings.sink import Sink
+from options.recordings.world import RecordingWorld
 from swarm.errors import RecordingError, TransportError
 from swarm.messages import Beacon, Decision, Detections, Message, SceneDescription
-from worlds.recording.file import RecordingFile
-from worlds.recording.format import FUSED, LOG, Fused
-from worlds.recording.world import RecordingWorld
 
 ROBOTS = ("R1", "R2")
 Taken = list[Message | Presence]
@@ -248,7 +248,7 @@ async def advertised(url: str, wanted: str) -> dict[str, str]:
 def test_nothing_begins_where_it_could_not_end_well(
     running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recordings.record.CONNECT_S", 0.5)
+    monkeypatch.setattr("options.recordings.record.CONNECT_S", 0.5)
     there = tmp_path / "there.mcap"
     there.write_text("mine")
     with pytest.raises(RecordingError, match=r"there.mcap is there already"):
@@ -267,7 +267,7 @@ def test_nothing_begins_where_it_could_not_end_well(
 def test_a_router_that_stays_away_ends_the_recording_whole(
     own_router: RouterProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recordings.record.AWAY_S", 0.5)
+    monkeypatch.setattr("options.recordings.record.AWAY_S", 0.5)
     spec = make_spec(swarm="test", robots=ROBOTS, rings=16, run_dir=str(tmp_path))
     state = State(runtime="netns", spec=spec, router=own_router.address)
     killed = threading.Event()

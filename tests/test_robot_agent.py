@@ -24,7 +24,7 @@ from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Points, transform
 from swarm.messages import ObservationRequest, SceneDescription, decode, encode
 from swarm.process import Clock, capture_ns
-from worlds.factory import FactoryWorld
+from worlds.factory.world import FactoryWorld
 
 
 def request(**changes: object) -> ObservationRequest:

@@ -38,7 +38,7 @@ from swarm.geometry import Points
 from swarm.log import make_logger
 from swarm.messages import Backlog, Beacon, Observation, ObservationRequest, SceneDescription
 from swarm.session import Session
-from worlds.opv2v import Opv2vWorld
+from worlds.opv2v.world import Opv2vWorld
 
 Start = Callable[..., subprocess.Popen[str]]
 

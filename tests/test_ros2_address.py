@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ros2.address import parse
+from options.ros2.address import parse
 from swarm.errors import SettingError
 from swarm.geometry import Pose
 

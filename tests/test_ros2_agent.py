@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
 from robot_agent.settings import load_settings
-from ros2.opening import open_world_of
+from sensing.opening import open_world_of
 from swarm import keyspace
 from swarm.errors import RefusedError, SettingError
 from swarm.geometry import Pose

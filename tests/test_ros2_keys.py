@@ -7,9 +7,9 @@ import struct
 import pytest
 import zenoh
 
-from ros2.clock import SPAN_NS, ClockOffset
-from ros2.inlet import Arrived, Inlet
-from ros2.keys import (
+from options.ros2.clock import SPAN_NS, ClockOffset
+from options.ros2.inlet import Arrived, Inlet
+from options.ros2.keys import (
     Attachment,
     Publisher,
     node_token,

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from bag_files import ODOMETRY, STORE, TRANSFORMS, ns, odometry, transforms
 
-from ros2.address import parse
-from ros2.inlet import Arrived, Inlet
-from ros2.whereabouts import MAX_FRAMES, Whereabouts, find_whereabouts
+from options.ros2.address import parse
+from options.ros2.inlet import Arrived, Inlet
+from options.ros2.whereabouts import MAX_FRAMES, Whereabouts, find_whereabouts
 from swarm.errors import WorldError
 from swarm.geometry import Pose
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ros2_robot import CORNER, Robot
 from zenoh_fixtures import RouterProcess, until
 
-from ros2 import keys
-from ros2.address import parse
-from ros2.world import LiveWorld
+from options.ros2 import keys
+from options.ros2.address import parse
+from options.ros2.world import LiveWorld
 from swarm.errors import SilentError, WorldError
 from swarm.geometry import Pose
 from swarm.log import make_logger

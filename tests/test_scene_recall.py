@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.scene_recall import match, targets
 from perception.scene import describe, visible_range
-from worlds.opv2v import Opv2vWorld
+from research.benchmarks.scene_recall import match, targets
+from worlds.opv2v.world import Opv2vWorld
 
 
 @pytest.fixture(scope="module")

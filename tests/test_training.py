@@ -15,22 +15,22 @@ import pytest
 import torch
 from tiny_detector import TINY, random_codebook, tiny  # noqa: F401
 
-import training.codes
-import training.run
+import research.training.codes
+import research.training.run
 import worlds.factory
 import worlds.road
 from perception.detector.codebook import ENTRIES, PARTS
 from perception.detector.grid import bev_config
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
+from research.training.learn import rate_at
+from research.training.plans import TEST_SEEDS, Plan, plan
+from research.training.run import Run
+from research.training.samples import ActorWorld
+from research.training.stream import Batch, batches, make_batch
 from swarm.errors import PerceptionError
-from training.learn import rate_at
-from training.plans import TEST_SEEDS, Plan, plan
-from training.run import Run
-from training.samples import ActorWorld
-from training.stream import Batch, batches, make_batch
-from worlds.factory import FactoryWorld
-from worlds.road import RoadWorld
+from worlds.factory.world import FactoryWorld
+from worlds.road.world import RoadWorld
 
 pytestmark = pytest.mark.usefixtures("tiny", "quick")
 STEPS = 4
@@ -40,8 +40,10 @@ SMALL = FactoryWorld(robots=3, seed=5000)
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """No codebook, and a line of the curve for every step."""
-    monkeypatch.setattr(training.run, "codebook_of", lambda plan, tensors: random_codebook())
-    monkeypatch.setattr(training.run, "SHOW_EVERY", 1)
+    monkeypatch.setattr(
+        research.training.run, "codebook_of", lambda plan, tensors: random_codebook()
+    )
+    monkeypatch.setattr(research.training.run, "SHOW_EVERY", 1)
 
 
 def small(steps: int = STEPS, **changes: Any) -> Plan:
@@ -54,13 +56,13 @@ def small(steps: int = STEPS, **changes: Any) -> Plan:
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[Batch]:
     """The batches that runs are shown."""
     seen: list[Batch] = []
-    losses = training.run.losses
+    losses = research.training.run.losses
 
     def spy(network: Any, config: Any, batch: Batch, seed: int) -> dict[str, torch.Tensor]:
         seen.append(batch)
         return losses(network, config, batch, seed)
 
-    monkeypatch.setattr(training.run, "losses", spy)
+    monkeypatch.setattr(research.training.run, "losses", spy)
     return seen
 
 
@@ -75,7 +77,7 @@ def stop_in(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
                     os.kill(os.getpid(), signal.SIGTERM)
                 yield batch
 
-        monkeypatch.setattr(training.run, "batches", interrupting)
+        monkeypatch.setattr(research.training.run, "batches", interrupting)
 
     return arrange
 
@@ -168,19 +170,19 @@ def test_what_was_measured_after_the_last_state_is_measured_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shown: list[Batch]
 ) -> None:
     # A machine that loses its power: the state is of step 2, the curve reaches further.
-    monkeypatch.setattr(training.run, "SAVE_EVERY", 2)
-    losses = training.run.losses
+    monkeypatch.setattr(research.training.run, "SAVE_EVERY", 2)
+    losses = research.training.run.losses
 
     def fail_late(network: Any, config: Any, batch: Batch, seed: int) -> dict[str, torch.Tensor]:
         if batch.step == 3:
             raise SystemExit("no power")
         return losses(network, config, batch, seed)
 
-    monkeypatch.setattr(training.run, "losses", fail_late)
+    monkeypatch.setattr(research.training.run, "losses", fail_late)
     with pytest.raises(SystemExit):
         Run(small(), tmp_path).train(workers=0)
     assert [line["step"] for line in curve(tmp_path)] == [1, 2, 3]
-    monkeypatch.setattr(training.run, "losses", losses)
+    monkeypatch.setattr(research.training.run, "losses", losses)
     shown.clear()
     run = Run(small(), tmp_path)
     assert run.step == 2
@@ -227,13 +229,13 @@ def test_weights_are_no_state(tmp_path: Path) -> None:
 def test_a_loss_that_is_no_number_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    losses = training.run.losses
+    losses = research.training.run.losses
 
     def broken(network: Any, config: Any, batch: Batch, seed: int) -> dict[str, torch.Tensor]:
         parts = losses(network, config, batch, seed)
         return {**parts, "total": parts["total"] * (float("nan") if batch.step == 1 else 1.0)}
 
-    monkeypatch.setattr(training.run, "losses", broken)
+    monkeypatch.setattr(research.training.run, "losses", broken)
     run = Run(small(), tmp_path)
     with pytest.raises(PerceptionError, match="loss of step 1 is not finite"):
         run.train(workers=0)
@@ -282,7 +284,7 @@ def test_worlds_for_tests_are_never_drawn(monkeypatch: pytest.MonkeyPatch) -> No
         def __init__(self, **settings: Any) -> None:
             drawn.append(settings)
 
-    monkeypatch.setattr(worlds.factory, "FactoryWorld", Spy)
+    monkeypatch.setattr(worlds.factory.world, "FactoryWorld", Spy)
     real = plan("factory")
     for step in range(200):
         real.world(np.random.default_rng([real.seed, step, 0]))
@@ -302,7 +304,7 @@ def test_streets_for_tests_are_never_drawn(monkeypatch: pytest.MonkeyPatch) -> N
         def __init__(self, **settings: Any) -> None:
             drawn.append(settings)
 
-    monkeypatch.setattr(worlds.road, "RoadWorld", Spy)
+    monkeypatch.setattr(worlds.road.world, "RoadWorld", Spy)
     real = plan("road")
     for step in range(200):
         real.world(np.random.default_rng([real.seed, step, 0]))
@@ -343,9 +345,9 @@ def test_an_unknown_plan_is_refused_with_those_there_are() -> None:
 def test_a_codebook_is_learnt_of_what_the_network_sends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(training.codes, "BATCHES", 2)
-    monkeypatch.setattr(training.codes, "MIN_CHANCE", 0.0)
-    monkeypatch.setattr(training.run, "codebook_of", training.codes.codebook_of)
+    monkeypatch.setattr(research.training.codes, "BATCHES", 2)
+    monkeypatch.setattr(research.training.codes, "MIN_CHANCE", 0.0)
+    monkeypatch.setattr(research.training.run, "codebook_of", research.training.codes.codebook_of)
     run = Run(small(2), tmp_path)
     run.train(workers=0)
     book = Detector(TINY.name, run.weights).codebook

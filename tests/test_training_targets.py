@@ -17,10 +17,10 @@ from perception.boxes import iou_3d
 from perception.detector.heads import boxes_at, read_boxes
 from perception.detector.network import BOX_CHANNELS
 from perception.types import Boxes
-from training.losses import box_losses, heat_loss
-from training.samples import draw, mirrored
-from training.targets import MIN_HITS, Targets, make_targets
-from worlds.factory import FactoryWorld
+from research.training.losses import box_losses, heat_loss
+from research.training.samples import draw, mirrored
+from research.training.targets import MIN_HITS, Targets, make_targets
+from worlds.factory.world import FactoryWorld
 
 ROWS, COLUMNS = TINY.cells
 

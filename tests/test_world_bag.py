@@ -23,12 +23,12 @@ from bag_files import (
 )
 
 from coadapt.main import main
-from evaluation.cooperative import fuse_frame
+from options.bags.mcap_file import McapFile
+from options.bags.world import BagWorld
 from swarm.errors import WorldError
 from swarm.geometry import Pose, pose_of, transform
-from worlds.bag.mcap_file import McapFile
-from worlds.bag.world import BagWorld
-from worlds.factory import FactoryWorld
+from worlds.cooperative.fusing import fuse_frame
+from worlds.factory.world import FactoryWorld
 from worlds.registry import open_world
 
 FRAMES = 5

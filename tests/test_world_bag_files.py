@@ -13,10 +13,10 @@ from bag_files import CLOUD, Log, plain_log
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
+from options.bags.recording import Recording, find_bags
+from options.bags.world import BagWorld
 from swarm.errors import KeyspaceError, WorldError
 from swarm.keyspace import check_name
-from worlds.bag.recording import Recording, find_bags
-from worlds.bag.world import BagWorld
 
 TIMES = np.arange(30) / 10
 POINTS = np.random.default_rng(1).normal(size=(2000, 3)).astype(np.float32)

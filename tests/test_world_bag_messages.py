@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from bag_files import STORE
 
-from swarm.geometry import Pose
-from worlds.ros.cdr import CdrError, Cursor
-from worlds.ros.messages import (
+from options.ros.cdr import CdrError, Cursor
+from options.ros.messages import (
     read_cloud,
     read_frame,
     read_odometry,
     read_stamp,
     read_transforms,
 )
-from worlds.ros.track import matrix_of
+from options.ros.track import matrix_of
+from swarm.geometry import Pose
 
 # A cloud of two points in the frame "ab", 16 bytes each: y, x, z, padding.
 BY_HAND = bytes.fromhex(

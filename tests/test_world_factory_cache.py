@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from worlds.cache import ScanCache
-from worlds.factory import FactoryWorld
 from worlds.factory.rays import rays
+from worlds.factory.world import FactoryWorld
 
 NAME = f"v{1 if rays() is None else 2}-floor-s1-r16-n6-R1-0003"
 

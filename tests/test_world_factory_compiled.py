@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from perception.kernels.library import load
 from swarm.errors import WorldError
 from swarm.geometry import Pose
-from worlds.factory import FactoryWorld, lidar
+from worlds.factory import lidar
 from worlds.factory.actors import Solids
 from worlds.factory.grid import RayGrid
 from worlds.factory.layout import Floor
 from worlds.factory.lidar import COLUMNS, HIGHEST_RAD, LOWEST_RAD, RANGE_M
 from worlds.factory.meshes import MeshRays
 from worlds.factory.rays import CompiledRays, rays
+from worlds.factory.world import FactoryWorld
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 SAME_M = 1e-4
@@ -175,7 +176,7 @@ def test_several_threads_get_the_same_scans() -> None:
 def test_a_compiled_factory_needs_no_open3d() -> None:
     code = (
         "import sys; sys.modules['open3d'] = None\n"
-        "from worlds.factory import FactoryWorld\n"
+        "from worlds.factory.world import FactoryWorld\n"
         "print(len(FactoryWorld(rings=16).scan('R1', 0).points))"
     )
     done = subprocess.run(

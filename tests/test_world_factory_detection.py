@@ -10,7 +10,7 @@ from perception.detector import configuration, detect
 from perception.metrics import average_precision
 from perception.types import Boxes
 from swarm.geometry import invert, transform
-from worlds.factory import FactoryWorld
+from worlds.factory.world import FactoryWorld
 
 FRAMES = range(0, 6000, 600)
 

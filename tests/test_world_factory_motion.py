@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from perception.boxes import iou_bev
 from perception.types import Boxes
-from worlds.factory import FactoryWorld
 from worlds.factory.paths import Laps, Loop
 from worlds.factory.scenarios import SCENARIOS
+from worlds.factory.world import FactoryWorld
 
 TOP_SPEED = {"robot": 1.5, "forklift": 2.1, "person": 1.3}
 

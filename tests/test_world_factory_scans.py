@@ -13,8 +13,8 @@ import pytest
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, invert, transform
-from worlds.factory import FactoryWorld
 from worlds.factory.lidar import COLUMNS, DROP_OUT, NOISE_M
+from worlds.factory.world import FactoryWorld
 from worlds.registry import open_world
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -34,7 +34,7 @@ def outside_m(points: Points, boxes: Boxes, index: int) -> float:
 
 def test_another_process_computes_the_same_points(world: FactoryWorld) -> None:
     code = (
-        "import hashlib; from worlds.factory import FactoryWorld; w = FactoryWorld()\n"
+        "import hashlib; from worlds.factory.world import FactoryWorld; w = FactoryWorld()\n"
         "w.scan('R2', 5); w.scan('R1', 40)\n"
         "print(hashlib.sha256(w.scan('R1', 41).points.tobytes()).hexdigest())"
     )

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swarm.geometry import transform
-from worlds.factory import FactoryWorld
 from worlds.factory.scenarios import CLUSTER, CLUSTER_GAP_M, OCCLUSION_AT_S, OCCLUSION_EVERY_S
+from worlds.factory.world import FactoryWorld
 
 
 def seen(world: FactoryWorld, robot: str, frame: int) -> dict[str, int]:

@@ -12,7 +12,7 @@ import yaml
 
 from swarm.errors import WorldError
 from swarm.geometry import transform
-from worlds.opv2v import Opv2vWorld, points_in_box
+from worlds.opv2v.world import Opv2vWorld, points_in_box
 from worlds.registry import open_world
 
 

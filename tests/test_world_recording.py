@@ -13,18 +13,18 @@ from recording_files import EPOCH_NS, detections, write_recording
 
 from coadapt.main import main
 from deploy.spec import make_spec
-from recordings import shapes
-from recordings.check import check
-from recordings.listen import Heard
-from recordings.outlet import Outlet
-from recordings.recorder import Recorder
-from recordings.sink import Sink
+from options.recordings import shapes
+from options.recordings.check import check
+from options.recordings.clouds import read_points
+from options.recordings.file import RecordingFile
+from options.recordings.format import BUDGET, FUSED, LOG, Box, Budget, Fused
+from options.recordings.listen import Heard
+from options.recordings.outlet import Outlet
+from options.recordings.recorder import Recorder
+from options.recordings.sink import Sink
+from options.recordings.world import RecordingWorld
 from swarm.errors import RecordingError, WorldError
-from worlds.factory import FactoryWorld
-from worlds.recording.clouds import read_points
-from worlds.recording.file import RecordingFile
-from worlds.recording.format import BUDGET, FUSED, LOG, Box, Budget, Fused
-from worlds.recording.world import RecordingWorld
+from worlds.factory.world import FactoryWorld
 from worlds.registry import open_world
 
 NUMBERS = (40, 42, 46)

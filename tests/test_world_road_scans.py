@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from swarm.geometry import Pose, invert, transform
-from worlds.road import RoadWorld
+from worlds.road.world import RoadWorld
 
 
 def digest(world: RoadWorld) -> str:
@@ -21,7 +21,7 @@ def digest(world: RoadWorld) -> str:
 
 def test_another_process_computes_the_same_scan() -> None:
     code = (
-        "from tests.test_world_road_scans import digest; from worlds.road import RoadWorld; "
+        "from tests.test_world_road_scans import digest; from worlds.road.world import RoadWorld; "
         "print(digest(RoadWorld(seed=4)))"
     )
     root = Path(__file__).resolve().parents[1]

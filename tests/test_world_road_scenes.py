@@ -8,7 +8,7 @@ import pytest
 from perception.boxes import iou_bev
 from swarm.errors import WorldError
 from worlds.registry import open_world
-from worlds.road import RoadWorld
+from worlds.road.world import RoadWorld
 
 SEEDS = range(1, 8)
 

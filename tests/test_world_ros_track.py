@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from worlds.ros.messages import Transform
-from worlds.ros.track import Track
+from options.ros.messages import Transform
+from options.ros.track import Track
 
 metres = st.floats(-1000, 1000)
 share = st.floats(0, 1)

@@ -1,63 +1,75 @@
-"""Worlds by name."""
+"""Worlds by name: every module or package in `worlds/` and `options/` that has `WORLDS`.
+
+To add a world, add one file with a class and `WORLDS = (WorldKind(...),)`; no list needs to be
+changed. Options are looked for where they are installed, and loaded when they are asked for.
+"""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
+import pkgutil
+from functools import cache
 from pathlib import Path
 
 from swarm.errors import WorldError
 from worlds.base import World
+from worlds.kinds import Reader, WorldKind, WorldRequest
 
-WORLDS = ("bag", "factory", "opv2v", "recording", "road")
+ROOMS = ("worlds", "options")
+
+
+@cache
+def world_kinds() -> dict[str, WorldKind]:
+    """All kinds by name, sorted. Raises WorldError where two have the same name."""
+    found: dict[str, WorldKind] = {}
+    for room in ROOMS:
+        spec = importlib.util.find_spec(room)
+        places = spec.submodule_search_locations if spec else None
+        for module in pkgutil.iter_modules(places or ()):
+            loaded = importlib.import_module(f"{room}.{module.name}")
+            for kind in getattr(loaded, "WORLDS", ()):
+                if kind.name in found:
+                    raise WorldError(f"two worlds are called {kind.name!r}")
+                found[kind.name] = kind
+    return dict(sorted(found.items()))
+
+
+def world_kind(name: str) -> WorldKind:
+    """The kind of that name. Raises WorldError for an unknown one."""
+    kinds = world_kinds()
+    if name not in kinds:
+        raise WorldError(f"world {name!r} is not known; allowed: {', '.join(kinds)}")
+    return kinds[name]
+
+
+def swarm_worlds() -> tuple[str, ...]:
+    """Names of the worlds that a swarm on one machine can live in: all but a live robot's."""
+    return tuple(name for name, kind in world_kinds().items() if kind.data != "address")
 
 
 def open_world(
     name: str,
     *,
-    data: Path | None = None,
+    data: Path | str | None = None,
     robots: int = 6,
     seed: int = 1,
     rings: int = 32,
     scenario: str = "floor",
     cache: Path | None = None,
+    reader: Reader | None = None,
 ) -> World:
-    """The world of that name.
-
-    Args:
-        name: one of WORLDS.
-        data: directory of a recorded scenario, needed by `opv2v`, or of bags, needed by `bag`; the
-            file of `coadapt record`, needed by `recording`.
-        robots: number of simulated robots.
-        seed: of everything random in a simulated world.
-        rings: of the simulated LiDAR of `factory`; `road` has OPV2V's.
-        scenario: of `factory`.
-        cache: directory in which scans are kept between runs; None keeps none.
+    """The world of that name; WorldRequest says what the values are.
 
     Raises WorldError for an unknown name, missing data or a value that the world does not allow.
     """
-    if name == "opv2v":
-        from worlds.opv2v import Opv2vWorld
-
-        if data is None:
-            raise WorldError("world 'opv2v' needs the directory of a recorded scenario (DATA=...)")
-        return Opv2vWorld(data, cache)
-    if name == "bag":
-        from worlds.bag.world import BagWorld
-
-        if data is None:
-            raise WorldError("world 'bag' needs the directory of the robots' bags (DATA=...)")
-        return BagWorld(data)
-    if name == "recording":
-        from worlds.recording.world import RecordingWorld
-
-        if data is None:
-            raise WorldError("world 'recording' needs the file of a recording (DATA=FILE.mcap)")
-        return RecordingWorld(data)
-    if name == "factory":
-        from worlds.factory import FactoryWorld
-
-        return FactoryWorld(robots=robots, seed=seed, rings=rings, scenario=scenario, cache=cache)
-    if name == "road":
-        from worlds.road import RoadWorld
-
-        return RoadWorld(robots=robots, seed=seed, cache=cache)
-    raise WorldError(f"world {name!r} is not known; allowed: {', '.join(WORLDS)}")
+    request = WorldRequest(
+        data=str(data or ""),
+        robots=robots,
+        seed=seed,
+        rings=rings,
+        scenario=scenario,
+        cache=cache,
+        reader=reader,
+    )
+    return world_kind(name).open_checked(request)

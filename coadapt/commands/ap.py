@@ -32,9 +32,10 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Prints the figures. Raises CoAdaptError for bad data or names."""
-    from evaluation.cooperative import Disturbance, evaluate
-    from worlds.bag.recording import holds_bags
-    from worlds.opv2v import Opv2vWorld
+    from options.bags.recording import holds_bags
+    from worlds.cooperative.fusing import Disturbance
+    from worlds.cooperative.judging import evaluate
+    from worlds.opv2v.world import Opv2vWorld
 
     if holds_bags(args.directory):
         raise WorldError(

@@ -131,9 +131,9 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 def run_policies(args: argparse.Namespace) -> int:
     """Compares and writes. Raises CoAdaptError for unknown names or data that cannot be read."""
-    from evaluation.policies.run import compare
-    from evaluation.published import found_published, summary
-    from evaluation.windows.scenarios import chosen, factory_suite, recorded_suite
+    from research.evaluation.policies.run import compare
+    from research.evaluation.published import found_published, summary
+    from research.evaluation.windows.scenarios import chosen, factory_suite, recorded_suite
 
     suite = recorded_suite(args.data) if args.data else factory_suite()
     published = [summary(name, cycles) for name, cycles in found_published().items()]
@@ -152,8 +152,8 @@ def run_policies(args: argparse.Namespace) -> int:
 
 def run_live(args: argparse.Namespace) -> int:
     """Runs swarms and compares. Raises DeployError where none can run."""
-    from evaluation.live.run import live_suite
-    from evaluation.live.run import run_live as run_all
+    from research.evaluation.live.run import live_suite
+    from research.evaluation.live.run import run_live as run_all
 
     run_all(live_suite(), args.policies, args.seconds, args.runtime, args.output)
     return 0
@@ -162,7 +162,7 @@ def run_live(args: argparse.Namespace) -> int:
 def run_surrogate(args: argparse.Namespace) -> int:
     """Measures, trains and writes."""
     from ego_agent.plan.surrogate.model import WEIGHTS
-    from evaluation.surrogate.train import train
+    from research.evaluation.surrogate.train import train
 
     train(args.windows, args.workers, FOLDER, args.output or WEIGHTS)
     return 0
@@ -170,8 +170,8 @@ def run_surrogate(args: argparse.Namespace) -> int:
 
 def run_published(args: argparse.Namespace) -> int:
     """Prints the tables. Raises EvaluationError for a folder that holds something else."""
-    from evaluation.published import read_published, summary
-    from evaluation.published_report import report
+    from research.evaluation.published import read_published, summary
+    from research.evaluation.published_report import report
 
     makers = read_published(args.folder)
     if not args.json:

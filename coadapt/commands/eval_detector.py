@@ -53,7 +53,7 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measures and writes. Raises CoAdaptError for unknown names."""
-    from evaluation.detector import run as measure
+    from research.evaluation.detector import run as measure
 
     measure(args.worlds, args.algorithms, args.frames, args.workers, args.output)
     return 0

@@ -33,8 +33,8 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Prints the fused boxes of one frame. Raises CoAdaptError for bad data or names."""
-    from evaluation.cooperative import Disturbance, fuse_frame
-    from worlds.opv2v import Opv2vWorld
+    from worlds.cooperative.fusing import Disturbance, fuse_frame
+    from worlds.opv2v.world import Opv2vWorld
 
     world = Opv2vWorld(args.directory)
     frame = world.frame_index(args.frame)

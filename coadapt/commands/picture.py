@@ -51,9 +51,9 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Draws and writes. Raises CoAdaptError for bad data or names."""
-    from evaluation.cooperative import Disturbance
-    from evaluation.picture import draw
-    from evaluation.splits import ROBOTS
+    from research.evaluation.picture import draw
+    from research.evaluation.splits import ROBOTS
+    from worlds.cooperative.fusing import Disturbance
     from worlds.registry import open_world
 
     robots = args.robots or ROBOTS.get(args.world, 2)

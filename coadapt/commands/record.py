@@ -55,14 +55,17 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Records until the time is up, Ctrl-C, or the swarm is gone; the file is whole every time."""
     if args.layout:
-        print(resources.files("recordings").joinpath("foxglove-layout.json").read_text(), end="")
+        print(
+            resources.files("options.recordings").joinpath("foxglove-layout.json").read_text(),
+            end="",
+        )
         return 0
     if args.no_file and args.live is None:
         raise RecordingError("--no-file without --live would record nothing: give --live")
     if args.seconds is not None and not args.seconds > 0:
         raise RecordingError(f"--seconds {args.seconds} cannot be used; it must be above 0")
     try:
-        from recordings.record import Wanted, record
+        from options.recordings.record import Wanted, record
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "foxglove":
             raise

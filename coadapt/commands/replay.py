@@ -28,7 +28,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Prints what is in a file; with `--check`, ends with 1 when no frame comes out the same."""
-    from worlds.recording.file import RecordingFile
+    from options.recordings.file import RecordingFile
 
     file = RecordingFile(args.file)
     for note in file.notes:
@@ -36,8 +36,8 @@ def run(args: argparse.Namespace) -> int:
     facts = _facts(file)
     status = 0
     if args.check:
-        from recordings.check import check
-        from worlds.recording.world import RecordingWorld
+        from options.recordings.check import check
+        from options.recordings.world import RecordingWorld
 
         result = check(RecordingWorld(args.file), _progress if sys.stderr.isatty() else None)
         facts["check"] = msgspec.to_builtins(result)
@@ -51,7 +51,7 @@ def _progress(done: int, of: int) -> None:
 
 
 def _facts(file: Any) -> dict[str, Any]:
-    from worlds.recording.format import FRAME, FUSED, Fused
+    from options.recordings.format import FRAME, FUSED, Fused
 
     times = file.times(FRAME)
     fused = file.messages(FUSED, Fused)

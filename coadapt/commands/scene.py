@@ -30,7 +30,7 @@ def register(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Prints the description of one file. Raises CoAdaptError when it cannot be read."""
     from perception.scene import describe
-    from worlds.pcd import read_pcd
+    from worlds.opv2v.pcd import read_pcd
 
     points = read_pcd(args.file)
     describe(points[:5], method=args.method)  # loads the method's libraries: not part of the time

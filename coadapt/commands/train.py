@@ -43,9 +43,9 @@ def run(args: argparse.Namespace) -> int:
     import torch
 
     from perception.detector.weight_files import weight_file
+    from research.training.plans import plan
+    from research.training.run import Run
     from swarm.errors import PerceptionError
-    from training.plans import plan
-    from training.run import Run
 
     if args.device == "cuda" and not torch.cuda.is_available():
         raise PerceptionError("device 'cuda' is not available; allowed here: cpu")

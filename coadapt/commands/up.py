@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
@@ -15,7 +15,7 @@ from deploy.services import journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.errors import DeployError
-from swarm.process import WorldName
+from worlds.registry import swarm_worlds, world_kind
 
 if TYPE_CHECKING:
     from worlds.base import World
@@ -30,7 +30,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
     parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
     parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
-    parser.add_argument("--world", choices=get_args(WorldName), default="factory")
+    parser.add_argument("--world", choices=swarm_worlds(), default="factory")
     parser.add_argument(
         "--data", default="", help="recorded data: directory of opv2v or bag, file of recording"
     )
@@ -111,11 +111,12 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
     comm_range_m = args.comm_range
-    if args.world in ("bag", "opv2v", "recording"):
+    kind = world_kind(args.world)
+    if kind.data:
         if not args.data:
-            kind = "FILE.mcap" if args.world == "recording" else "DIR"
             raise DeployError(
-                f"world {args.world} needs --data {kind} (make up WORLD={args.world} DATA={kind})"
+                f"world {kind.name} needs --data {kind.word}, {kind.needs} "
+                f"(make up WORLD={kind.name} DATA={kind.word})"
             )
         world = _recorded(args.world, Path(args.data))
         robots = world.robots[: args.robots]

@@ -18,19 +18,15 @@ from swarm.errors import DeployError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGES = (
-    "benchmarks",
     "coadapt",
-    "console",
     "deploy",
     "ego_agent",
-    "evaluation",
     "llm_gateway",
     "network_controller",
+    "options",
     "perception",
     "robot_agent",
-    "ros2",
     "swarm",
-    "training",
     "worlds",
 )
 LOCKS = (REPOSITORY / "requirements.lock", REPOSITORY / "requirements-torch.lock")

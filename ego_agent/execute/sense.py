@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 import time
 from dataclasses import dataclass
@@ -10,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ego_agent.monitor.snapshot import Monitor
-from perception.detector import configuration
-from perception.scene import describe, to_array, visible_range
 from perception.types import clean_points
-from swarm.arrays import pack
+from sensing.telling import Teller
 from swarm.errors import CoAdaptError
 from swarm.geometry import Matrix, Points, Pose
 from swarm.log import Logger
-from swarm.messages import Beacon, SceneDescription
+from swarm.messages import Beacon
 from swarm.process import Clock, capture_ns, frame_now
 from worlds.base import World
 
@@ -59,11 +56,9 @@ class OwnSensor:
         self._ego = ego
         self._epoch_ns = epoch_ns
         self._monitor = monitor
-        self._own_body_m = configuration(world.detector).own_body_m
         self._clock = clock
         self._log = log
-        self._instance = random.getrandbits(48)
-        self._seq = itertools.count(1)
+        self._teller = Teller(world, ego, random.getrandbits(48), clock.now_ns)
         self._described_at = float("-inf")
         self._failing = False
 
@@ -116,41 +111,11 @@ class OwnSensor:
         if now - self._described_at < SCENE_PERIOD_S or own.failure:
             return
         self._described_at = now
-        begun = time.perf_counter()
-        scene = describe(own.points, own_body_m=self._own_body_m)
-        matrix = own.world_from_sensor
-        visible = visible_range(own.points, yaw=own.pose.yaw, own_body_m=self._own_body_m)
-        beacon = self._beacon(own)
-        self._monitor.note_own(
-            beacon,
-            SceneDescription(
-                robot=self._ego,
-                instance=self._instance,
-                seq=beacon.seq,
-                sent_ns=beacon.sent_ns,
-                capture_ns=own.capture_ns,
-                frame=own.frame,
-                pose=own.pose.as_tuple(),
-                objects=pack(to_array(scene, matrix)),
-                visible_m=pack(visible.reshape(-1, 1)),
-                ground_points=scene.ground_points,
-                elapsed_ms=(time.perf_counter() - begun) * 1e3,
-            ),
-        )
+        scene = self._teller.description(own.frame, own.capture_ns, own.pose, own.points)
+        self._monitor.note_own(self._beacon(own), scene)
 
     def _beacon(self, own: OwnFrame) -> Beacon:
-        return Beacon(
-            robot=self._ego,
-            instance=self._instance,
-            seq=next(self._seq),
-            sent_ns=self._clock.now_ns(),
-            capture_ns=own.capture_ns,
-            frame=own.frame,
-            pose=own.pose.as_tuple(),
-            velocity=own.velocity,
-            range_m=self._world.range_m,
-            sizes={},
-        )
+        return self._teller.beacon(own.frame, own.capture_ns, own.pose, own.velocity, {})
 
     def _blind(self, frame: int, pose: Pose, failure: str) -> OwnFrame:
         captured = capture_ns(self._epoch_ns, self.rate_hz, frame)

@@ -1,5 +1,15 @@
 """A simulated town: ray-cast LiDAR scans of streets as OPV2V's recording cars see CARLA's."""
 
-from worlds.road.world import RoadWorld
+from __future__ import annotations
 
-__all__ = ["RoadWorld"]
+from worlds.base import World
+from worlds.kinds import WorldKind, WorldRequest
+
+
+def _open(request: WorldRequest) -> World:
+    from worlds.road.world import RoadWorld
+
+    return RoadWorld(robots=request.robots, seed=request.seed, cache=request.cache)
+
+
+WORLDS = (WorldKind("road", _open, comm_range_m=70.0),)

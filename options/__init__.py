@@ -1,0 +1,1 @@
+"""Options: loaded only when asked for; the product works without them."""

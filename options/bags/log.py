@@ -1,0 +1,104 @@
+"""What one robot recorded: its scans, by when they were taken, and where it was."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+import numpy as np
+
+from options.bags.motion import find_motion
+from options.bags.recording import Recording
+from options.bags.settings import FILE_NAME, RobotSettings
+from options.ros.frames import FIXED, Velocity, plain
+from options.ros.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_frame, read_stamp
+from options.ros.track import Placed
+from swarm.errors import WorldError
+from swarm.geometry import Matrix
+
+
+class RobotLog:
+    """One robot's bag. Times are nanoseconds of its own stamps."""
+
+    def __init__(self, robot: str, recording: Recording, settings: RobotSettings) -> None:
+        """Finds its topics and how far they reach. Raises WorldError when one is missing."""
+        self.robot = robot
+        self.topic = _points_topic(recording, settings)
+        self._clouds = recording.messages(self.topic)
+        self._stamps: dict[int, int] = {}
+        frame = self._clouds.decode(0, read_frame)
+        if plain(frame) in FIXED:
+            raise WorldError(
+                f"scans of bag {recording.path} (topic {self.topic}) are in {frame!r}, a frame "
+                "that stays; they must be in the sensor's own, or nobody knows from where they "
+                "were taken"
+            )
+        self._motion = find_motion(recording, frame, settings)
+        self._world_from_fixed: Matrix = settings.origin.pose().matrix()
+        steps = np.diff(self._clouds.times_ns)
+        self.rate_hz = 1e9 / float(np.median(steps)) if len(steps) and np.median(steps) else None
+        """Scans a second; None with a single one."""
+        scans = self.stamp(0), self.stamp(len(self._clouds) - 1)
+        begin, end = self._motion.span_ns or scans
+        self.first_ns, self.last_ns = max(scans[0], begin), min(scans[1], end)
+        if self.first_ns > self.last_ns:
+            raise WorldError(
+                f"scans and poses of bag {recording.path} share no time: scans (topic "
+                f"{self.topic}) are stamped {seconds(*scans)}, poses {seconds(begin, end)}"
+            )
+
+    def stamp(self, index: int) -> int:
+        """When a scan was taken: its header's stamp, or else when it was recorded."""
+        if index not in self._stamps:
+            stamp = self._clouds.decode(index, read_stamp, STAMP_BYTES)
+            self._stamps[index] = stamp or int(self._clouds.times_ns[index])
+        return self._stamps[index]
+
+    def newest(self, time_ns: int) -> int | None:
+        """The index of the newest scan at or before a time; None before the first."""
+        # Only the scans that the search meets are looked at.
+        after = bisect_right(range(len(self._clouds)), time_ns, key=self.stamp)
+        return after - 1 if after else None
+
+    def cloud(self, index: int) -> Cloud:
+        """A scan, read from the bag."""
+        return self._clouds.decode(index, read_cloud)
+
+    def placed(self, time_ns: int) -> Placed:
+        """`world_from_sensor`."""
+        placed = self._motion.at(time_ns)
+        return Placed(self._world_from_fixed @ placed.a_from_b, placed.known)
+
+    def velocity(self, time_ns: int) -> Velocity:
+        """Of the sensor in the world frame, m/s."""
+        x, y, z = self._world_from_fixed[:3, :3] @ np.array(self._motion.velocity(time_ns))
+        return (float(x), float(y), float(z))
+
+
+def seconds(begin_ns: int, end_ns: int) -> str:
+    """An interval as a message says it."""
+    return f"{begin_ns / 1e9:.3f} to {end_ns / 1e9:.3f} s"
+
+
+def _points_topic(recording: Recording, settings: RobotSettings) -> str:
+    there = recording.topics_of(CLOUD)
+    if settings.points:
+        kind = recording.topics.get(settings.points)
+        if kind != CLOUD:
+            raise WorldError(
+                f"topic {settings.points!r} of bag {recording.path} is {kind or 'not there'}; "
+                f"{FILE_NAME} needs it to be {CLOUD}; there "
+                f"{'are ' + ', '.join(there) if there else 'is none'}"
+            )
+        return settings.points
+    if len(there) > 1:
+        raise WorldError(
+            f"bag {recording.path} has several {CLOUD} topics: {', '.join(there)}; name one in "
+            f"{FILE_NAME} (points = ...)"
+        )
+    if not there:
+        others = ", ".join(f"{name} ({kind})" for name, kind in sorted(recording.topics.items()))
+        raise WorldError(
+            f"bag {recording.path} has no {CLOUD} topic with messages in CDR; it has "
+            f"{others or 'no messages at all'}{''.join('; ' + note for note in recording.notes)}"
+        )
+    return there[0]

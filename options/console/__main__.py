@@ -1,0 +1,97 @@
+"""The console process: `python -m options.console`."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import threading
+
+from prometheus_client import CollectorRegistry
+
+from options.console.app import make_app
+from options.console.board import Board
+from options.console.door import Door
+from options.console.floor import plan
+from options.console.guard import Hosts
+from options.console.hub import Hub
+from options.console.metrics import ConsoleMetrics
+from options.console.settings import ConsoleSettings, load_settings
+from options.console.view import View
+from options.console.watch import Watch
+from swarm import transport
+from swarm.errors import CoAdaptError
+from swarm.http_doors import is_loopback
+from swarm.log import make_logger
+from swarm.metrics import MetricsServer
+from swarm.process import leave, stop_on_signals
+
+
+def main() -> int:
+    """Shows the swarm until SIGTERM or SIGINT; wrong settings end it with 1."""
+    stop = stop_on_signals()
+    try:
+        settings = load_settings()
+        transport.client_config(settings.router)  # a malformed address ends the process here
+        door = Door(settings)
+        registry = CollectorRegistry()
+        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+        try:
+            asyncio.run(serve(settings, door, registry, stop))
+        finally:
+            server.close()
+    except CoAdaptError as error:
+        print(f"console: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+async def serve(
+    settings: ConsoleSettings, door: Door, registry: CollectorRegistry, stop: threading.Event
+) -> None:
+    """Runs one console until `stop` is set; its metrics go to `registry`."""
+    log = make_logger("console", level=settings.log_level, swarm=settings.swarm)
+    metrics = ConsoleMetrics(registry)
+    board = Board()
+    view = View(board, settings.swarm, settings.ego, settings.comm_range_m)
+    watch = Watch(view, settings.router, settings.swarm, settings.ego, log)
+    hub = Hub(board, watch.look)
+    app = make_app(
+        hub,
+        watch,
+        plan(settings.world, settings.world_robots, settings.world_seed),
+        Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
+        settings.console_token,
+        metrics,
+        log,
+    )
+    metrics.show(hub, view)
+    serving = asyncio.create_task(door.serve(app))
+    log.info("console_up", port=door.port)
+    try:
+        await _either(serving, stop)
+    finally:
+        hub.close()
+        door.stop()
+        await serving
+        door.close()
+        await asyncio.to_thread(watch.close)
+    log.info("console_down")
+
+
+async def _either(serving: asyncio.Task[None], stop: threading.Event) -> None:
+    """Until the server has ended by itself, or `stop` is set."""
+    loop = asyncio.get_running_loop()
+    stopped = asyncio.Event()
+
+    def wait() -> None:
+        stop.wait()
+        loop.call_soon_threadsafe(stopped.set)
+
+    threading.Thread(target=wait, name="stop", daemon=True).start()
+    waiting = asyncio.create_task(stopped.wait())
+    await asyncio.wait({serving, waiting}, return_when=asyncio.FIRST_COMPLETED)
+    waiting.cancel()
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,209 @@
+"""The console's pages, its stream, and its controls."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs
+
+import msgspec
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+from starlette.types import Receive, Scope, Send
+
+from options.console.controls import CONTROLS
+from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, Hosts, same_origin
+from options.console.hub import Hub
+from options.console.metrics import ConsoleMetrics
+from options.console.watch import Watch
+from swarm.errors import CoAdaptError, KeyspaceError, RefusedError
+from swarm.log import Logger
+
+PAGE = Path(__file__).parent / "page"
+KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+CSRF_HEADER = "x-coadapt-csrf"
+OPERATOR = "console"
+WHO = {"shape": "the network controller", "ego": "the ego", "robot": "the robot"}
+MAX_BODY_BYTES = 1_500_000
+"""A trace of 100,000 rates fits, also where each is 10 Gbit/s."""
+STALLED_S = 30.0
+"""A viewer who takes no byte for so long is let go; the page comes again by itself. Shorter than
+`UNTAKEN_S`, after which the socket goes, too."""
+WRONG_TOKEN_S = 1.0
+
+
+def make_app(
+    hub: Hub,
+    watch: Watch,
+    floor: Mapping[str, Any],
+    hosts: Hosts,
+    token: str,
+    metrics: ConsoleMetrics,
+    log: Logger,
+) -> Guard:
+    """The application; with a token, viewers must show it, as a header or in the login form."""
+    pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
+    assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
+    plan = msgspec.json.encode(floor)
+
+    async def index(request: Request) -> Response:
+        return Response(pages["index.html"], media_type="text/html")
+
+    async def asset(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in assets:
+            raise HTTPException(404)
+        return Response(assets[name], media_type=KINDS[Path(name).suffix])
+
+    async def login(request: Request) -> Response:
+        if request.method == "GET":
+            return Response(pages["login.html"], media_type="text/html")
+        if not same_origin(request.headers):
+            return _refused(403, "this form was sent from elsewhere")
+        form = await _form(request)
+        cookie = guard.sign_in(form)
+        if cookie is None:
+            log.warning("console_wrong_token")
+            await asyncio.sleep(WRONG_TOKEN_S)
+            return Response(pages["login.html"], 401, media_type="text/html")
+        done = RedirectResponse("/", 303)
+        done.set_cookie(COOKIE, cookie, max_age=SIGNED_IN_S, httponly=True, samesite="strict")
+        return done
+
+    async def events(request: Request) -> Response:
+        if hub.full():
+            return _refused(503, "too many pages look at this swarm")
+        return _Stream(hub, metrics)
+
+    async def floor_plan(request: Request) -> Response:
+        return Response(plan, media_type="application/json")
+
+    async def control(request: Request) -> Response:
+        if not same_origin(request.headers):
+            return _refused(403, "controls answer to the console's own page only")
+        if not hub.may_control(request.headers.get(CSRF_HEADER, "")):
+            return _refused(403, "this page is not connected any more: reload it")
+        if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
+            return _refused(415, "the body must be application/json")
+        what = request.path_params["what"]
+        if what not in CONTROLS:
+            raise HTTPException(404)
+        body = await _read(request)
+        try:
+            asked = msgspec.json.decode(body, type=CONTROLS[what].request)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            return _refused(400, f"the request is not valid: {error}")
+        asked = msgspec.structs.replace(asked, operator=OPERATOR)
+        robot = request.path_params.get("robot", "")
+        try:
+            reply = await asyncio.wrap_future(watch.ask(CONTROLS[what], asked, robot))
+        except RefusedError as error:
+            metrics.requests.labels(what, "refused").inc()
+            log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
+            return _refused(409, str(error).partition(" refused: ")[2])
+        except KeyspaceError as error:
+            metrics.requests.labels(what, "refused").inc()
+            return _refused(400, str(error))
+        except CoAdaptError as error:
+            # Pages ask every few seconds what is in force: the log is not to fill with it.
+            metrics.requests.labels(what, "unanswered").inc()
+            log.debug("console_unanswered", what=what, robot=robot, why=str(error)[:300])
+            return _refused(504, f"{WHO[what]} does not answer: {error}")
+        metrics.requests.labels(what, "done").inc()
+        log.debug("console_asked", what=what, robot=robot)
+        return Response(msgspec.json.encode(reply.message), media_type="application/json")
+
+    app = Starlette(
+        routes=[
+            Route("/", index, methods=["GET"]),
+            Route("/assets/{name}", asset, methods=["GET"]),
+            Route(LOGIN, login, methods=["GET", "POST"]),
+            Route("/api/events", events, methods=["GET"]),
+            Route("/api/floor", floor_plan, methods=["GET"]),
+            Route("/api/{what}", control, methods=["POST"]),
+            Route("/api/{what}/{robot}", control, methods=["POST"]),
+        ],
+        exception_handlers={HTTPException: _not_routed, ClientDisconnect: _left},
+    )
+    app.router.redirect_slashes = False
+    guard = Guard(app, hosts, token)
+    return guard
+
+
+class _Stream(Response):
+    """Server-sent events until the viewer leaves, stalls, or the console ends."""
+
+    def __init__(self, hub: Hub, metrics: ConsoleMetrics) -> None:
+        super().__init__(media_type="text/event-stream")
+        self._hub = hub
+        self._metrics = metrics
+        # Without a length, so that the body is sent in chunks.
+        self.raw_headers = [h for h in self.raw_headers if h[0] != b"content-length"]
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def left() -> None:
+            while (await receive())["type"] != "http.disconnect":
+                pass
+
+        async def push() -> None:
+            await send(
+                {
+                    "type": "http.response.start",
+                    "status": self.status_code,
+                    "headers": self.raw_headers,
+                }
+            )
+            stream = self._hub.stream()
+            try:
+                async for event in stream:
+                    async with asyncio.timeout(STALLED_S):
+                        await send({"type": "http.response.body", "body": event, "more_body": True})
+                    self._metrics.events.inc()
+                    self._metrics.sent.inc(len(event))
+                await send({"type": "http.response.body", "body": b"", "more_body": False})
+            except TimeoutError:
+                self._metrics.stalled.inc()
+            finally:
+                await stream.aclose()
+
+        tasks = {asyncio.create_task(push()), asyncio.create_task(left())}
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _refused(status: int, why: str) -> JSONResponse:
+    return JSONResponse({"error": why}, status)
+
+
+async def _read(request: Request) -> bytes:
+    raw = bytearray()
+    async for chunk in request.stream():
+        raw += chunk
+        if len(raw) > MAX_BODY_BYTES:
+            raise HTTPException(413, f"the body has more than {MAX_BODY_BYTES} bytes")
+    return bytes(raw)
+
+
+async def _form(request: Request) -> str:
+    """The token in a login form."""
+    text = (await _read(request)).decode(errors="replace")
+    return parse_qs(text).get("token", [""])[0]
+
+
+async def _not_routed(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return JSONResponse({"error": error.detail}, error.status_code, headers=error.headers)
+
+
+async def _left(request: Request, error: Exception) -> Response:
+    # Nobody reads it.
+    return Response(status_code=499)

@@ -1,0 +1,125 @@
+"""Does a recording replay to what was recorded? Every recorded frame is fused again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import msgspec
+import numpy as np
+
+from options.recordings.format import FUSED, Box, Fused
+from options.recordings.world import RecordingWorld
+from perception.types import Boxes
+from swarm.errors import PerceptionError, RecordingError, WorldError
+from worlds.cooperative.fusing import fuse_frame
+
+TOLERANCE = 1e-3
+"""Metres, radians and score; messages carry float32."""
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """A frame that came out otherwise."""
+
+    frame: int
+    """The recorded swarm's number."""
+    algorithm: str
+    why: str
+
+
+class Check(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of fusing again."""
+
+    compared: int
+    equal: int
+    """Frames with the same boxes, labels and scores within TOLERANCE."""
+    boxes: int
+    """Recorded boxes in the compared frames."""
+    largest: float
+    """Difference within the equal frames: metres, radians or score."""
+    without_scans: int
+    """Fused frames whose scans were not recorded."""
+    different: tuple[Difference, ...]
+
+
+def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = None) -> Check:
+    """Fuses every recorded frame again, with those who took part and by the same algorithm.
+
+    Raises RecordingError when there is nothing to compare.
+    """
+    fused = world.file.messages(FUSED, Fused)
+    known = [(one, world.frame_of(one.frame)) for one in fused]
+    with_scans = [(one, frame) for one, frame in known if frame is not None]
+    if not with_scans:
+        raise RecordingError(
+            f"recording {world.file.path} has no fused frame with scans: nothing can be compared"
+        )
+    equal, boxes, largest = 0, 0, 0.0
+    different: list[Difference] = []
+    for done, (one, frame) in enumerate(with_scans, start=1):
+        boxes += len(one.boxes)
+        apart = _apart(world, one, frame)
+        if isinstance(apart, str):
+            different.append(Difference(one.frame, one.algorithm, apart))
+        else:
+            equal += 1
+            largest = max(largest, apart)
+        if progress is not None:
+            progress(done, len(with_scans))
+    return Check(
+        compared=len(with_scans),
+        equal=equal,
+        boxes=boxes,
+        largest=largest,
+        without_scans=len(known) - len(with_scans),
+        different=tuple(different),
+    )
+
+
+def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
+    """The largest difference, or in words why they are not the same."""
+    try:
+        again = fuse_frame(world, frame, one.ego, one.participants, one.algorithm).boxes
+    except (PerceptionError, WorldError) as error:
+        return str(error)
+    if len(again) != len(one.boxes):
+        return f"{len(one.boxes)} boxes were recorded, {len(again)} come out"
+    if not len(again):
+        return 0.0
+    recorded, found = _table(one.boxes), _table(_boxes(again))
+    # Equal boxes may come in another order.
+    gaps = np.abs(recorded[:, None, :3] - found[None, :, :3]).max(axis=2)
+    partner = gaps.argmin(axis=1)
+    if len(set(partner.tolist())) != len(recorded):
+        return (
+            f"{gaps.min(axis=1).max():.3g} m between a recorded box and the nearest that comes out"
+        )
+    delta = np.abs(recorded - found[partner])
+    delta[:, 6] = np.minimum(delta[:, 6], np.abs(2 * np.pi - delta[:, 6]))
+    largest = float(delta.max())
+    if largest > TOLERANCE:
+        return f"boxes differ by {largest:.3g} (metres, radians or score)"
+    labels = [again.labels[place] for place in partner]
+    if labels != [box.label for box in one.boxes]:
+        return "boxes have other labels"
+    return largest
+
+
+def _table(found: Iterable[Box]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """(N, 8): centre, size, heading, score."""
+    rows = [(*box.center, *box.size, box.heading, box.score) for box in found]
+    return np.array(rows, dtype=np.float64).reshape(-1, 8)
+
+
+def _boxes(found: Boxes) -> list[Box]:
+    rows = zip(
+        found.centers.tolist(),
+        found.sizes.tolist(),
+        found.headings.tolist(),
+        found.scores.tolist(),
+        found.labels,
+        strict=True,
+    )
+    return [
+        Box(center=tuple(c), size=tuple(s), heading=h, score=score, label=label)
+        for c, s, h, score, label in rows
+    ]

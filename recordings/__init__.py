@@ -1,1 +1,0 @@
-"""Recordings of running swarms: written as MCAP, shown live in Foxglove, replayed and compared."""

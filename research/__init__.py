@@ -1,0 +1,1 @@
+"""Research: experiments, training and benchmarks; not installed with the product."""

@@ -1,0 +1,206 @@
+"""Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage`,
+and, apart, of the demand that is told the network controller after it.
+
+The messages of a synthetic floor go through the real Monitor, encoded and decoded as on the wire;
+only the cycle itself is timed. Between two cycles every robot moves, sees other things, and C(t)
+changes, so that nothing can be carried over. Some robots' answers are late now and then.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.monitor.link import LinkEstimate
+from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import DemandMeter
+from ego_agent.plan.policies.registry import make_policy
+from research.benchmarks.report import write_report
+from swarm.arrays import pack
+from swarm.messages import (
+    Beacon,
+    Decision,
+    LinkState,
+    Message,
+    NetState,
+    SceneDescription,
+    decode,
+    encode,
+)
+
+ROBOTS = (6, 12, 50)
+CYCLES = 400
+WARM_UP = 20
+OBJECTS_A_ROBOT = 60
+SECTORS = 72
+FLOOR_M = 40.0
+"""Half the side of the square in which robots and objects are: all are within 45 m or nearly."""
+
+
+class Floor:
+    """A floor of things and robots that move; `messages` is one period's traffic."""
+
+    def __init__(self, robots: int, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._ids = [f"R{i + 1}" for i in range(robots)]
+        self._things = self._rng.uniform(-FLOOR_M - 20, FLOOR_M + 20, (220, 2))
+        self._places = self._rng.uniform(-FLOOR_M * 0.7, FLOOR_M * 0.7, (robots, 2))
+        self._step = 0
+
+    def messages(self) -> Iterator[Message]:
+        """Beacons and scene descriptions of all robots after all have moved, and the link."""
+        self._step += 1
+        self._places += self._rng.normal(0.0, 0.5, self._places.shape)
+        np.clip(self._places, -FLOOR_M, FLOOR_M, out=self._places)
+        now_ns = time.time_ns()
+        for robot, place in zip(self._ids, self._places, strict=True):
+            pose = (float(place[0]), float(place[1]), 1.5, 0.0, 0.0, 0.0)
+            yield Beacon(
+                robot=robot,
+                instance=1,
+                seq=self._step,
+                sent_ns=now_ns,
+                capture_ns=now_ns,
+                frame=self._step,
+                pose=pose,
+                velocity=(0.0, 0.0, 0.0),
+                range_m=50.0,
+                sizes={
+                    "early": int(self._rng.integers(9_000, 16_000)),
+                    "late": int(self._rng.integers(300, 1_500)),
+                },
+            )
+            yield SceneDescription(
+                robot=robot,
+                instance=1,
+                seq=self._step,
+                sent_ns=now_ns,
+                capture_ns=now_ns,
+                frame=self._step,
+                pose=pose,
+                objects=pack(self._seen_from(place)),
+                visible_m=pack(self._rng.uniform(5, 50, (SECTORS, 1)).astype(np.float32)),
+                ground_points=20_000,
+                elapsed_ms=4.0,
+            )
+        yield self._net_state(now_ns)
+
+    def _net_state(self, now_ns: int) -> NetState:
+        capacity_bps = int(self._rng.uniform(1e6, 20e6))
+        cell = LinkState(
+            robot=self._ids[0],
+            direction="down",
+            capacity_bps=capacity_bps,
+            available_bps=capacity_bps,
+            latency_ms=0.0,
+            level=0,
+            classes={},
+        )
+        return NetState(controller=1, seq=self._step, sent_ns=now_ns, links=(cell,))
+
+    def _seen_from(self, place: np.ndarray) -> np.ndarray:
+        """The nearest things, float32 (N, 9) as in a scene description, with noise."""
+        distance = np.hypot(*(self._things - place).T)
+        nearest = np.argsort(distance)[:OBJECTS_A_ROBOT]
+        objects = np.ones((OBJECTS_A_ROBOT, 9), dtype=np.float32)
+        objects[:, :2] = self._things[nearest] + self._rng.normal(0, 0.2, (OBJECTS_A_ROBOT, 2))
+        objects[:, 3] = distance[nearest]
+        objects[:, 7] = np.maximum(5, 20_000 / np.maximum(1, distance[nearest]) ** 2)
+        return objects
+
+
+def run(robots: int, cycles: int = CYCLES) -> tuple[list[float], list[float]]:
+    """Milliseconds of each cycle with that many robots, the ego included; and of its demand."""
+    floor = Floor(robots, seed=robots)
+    knowledge = Knowledge(Objective(slower_hz=SLOWER_HZ))
+    policy = make_policy("coverage", knowledge.algorithms)
+    monitor = Monitor("R1", LinkEstimate(20e6))
+    for number in range(robots):
+        monitor.on_join(f"R{number + 1}")
+    rng = np.random.default_rng(robots)
+    previous: Decision | None = None
+    taken: list[float] = []
+    meter, demands = DemandMeter(), list[float]()
+    for cycle in range(WARM_UP + cycles):
+        _feed(monitor, floor)
+        _answers(knowledge, rng, robots)
+        begun = time.perf_counter()
+        now_ns = time.time_ns()
+        snapshot = monitor.snapshot(cycle, now_ns)
+        scene = analyze(snapshot, knowledge)
+        previous = plan(snapshot, scene, policy, knowledge, previous, cycle, now_ns)
+        decided = time.perf_counter()
+        meter.take(scene, knowledge, previous, sent_ns=now_ns, now_s=time.monotonic())
+        demands.append((time.perf_counter() - decided) * 1e3)
+        taken.append((decided - begun) * 1e3)
+        if not previous.valid or previous.source != "policy":
+            raise RuntimeError(f"cycle {cycle} was not decided by coverage: {previous}")
+    return taken[WARM_UP:], demands[WARM_UP:]
+
+
+def _answers(knowledge: Knowledge, rng: np.random.Generator, robots: int) -> None:
+    """What the robots' answers of a period teach: every third robot is late now and then, so that
+    expected coverage has to be counted out."""
+    for number in range(1, robots):
+        for algorithm in knowledge.algorithms:
+            slow = number % 3 == 0 and rng.random() < 0.3
+            knowledge.experience.record(f"R{number + 1}", algorithm, 0.4 if slow else 0.1)
+
+
+def _feed(monitor: Monitor, floor: Floor) -> None:
+    """One period's messages, as bytes off the wire; the ego's own come from its own sensor."""
+    own: Beacon | None = None
+    for message in floor.messages():
+        received = decode(encode(message), type(message))
+        if isinstance(received, Beacon):
+            own = received if received.robot == monitor.ego else own
+            monitor.on_beacon(received)
+        elif isinstance(received, SceneDescription):
+            if received.robot == monitor.ego and own is not None:
+                monitor.note_own(own, received)
+            monitor.on_scene(received)
+        elif isinstance(received, NetState):
+            monitor.on_net_state(received)
+
+
+def main() -> None:
+    """Measures and writes build/bench/cycle.json."""
+    figures: dict[str, object] = {}
+    rows = []
+    samples = {}
+    for robots in ROBOTS:
+        gc.collect()
+        taken, demands = run(robots)
+        p50, p99 = (round(float(np.percentile(taken, q)), 3) for q in (50, 99))
+        figures[f"p99_ms_{robots}"] = p99
+        figures[f"p50_ms_{robots}"] = p50
+        demand_p99 = round(float(np.percentile(demands, 99)), 3)
+        figures[f"demand_p99_ms_{robots}"] = demand_p99
+        rows.append(
+            {
+                "robots": robots,
+                "p50_ms": p50,
+                "p99_ms": p99,
+                "max_ms": round(max(taken), 3),
+                "demand_p50_ms": round(float(np.median(demands)), 3),
+                "demand_p99_ms": demand_p99,
+            }
+        )
+        samples[f"ms_{robots}"] = [round(t, 3) for t in taken]
+    figures["rows"] = rows
+    figures["objects_per_robot"] = OBJECTS_A_ROBOT
+    print(write_report("cycle", figures, samples))
+    for row in rows:
+        print(row)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,298 @@
+"""The closed loop: how soon a decision whose contributions arrive follows a narrow link, and what
+learning is worth while links and loads change.
+
+A swarm of six robots in network namespaces, twice with the same schedule on the same frames of the
+factory: with learning, and without (`COADAPT_LEARN=0`), which is the control. First the case of
+README: the cell is shaped from 55 to 1 Mbit/s. Then the schedule: segments of 15 s with other
+rates, in some of which a process keeps one core busy.
+
+`cycles`: from shaping to the first decision of which, and of the four after it together, at least
+0.9 of the contributions are in time. `in_time_ratio`: contributions in time by robots asked, over
+the schedule. Delivered AP: what a reader of the ego's detections has of each second frame, the
+newest boxes of at most a second ago, moved by their own velocities; boxes are matched at IoU 0.7
+with the truth of that frame. It is compared window by window of 5 s, both runs on the same frames;
+the interval draws whole segments again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deploy.services import journal_path
+from deploy.state import State
+from perception.detector import configuration
+from perception.fusion.tracks import Tracks
+from perception.metrics import Match, match, precision_of
+from perception.types import Boxes
+from research.benchmarks.live import ROBOTS, live_swarm, why_not
+from research.benchmarks.report import write_report
+from research.evaluation.bootstrap import bootstrap_mean
+from swarm import keyspace
+from swarm.arrays import unpack_finite
+from swarm.messages import Detections
+from swarm.session import Session
+from worlds.base import World
+from worlds.cooperative.judging import judge
+from worlds.registry import open_world
+
+SCHEDULE = (
+    ("5mbit", False),
+    ("1mbit", True),
+    ("20mbit", True),
+    ("1mbit", False),
+    ("2mbit", True),
+    ("10mbit", False),
+)
+"""(rate of the cell, whether a core is kept busy), again and again."""
+SEGMENT_S, WINDOW_S = 15.0, 5.0
+BEGIN_S = 45.0
+"""From the first frame to README's case: the swarm has been up for a while then."""
+CASE_S = 20.0
+CASE_RATE = "1mbit"
+ARRIVES, TOGETHER = 0.9, 5
+HELD_S = 1.0
+"""Older boxes are shown to nobody."""
+STEP = 2
+"""Frames from one that is scored to the next."""
+IOU = 0.7
+BUSY = "while True: pass"
+
+
+@dataclass
+class Run:
+    """What one run left."""
+
+    epoch_ns: int
+    frames: list[Detections] = field(default_factory=list)
+    cycles: list[dict[str, Any]] = field(default_factory=list)
+    """The journal's lines."""
+    shaped_ns: int = 0
+
+
+@contextmanager
+def busy_core() -> Iterator[None]:
+    """A process that takes what it can get of one core."""
+    process = subprocess.Popen([sys.executable, "-c", BUSY])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def shape(swarm: str, rate: str) -> None:
+    """Has the controller shape the cell."""
+    command = ("net", "shape", "--rate", rate, "--swarm", swarm, "--json")
+    subprocess.run(
+        [sys.executable, "-m", "coadapt.main", *command], check=True, stdout=subprocess.DEVNULL
+    )
+
+
+def wait_until(run: Run, second: float) -> None:
+    """Sleeps until so many seconds after the first frame."""
+    time.sleep(max(0.0, run.epoch_ns * 1e-9 + second - time.time()))
+
+
+def perform(learn: bool, seconds: float) -> Run:
+    """One run: README's case, then the schedule."""
+    run = Run(time.time_ns())
+    settings = {"COADAPT_LEARN": "true" if learn else "false"}
+    swarm = "loop-learn" if learn else "loop-control"
+    with live_swarm(swarm, settings, epoch_ns=run.epoch_ns) as state, listening(state, run):
+        wait_until(run, BEGIN_S)
+        run.shaped_ns = time.time_ns()
+        shape(swarm, CASE_RATE)
+        at_s = BEGIN_S + CASE_S
+        wait_until(run, at_s)
+        for number in range(round(seconds / SEGMENT_S)):
+            rate, busy = SCHEDULE[number % len(SCHEDULE)]
+            shape(swarm, rate)
+            at_s += SEGMENT_S
+            if busy:
+                with busy_core():
+                    wait_until(run, at_s)
+            else:
+                wait_until(run, at_s)
+        journal = Path(journal_path(state.spec, state.spec.var_dir)).read_text()
+    run.cycles = [json.loads(line) for line in journal.splitlines() if line.endswith("}")]
+    return run
+
+
+@contextmanager
+def listening(state: State, run: Run) -> Iterator[None]:
+    """Keeps what the ego publishes."""
+    session = Session(state.router, state.spec.swarm, timeout_s=10.0)
+    try:
+        key = keyspace.detections(state.spec.swarm, state.spec.ego)
+        session.subscribe(key, Detections, lambda frame, _: run.frames.append(frame))
+        yield
+    finally:
+        session.close()
+
+
+def cycles_to_arrive(run: Run) -> int | None:
+    """Cycles from shaping to a decision whose contributions arrive; None where none came."""
+    end_ns = run.shaped_ns + round(CASE_S * 1e9)
+    after = [line for line in run.cycles if run.shaped_ns < line["started_ns"] < end_ns]
+    counts = [asked_and_in_time(line) for line in after]
+    for first in range(len(counts)):
+        asked, came = np.sum(counts[first : first + TOGETHER], axis=0)
+        if counts[first][0] and came >= ARRIVES * asked:
+            return first + 1
+    return None
+
+
+def asked_and_in_time(line: dict[str, Any]) -> tuple[int, int]:
+    """Robots that the frames of a cycle were to have, and those that were in them."""
+    asked = line["frames"]["fused"] * (len(line["decision"]["participants"]) - 1)
+    return asked, asked - sum(n for by_kind in line["missing"].values() for n in by_kind.values())
+
+
+def scheduled(run: Run, world: World, seconds: float) -> list[Detections]:
+    """The detections of the schedule's frames."""
+    first = round((BEGIN_S + CASE_S) * world.rate_hz)
+    last = first + round(seconds * world.rate_hz)
+    return [frame for frame in run.frames if first <= frame.frame < last]
+
+
+def changes_per_min(run: Run) -> float:
+    """Changes of the decision over the schedule."""
+    begin_ns = run.epoch_ns + round((BEGIN_S + CASE_S) * 1e9)
+    lines = [line["decision"] for line in run.cycles if line["started_ns"] >= begin_ns]
+    choices = [(sorted(d["participants"]), d["algorithm"], d["rate_hz"]) for d in lines]
+    return 60.0 * sum(a != b for a, b in pairwise(choices)) / max(1, len(choices))
+
+
+def in_time_ratio(frames: Sequence[Detections]) -> float:
+    """Share of the contributions asked for that were in time; NaN where nobody was asked."""
+    came = sum(len(frame.participants) - 1 for frame in frames)
+    asked = came + sum(len(frame.missing) for frame in frames)
+    return came / asked if asked else float("nan")
+
+
+def nobody_asked(frame: Detections) -> bool:
+    """Whether the ego went alone."""
+    return len(frame.participants) + len(frame.missing) == 1
+
+
+class Reader:
+    """What somebody who reads a run's detections knows of a moment."""
+
+    def __init__(self, run: Run, world: World) -> None:
+        self._frames = sorted(run.frames, key=lambda frame: frame.frame)
+        self._tracks = Tracks(configuration(world.detector).usual_speed_m_s)
+        self._shown: tuple[float, Boxes, np.ndarray] | None = None
+        self._rate_hz = world.rate_hz
+        self._next = 0
+
+    def at(self, frame: int) -> Boxes:
+        """The boxes for a frame; frames must rise."""
+        while self._next < len(self._frames) and self._frames[self._next].frame <= frame:
+            message = self._frames[self._next]
+            self._next += 1
+            boxes, time_s = boxes_of(message), message.frame / self._rate_hz
+            self._shown = time_s, boxes, self._tracks.update(boxes, time_s)
+        if self._shown is None:
+            return Boxes.empty()
+        time_s, boxes, velocities = self._shown
+        ago_s = frame / self._rate_hz - time_s
+        if ago_s > HELD_S:
+            return Boxes.empty()
+        centers = boxes.centers.copy()
+        centers[:, :2] += velocities * ago_s
+        return replace(boxes, centers=centers)
+
+
+def boxes_of(message: Detections) -> Boxes:
+    """The boxes of a message, in the world frame."""
+    table = unpack_finite(message.boxes, "boxes", 7).astype(np.float64)
+    scores = unpack_finite(message.scores, "scores", 1)[:, 0].astype(np.float64)
+    return Boxes(table[:, :3], table[:, 3:6], table[:, 6], scores, message.labels)
+
+
+def delivered(runs: Sequence[Run], world: World, ego: str, seconds: float) -> list[list[float]]:
+    """AP of each window, run by run."""
+    readers = [Reader(run, world) for run in runs]
+    first = round((BEGIN_S + CASE_S) * world.rate_hz)
+    length = round(WINDOW_S * world.rate_hz)
+    found: list[list[float]] = [[] for _ in runs]
+    for begin in range(first, first + round(seconds * world.rate_hz), length):
+        matches: list[list[Match]] = [[] for _ in runs]
+        for frame in range(begin, begin + length, STEP):
+            for reader, kept in zip(readers, matches, strict=True):
+                boxes = reader.at(frame)
+                kept.append(match(*judge(world, frame, ego, boxes), IOU))
+        for kept, windows in zip(matches, found, strict=True):
+            windows.append(precision_of(kept))
+    return found
+
+
+def main() -> int:
+    """Measures and writes build/bench/loop.json."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help="of the schedule (default: 60; 300 for all)"
+    )
+    seconds = max(SEGMENT_S, parser.parse_args().seconds // SEGMENT_S * SEGMENT_S)
+    if trouble := why_not():
+        print(f"loop: left out, no swarm can run here: {trouble}", file=sys.stderr)
+        return 0
+    runs = [perform(learn, seconds) for learn in (True, False)]
+    world = open_world("factory", robots=ROBOTS)
+    learnt, control = delivered(runs, world, world.robots[0], seconds)
+    segments = [int(i * WINDOW_S // SEGMENT_S) for i in range(len(learnt))]
+    gain = bootstrap_mean([a - b for a, b in zip(learnt, control, strict=True)], segments)
+    frames = [scheduled(run, world, seconds) for run in runs]
+    figures = {
+        "cycles": cycles_to_arrive(runs[0]),
+        "cycles_control": cycles_to_arrive(runs[1]),
+        "in_time_ratio": in_time_ratio(frames[0]),
+        "in_time_ratio_control": in_time_ratio(frames[1]),
+        "delivered_ap": float(np.mean(learnt)),
+        "delivered_ap_control": float(np.mean(control)),
+        "delivered_gain": gain.mean,
+        "delivered_gain_low": gain.low,
+        "delivered_gain_high": gain.high,
+        "fps": len(frames[0]) / seconds,
+        "fps_control": len(frames[1]) / seconds,
+        "alone_ratio": float(np.mean([nobody_asked(frame) for frame in frames[0]])),
+        "changes_per_min": changes_per_min(runs[0]),
+        "seconds": seconds,
+        "rows": [
+            {"window": i, "rate": SCHEDULE[s % len(SCHEDULE)][0], "ap": a, "ap_control": b}
+            for i, (s, a, b) in enumerate(zip(segments, learnt, control, strict=True))
+        ],
+    }
+    samples = {
+        name: [
+            {
+                "cycle": line["cycle"],
+                "second": round((line["started_ns"] - run.epoch_ns) * 1e-9, 1),
+                "decision": line["decision"],
+                "frames": line["frames"],
+                "missing": line["missing"],
+                "capacity_bps": line["inputs"]["capacity_bps"],
+            }
+            for line in run.cycles
+        ]
+        for name, run in zip(("learn", "control"), runs, strict=True)
+    }
+    print(write_report("loop", figures, samples))
+    print({key: value for key, value in figures.items() if key != "rows"})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

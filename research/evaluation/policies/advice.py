@@ -1,0 +1,200 @@
+"""A language model's advice in an experiment: the ego's own policy, waiting for answers."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.advice.questions import Heard, Question
+from ego_agent.plan.policies.llm import Llm
+from ego_agent.plan.prompting import LlmPrompt
+from ego_agent.settings import EgoSettings
+from llm_gateway.answers import AnswerError, extract
+from llm_gateway.backends.base import Backend
+from llm_gateway.backends.llamacpp.models import find_model
+from llm_gateway.backends.registry import make_backend
+from llm_gateway.model import Prompt
+from llm_gateway.schemas import Schemas
+from llm_gateway.settings import load_settings
+from research.evaluation.kept import Kept
+from research.evaluation.windows.links import WINDOW_S
+from swarm.errors import EvaluationError, GatewayError
+from swarm.log import make_logger
+from swarm.messages import DecideAnswer, Decision
+
+TIMEOUT_S = 120.0
+MADE_FROM = ("llm_gateway/backends",)
+"""What decides an answer, apart from the model and the prompt, which are its key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A model's words, or why there are none, and how long that took."""
+
+    text: str
+    trouble: str
+    took_s: float
+
+
+class Model:
+    """A language model behind a back end of the gateway; what it has answered is asked no more."""
+
+    def __init__(self, spec: str, kept: Kept) -> None:
+        """`spec`: a model that a package carries, a path of a GGUF file, or NAME@URL of an
+        OpenAI-compatible server (key: COADAPT_LLM_API_KEY). Raises SettingError for what cannot
+        work, EvaluationError for a specification without a name."""
+        name, at, url = spec.partition("@")
+        if not name:
+            raise EvaluationError(f"model {spec!r} has no name; allowed: NAME, FILE or NAME@URL")
+        settings = msgspec.structs.replace(
+            load_settings(os.environ),
+            llm_backend="openai" if at else "llamacpp",
+            llm_url=url,
+            llm_model=name,
+            llm_parallel=1,
+        )
+        self._backend: Backend = make_backend(settings, make_logger("eval", level="warning"))
+        self.name = self._backend.model or name
+        self._identity = spec if at else _identity(find_model(name))
+        self._kept = kept
+        self._runner: asyncio.Runner | None = None
+
+    def start(self) -> None:
+        """Loads the model. Raises SettingError where that is not possible."""
+        if self._runner is None:
+            runner = asyncio.Runner()
+            try:
+                runner.run(self._backend.start())
+            except BaseException:
+                runner.close()
+                raise
+            self._runner = runner
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """The model's answer. One that did not come is asked for again the next time."""
+        key = prompt.key(self._identity)
+        values = self._kept.get(key)
+        if values is not None:
+            return Answer(*values)
+        answer = self._ask(prompt)
+        if not answer.trouble:
+            self._kept.put(key, [answer.text, answer.trouble, answer.took_s])
+        return answer
+
+    def close(self) -> None:
+        """Ends the model."""
+        if self._runner is not None:
+            self._runner.run(self._backend.close())
+            self._runner.close()
+            self._runner = None
+
+    def _ask(self, prompt: Prompt) -> Answer:
+        self.start()
+        assert self._runner is not None
+        begun = time.monotonic()
+        try:
+            text = self._runner.run(self._backend.complete(prompt, TIMEOUT_S)).text
+            return Answer(text, "", time.monotonic() - begun)
+        except GatewayError as error:
+            return Answer("", str(error), time.monotonic() - begun)
+
+
+def _identity(path: Path) -> str:
+    about = path.stat()
+    return f"{path} {about.st_size} {about.st_mtime_ns}"
+
+
+class AtOnce:
+    """Questions that are answered before `ask` returns. Implements `Asking`."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._schemas = Schemas()
+        self._number = 0
+        self._heard: Heard | None = None
+        self.now_s = 0.0
+        """The experiment's clock."""
+        self.waited_s = 0.0
+        """For all answers so far, as long as they took when they were made."""
+        self.answered = True
+        """Whether the newest question had an answer."""
+
+    @property
+    def pending(self) -> bool:
+        """See `Asking`."""
+        return self._heard is not None
+
+    def alive(self) -> bool:
+        """See `Asking`."""
+        return True
+
+    def ask(self, prompt: LlmPrompt) -> Question:
+        """See `Asking`."""
+        self._number += 1
+        question = Question(self._number, prompt, self.now_s, 0)
+        answer = self._model.ask(Prompt(prompt.messages, prompt.schema))
+        self.waited_s += answer.took_s
+        self.answered = not answer.trouble
+        self._heard = self._hear(question, answer)
+        return question
+
+    def take(self) -> Heard | None:
+        """See `Asking`."""
+        heard, self._heard = self._heard, None
+        return heard
+
+    def _hear(self, question: Question, answer: Answer) -> Heard:
+        if answer.trouble:
+            return Heard(question, answer.took_s, None, "failed", answer.trouble)
+        try:
+            decision = extract(answer.text, question.prompt.schema, self._schemas)
+        except AnswerError as error:
+            return Heard(question, answer.took_s, None, "invalid", str(error))
+        return Heard(
+            question,
+            answer.took_s,
+            DecideAnswer(
+                request=question.number, decision=decision, source="llm", model=self._model.name
+            ),
+        )
+
+
+class AdvisedAtOnce:
+    """The ego's `llm` policy, which in each window hears what it has asked for.
+
+    Each proposal is for the next control window: the policy's clock knows no other time, so that
+    slow and kept answers lead to the same decisions.
+    """
+
+    def __init__(self, model: Model, world: str) -> None:
+        self.name = f"llm-{model.name}"
+        self._questions = AtOnce(model)
+        self._policy = Llm(self._questions, lambda: self._questions.now_s)
+        self._policy.prepare(EgoSettings(world=world))
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        """What the ego would propose as soon as the answer is there."""
+        self._questions.now_s += WINDOW_S
+        proposal = self._policy.propose(scene, knowledge, previous)
+        if self._questions.pending:
+            proposal = self._policy.propose(scene, knowledge, previous)
+        return proposal
+
+    @property
+    def waited_s(self) -> float:
+        """For the model's answers so far."""
+        return self._questions.waited_s
+
+    @property
+    def answered(self) -> bool:
+        """Whether the newest question had an answer, of whatever use; true before any."""
+        return self._questions.answered

@@ -1,0 +1,149 @@
+"""The comparison: every policy on the same control windows, measured, and written to files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ego_agent.plan.policies.base import Policy
+from ego_agent.plan.surrogate.model import packaged_surrogate
+from perception.fusion.registry import fusion_names
+from research.evaluation.kept import Kept
+from research.evaluation.policies import advice
+from research.evaluation.policies.advice import AdvisedAtOnce, Model
+from research.evaluation.policies.claims import claims_of
+from research.evaluation.policies.decide import Decided, decisions, policy_of
+from research.evaluation.policies.figures import Places, draw_figures, need_drawing
+from research.evaluation.policies.files import write_eval, write_headline, write_selection
+from research.evaluation.policies.pieces import (
+    MADE_FROM,
+    Piece,
+    Place,
+    knowledge_of,
+    listen,
+    measure,
+)
+from research.evaluation.policies.report import report
+from research.evaluation.policies.results import means_of, rows_of
+from research.evaluation.published import Summary
+from research.evaluation.windows.choice import Choice
+from research.evaluation.windows.scenarios import Scenario
+from swarm.errors import EvaluationError
+from swarm.files import write_whole
+from swarm.messages import ALGORITHMS
+
+SURROGATE = "surrogate"
+
+
+def compare(
+    suite: Sequence[Scenario],
+    policies: Sequence[str],
+    workers: int,
+    folder: Path,
+    *,
+    algorithms: Sequence[str] = ALGORITHMS,
+    models: Sequence[str] = (),
+    published: Sequence[Summary] = (),
+) -> None:
+    """Compares the policies on the scenarios and writes selection.csv, eval.csv, headline.json,
+    report.md and the figures into the folder; progress goes to standard error.
+
+    `algorithms`: those that policies decide among, by default the three paradigms as in an ego.
+    `models`: language models to ask for advice (evaluation.policies.advice). `published` results
+    are drawn beside ours.
+
+    What is finished is kept in the folder, for a run that goes on after this one was ended; nothing
+    is measured before all that was asked for can be done. Raises WorldError for a world that cannot
+    be read, DecisionError for an unknown policy, SettingError for a model that cannot be run, and
+    EvaluationError when there is nothing to compare.
+    """
+    _check(suite, policies, algorithms)
+    kept, answers = Kept(folder / "kept", MADE_FROM), Kept(folder / "kept", advice.MADE_FROM)
+    advisers = [Model(spec, answers) for spec in models]
+    if len({model.name for model in advisers}) < len(advisers):
+        raise EvaluationError(f"two models have one name: {', '.join(m.name for m in advisers)}")
+    scenarios = {scenario.name: scenario for scenario in suite}
+    names = tuple(algorithms)
+    try:
+        for model in advisers:
+            model.start()
+        pieces = listen(
+            [Piece(one, window, names) for one in suite for window in range(one.windows)],
+            workers,
+            kept,
+        )
+        decided = _decide(scenarios, pieces, policies, advisers)
+    finally:
+        for model in advisers:
+            model.close()
+    choices: dict[Place, set[Choice]] = {}
+    for one in decided:
+        choices.setdefault((one.scenario, one.window), set()).add(one.choice)
+    pieces = [replace(piece, wanted=tuple(sorted(choices[piece.place]))) for piece in pieces]
+    measured = measure(pieces, workers, kept)
+    considered = {piece.place: known for piece, known in zip(pieces, measured, strict=True)}
+    rows = rows_of(scenarios, decided, considered, names)
+    if not rows:
+        raise EvaluationError("no control window of these scenarios holds a true box")
+    means = means_of(rows)
+    claims = claims_of(means, rows)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_selection(folder / "selection.csv", rows)
+    write_eval(folder / "eval.csv", rows)
+    write_headline(folder / "headline.json", means, {"claims": claims})
+    write_whole(folder / "report.md", report(means, claims, rows))
+    figures = draw_figures(folder, rows, means, _places(pieces), published)
+    files = ["selection.csv", "eval.csv", "headline.json", "report.md", *figures]
+    print(f"wrote {', '.join(files)} to {folder}", file=sys.stderr)
+
+
+def _check(suite: Sequence[Scenario], policies: Sequence[str], algorithms: Sequence[str]) -> None:
+    if not suite or not policies or not algorithms:
+        raise EvaluationError(
+            "there is nothing to compare: no scenario, no policy, or no algorithm"
+        )
+    available = fusion_names(suite[0].open().detector)
+    for name in algorithms:
+        if name not in available:
+            raise EvaluationError(
+                f"algorithm {name!r} is not available; allowed: {', '.join(available)}"
+            )
+    knowledge = knowledge_of(algorithms, suite[0])
+    for name in policies:
+        policy_of(name, suite[0], knowledge)
+    if SURROGATE in policies:
+        packaged_surrogate()
+    need_drawing()
+
+
+def _decide(
+    scenarios: dict[str, Scenario],
+    pieces: Sequence[Piece],
+    policies: Sequence[str],
+    advisers: Sequence[Model],
+) -> list[Decided]:
+    """Every policy's decisions in every scenario."""
+    found: list[Decided] = []
+    for number, (name, scenario) in enumerate(scenarios.items(), 1):
+        own = [piece for piece in pieces if piece.scenario.name == name]
+        heard = [piece.heard for piece in own if piece.heard is not None]
+        knowledge = own[0].knowledge()
+        everyone: list[Policy] = [policy_of(one, scenario, knowledge) for one in policies]
+        everyone += [AdvisedAtOnce(model, scenario.world) for model in advisers]
+        for policy in everyone:
+            found += decisions(scenario, heard, knowledge, policy)
+        if advisers:
+            print(f"advised: {number}/{len(scenarios)} scenarios", file=sys.stderr, flush=True)
+    return found
+
+
+def _places(pieces: Sequence[Piece]) -> Places:
+    """Where robots said that they were, from where the ego was."""
+    found = {}
+    for piece in pieces:
+        poses = {robot: beacon.pose for robot, (beacon, _) in (piece.heard or {}).items()}
+        x, y = list(poses.values())[piece.scenario.ego][:2]
+        found[piece.place] = {robot: (pose[0] - x, pose[1] - y) for robot, pose in poses.items()}
+    return found

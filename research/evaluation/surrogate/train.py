@@ -1,0 +1,147 @@
+"""Trains the surrogate: measures, learns, reports the error on windows that were held out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from ego_agent.plan.surrogate.features import NAMES
+from ego_agent.plan.surrogate.model import Surrogate, write_surrogate
+from perception.fusion.registry import fusion_names
+from research.evaluation.kept import Kept
+from research.evaluation.policies.pieces import MADE_FROM
+from research.evaluation.surrogate.samples import Samples, measure, samples, training_windows
+from research.evaluation.windows.scenarios import Scenario
+from research.evaluation.workers import each
+from swarm.errors import EvaluationError
+
+HIDDEN = (48, 24)
+STEPS = 4000
+BATCH = 48
+"""Windows a step."""
+RATE, DECAY = 3e-3, 1e-3
+DIFFERENCES = 4.0
+"""Weight of differences within a window: a decision needs those more than the level."""
+SHAKEN = 0.02
+"""Standard deviation of noise on the features while training."""
+HELD_OUT = 5
+"""One window in so many is for testing."""
+SEED = 7
+
+
+def train(windows: int, workers: int, folder: Path, output: Path) -> dict[str, float]:
+    """Writes the surrogate to `output`; what was measured is kept in `folder`.
+
+    Returns the errors on the held-out windows: `mae`, of AP@0.7, and `mae_within`, of its
+    differences from the mean of the window. Raises EvaluationError for an output that cannot be
+    written, before anything is measured, and for too few windows.
+    """
+    if output.is_dir() or not output.parent.is_dir():
+        raise EvaluationError(f"{output} cannot be written: name a file in a folder that exists")
+    algorithms = fusion_names("factory")
+    measured = _measured(
+        windows,
+        workers,
+        Kept(folder / "kept", (*MADE_FROM, "research/evaluation/surrogate/samples.py")),
+        algorithms,
+    )
+    test = measured[::HELD_OUT]
+    learning = [one for at, one in enumerate(measured) if at % HELD_OUT]
+    if not test or not learning:
+        raise EvaluationError(f"{len(measured)} windows are too few to learn from")
+    facts = {"windows": str(len(learning)), "steps": str(STEPS), "seed": str(SEED)}
+    model = as_surrogate(learn(learning, STEPS), algorithms, facts)
+    write_surrogate(output, model)
+    errors = _errors(model, test)
+    print(
+        f"wrote {output}: {len(learning)} windows to learn from; on {len(test)} others AP@0.7 is "
+        f"off by {errors['mae']:.3f}, differences within a window by {errors['mae_within']:.3f}",
+        file=sys.stderr,
+    )
+    return errors
+
+
+def as_surrogate(
+    network: nn.Sequential, algorithms: Sequence[str], facts: dict[str, str]
+) -> Surrogate:
+    """A trained network in the form that an ego reads."""
+    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
+    return Surrogate(
+        tuple(algorithms),
+        tuple(layer.weight.detach().numpy() for layer in layers),
+        tuple(layer.bias.detach().numpy() for layer in layers),
+        facts,
+    )
+
+
+def key_of(scenario: Scenario) -> str:
+    """By which what was measured in a window is kept."""
+    return f"surrogate {scenario.setting()} {scenario.sampled_frames(0)}"
+
+
+def _measured(windows: int, workers: int, kept: Kept, algorithms: Sequence[str]) -> list[Samples]:
+    scenarios = training_windows(windows)
+    keys = [key_of(scenario) for scenario in scenarios]
+    known = [kept.get(key) for key in keys]
+    missing = [at for at, values in enumerate(known) if values is None]
+    work = each(measure, [scenarios[at] for at in missing], workers, "factory")
+    for done, (place, values) in enumerate(work, 1):
+        known[missing[place]] = values
+        kept.put(keys[missing[place]], values)
+        print(f"measured {done}/{len(missing)} windows", file=sys.stderr, flush=True)
+    found = [samples(values, algorithms) for values in known if values is not None]
+    return [one for one in found if one is not None]
+
+
+def learn(windows: Sequence[Samples], steps: int) -> nn.Sequential:
+    """A network that has learnt from the windows; equal windows give equal networks."""
+    torch.manual_seed(SEED)
+    rng = np.random.default_rng(SEED)
+    inputs = windows[0].features.shape[1]
+    network = nn.Sequential(
+        nn.Linear(inputs, HIDDEN[0]),
+        nn.ReLU(),
+        nn.Linear(HIDDEN[0], HIDDEN[1]),
+        nn.ReLU(),
+        nn.Linear(HIDDEN[1], 1),
+    )
+    optimizer = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, RATE, steps)
+    for _ in range(steps):
+        picked = [windows[i] for i in rng.integers(0, len(windows), BATCH)]
+        features, target, window = _batch(picked)
+        noise = torch.from_numpy(rng.normal(0, SHAKEN, features.shape).astype(np.float32))
+        noise[:, len(NAMES) :] = 0.0
+        error = torch.sigmoid(network(features + noise)[:, 0]) - target
+        level = torch.zeros(len(picked)).index_add(0, window, error) / torch.bincount(window)
+        within = error - level[window]
+        loss = error.square().mean() + DIFFERENCES * within.square().mean()
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+    return network.eval()
+
+
+def _batch(picked: Sequence[Samples]) -> tuple[Tensor, Tensor, Tensor]:
+    """Features (n, f), AP@0.7 (n,), and the number of each row's window (n,)."""
+    features = np.concatenate([one.features for one in picked])
+    target = np.concatenate([one.ap_70 for one in picked])
+    window = np.repeat(np.arange(len(picked)), [len(one.ap_70) for one in picked])
+    return torch.from_numpy(features), torch.from_numpy(target), torch.from_numpy(window)
+
+
+def _errors(model: Surrogate, windows: Sequence[Samples]) -> dict[str, float]:
+    off: list[NDArray[np.float64]] = [
+        model.predict(one.features) - one.ap_70.astype(np.float64) for one in windows
+    ]
+    return {
+        "mae": float(np.mean([np.abs(one).mean() for one in off])),
+        "mae_within": float(np.mean([np.abs(one - one.mean()).mean() for one in off])),
+    }

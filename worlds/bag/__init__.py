@@ -1,1 +1,0 @@
-"""Robots' own logs as a world: rosbag2 and MCAP, one bag a robot, read without ROS."""

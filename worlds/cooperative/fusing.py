@@ -1,0 +1,132 @@
+"""Fuses single frames of a world as a swarm would, without a network."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.compensation import MotionCompensation, OwnScan
+from perception.fusion.detectors import shared_finder
+from perception.fusion.registry import make_fusion
+from perception.types import Boxes
+from swarm.errors import PerceptionError, WorldError
+from swarm.geometry import Pose
+from worlds.base import World
+
+SINGLE = "single"
+"""Not a fusion: the ego's own scan alone."""
+HISTORY_FRAMES = 3
+"""Where contributions come late, the ego has fused the frame this long before, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """What real links and odometry do to a contribution."""
+
+    pose_noise_m: float = 0.0
+    """Standard deviation of x and y in metres, and of the heading in degrees."""
+    delay_s: float = 0.0
+    """How old a contribution is when the ego fuses it, rounded to whole frames; in the first
+    frames it is the first one at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fused:
+    """One fused frame in the world frame, and the payload bytes of each contribution."""
+
+    boxes: Boxes
+    bytes: dict[str, int]
+    rejected: dict[str, str]
+
+
+def fuse_frame(
+    world: World,
+    frame: int,
+    ego: str,
+    participants: Sequence[str],
+    algorithm: str | Fusion,
+    disturbance: Disturbance | None = None,
+) -> Fused:
+    """Encodes the participants' scans, decodes and fuses them at the ego.
+
+    `participants` may or may not hold the ego, which always takes part. Noise is drawn from
+    (robot, frame) alone, so a run repeats exactly. Raises WorldError for an unknown robot and
+    PerceptionError for an unknown algorithm.
+    """
+    disturbance = disturbance or Disturbance()
+    senders = [robot for robot in dict.fromkeys(participants) if robot != ego]
+    unknown = [robot for robot in (ego, *senders) if robot not in world.robots]
+    if unknown:
+        raise WorldError(
+            f"robot {unknown[0]!r} is not in this world; it has {', '.join(world.robots)}"
+        )
+    if algorithm == SINGLE:
+        scan = world.scan(ego, frame)
+        boxes = shared_finder(world.detector).find(scan.points)
+        return Fused(boxes.transformed(scan.pose.matrix()), {}, {})
+    fusion = make_fusion(algorithm, world.detector) if isinstance(algorithm, str) else algorithm
+    late = round(disturbance.delay_s * world.rate_hz)
+    if not late:
+        own = _own_scan(world, ego, frame)
+        gathering = fusion.begin(own.points, own.world_from_own)
+        return _gathered(gathering, fusion, world, senders, frame, frame, disturbance)
+    # The ego knows how things move from its frames before.
+    motion = MotionCompensation(world.detector)
+    fused = Fused(Boxes.empty(), {}, {})
+    times = [max(0, frame - HISTORY_FRAMES), frame]
+    sent = [max(0, now - late) for now in times]
+    for at in sorted({*times, *sent}):
+        own = _own_scan(world, ego, at)
+        if at not in times:
+            motion.remember(own)
+            continue
+        gathering = motion.begin(fusion, own)
+        captured = max(0, at - late)
+        fused = _gathered(gathering, fusion, world, senders, at, captured, disturbance)
+    return fused
+
+
+def _gathered(
+    gathering: Gathering,
+    fusion: Fusion,
+    world: World,
+    senders: Sequence[str],
+    frame: int,
+    captured: int,
+    disturbance: Disturbance,
+) -> Fused:
+    """The senders' contributions of the frame `captured`, fused by the ego in `frame`."""
+    ask = gathering.ask()
+    age_s = (frame - captured) / world.rate_hz
+    sizes, rejected = {}, {}
+    for robot in senders:
+        scan = world.scan(robot, captured)
+        pose = disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
+        options = EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
+        payload = fusion.encode(scan.points, options)
+        sizes[robot] = len(payload) + ask.size()
+        try:
+            gathering.add(Contribution(robot, payload, pose.matrix(), age_s))
+        except PerceptionError as error:
+            rejected[robot] = str(error)
+    return Fused(gathering.finish(), sizes, rejected)
+
+
+def _own_scan(world: World, ego: str, frame: int) -> OwnScan:
+    scan = world.scan(ego, frame)
+    return OwnScan(frame / world.rate_hz, scan.points, scan.pose.matrix())
+
+
+def disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Pose:
+    """Where a robot believes that its sensor is: off by `sigma` metres and degrees (standard
+    deviation), drawn from (robot, frame) alone."""
+    if sigma == 0.0:
+        return pose
+    x, y, turn = np.random.default_rng([frame, *robot.encode()]).normal(0.0, sigma, 3).tolist()
+    return Pose(
+        pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + math.radians(turn)
+    )

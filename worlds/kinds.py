@@ -1,0 +1,65 @@
+"""What a kind of world says of itself: its name, its data, and how it is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from swarm.errors import WorldError
+from worlds.base import World
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """The process that opens a world, as a live robot is told it."""
+
+    process: str
+    robot: str
+    log: Any
+    """A structlog logger."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldRequest:
+    """What a world is opened with; each kind takes what concerns it."""
+
+    data: str = ""
+    """Recorded data, or a live robot's address, as the kind's `needs` says."""
+    robots: int = 6
+    """Number of simulated robots."""
+    seed: int = 1
+    """Of everything random in a simulated world."""
+    rings: int = 32
+    """Of the simulated LiDAR of `factory`; `road` has OPV2V's."""
+    scenario: str = "floor"
+    cache: Path | None = None
+    """Directory in which scans are kept between runs; None keeps none."""
+    reader: Reader | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WorldKind:
+    """One kind of world; a module that has `WORLDS = (WorldKind(...),)` adds it (registry.py)."""
+
+    name: str
+    open: Callable[[WorldRequest], World]
+    """Imports what is heavy when it is called."""
+    data: Literal["", "directory", "file", "address"] = ""
+    """What `data` must be; empty where a world needs none."""
+    needs: str = ""
+    """The same in words: "the directory of ..."."""
+    comm_range_m: float | None = None
+    """How far from the ego a robot may take part; None leaves it to the ego's settings."""
+
+    @property
+    def word(self) -> str:
+        """How `data` is written in an example."""
+        return {"directory": "DIR", "file": "FILE"}.get(self.data, "ADDRESS")
+
+    def open_checked(self, request: WorldRequest) -> World:
+        """Opens it. Raises WorldError where its data is missing or cannot be used."""
+        if self.data and not request.data:
+            raise WorldError(f"world {self.name!r} needs {self.needs} (DATA={self.word})")
+        return self.open(request)

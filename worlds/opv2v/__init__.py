@@ -1,0 +1,18 @@
+"""OPV2V: recorded drives of connected vehicles, simulated in CARLA (Xu et al., ICRA 2022)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from worlds.base import World
+from worlds.kinds import WorldKind, WorldRequest
+
+
+def _open(request: WorldRequest) -> World:
+    from worlds.opv2v.world import Opv2vWorld
+
+    return Opv2vWorld(Path(request.data), request.cache)
+
+
+NEEDS = "the directory of a recorded scenario"
+WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, comm_range_m=70.0),)

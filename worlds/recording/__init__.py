@@ -1,1 +1,0 @@
-"""Recordings of swarms (`coadapt record`) as a world."""
