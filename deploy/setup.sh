@@ -74,6 +74,8 @@ install_python() {
         --requirement requirements.lock --requirement requirements-dev.lock
     $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
         --no-build-isolation --editable .
+    # A checkout has what an installation lacks: research and tests.
+    pwd >"$($venv/bin/python -c 'import site; print(site.getsitepackages()[0])')/coadapt-checkout.pth"
     touch "$stamp"
     say "done: $venv/bin/coadapt"
 }

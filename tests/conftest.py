@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from zenoh_fixtures import (  # noqa: F401
+
+from tests.support.data import data_root
+from tests.support.zenoh_fixtures import (  # noqa: F401
     open_session,
     own_router,
     pair,
@@ -17,16 +19,9 @@ from zenoh_fixtures import (  # noqa: F401
     swarm_name,
 )
 
-from research.evaluation.sample import data_roots
-
 # A busy machine is no failure: no test judges a time.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
-
-
-def data_root() -> Path | None:
-    """Where real data lies: $COADAPT_DATA, else ../shared/data beside the repository."""
-    return next((root for root in data_roots() if root.is_dir()), None)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -26,6 +26,7 @@ PACKAGES = (
     "options",
     "perception",
     "robot_agent",
+    "sensing",
     "swarm",
     "worlds",
 )

@@ -1,0 +1,277 @@
+"""Execute: a frame is fused in time from whatever arrived, and what did not arrive is named."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from ego_agent.analyze.scene import analyze
+from ego_agent.execute.frame_round import MISSING_KINDS, kind_of
+from ego_agent.knowledge.base import Knowledge
+from swarm import keyspace
+from swarm.errors import PerceptionError
+from swarm.messages import Detections, Observation, ObservationRequest
+from swarm.session import Session
+from tests.support.ego_hall import (  # noqa: F401
+    Ego,
+    Hall,
+    RobotStarter,
+    a_hall,
+    a_robot,
+    a_swarm,
+    an_ego,
+    decision,
+    honest,
+    observation,
+)
+from tests.support.ego_swarm import Heard, Swarm, until
+from worlds.base import Scan
+
+SHORT_S = 2.0
+"""For frames in which no robot answers."""
+
+
+@pytest.mark.parametrize("algorithm", ["early", "late"])
+def test_what_robots_send_is_fused_and_their_bytes_are_counted(
+    ego: Ego, hall: Hall, robot: RobotStarter, algorithm: str
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    robot("R3", honest(hall, "R3"))
+    alone = ego.fuse(algorithm=algorithm)
+    result = ego.fuse("R2", "R3", algorithm=algorithm)
+    assert result.participants == ("R1", "R2", "R3")
+    assert result.missing == {}
+    assert len(alone.boxes) == 1
+    assert len(result.boxes) == 3
+    assert sorted(round(float(y)) for y in result.boxes.centers[:, 1]) == [0, 10, 20]
+    taken = ego.tally.take()
+    assert taken.received == {(r, algorithm): n for r, n in result.round.bytes.items()}
+    assert set(result.round.bytes) == {"R2", "R3"}
+
+
+def test_without_a_router_the_ego_fuses_alone(hall: Hall, swarm: Swarm, ego: Ego) -> None:
+    ego.loop._session = None
+    result = ego.fuse("R2")
+    assert len(result.boxes) == 1
+    assert result.missing == {"R2": "offline: no router"}
+
+
+def test_a_robot_that_left_is_not_waited_for(ego: Ego) -> None:
+    result = ego.fuse("R2")
+    assert kind_of(result.missing["R2"]) == "left"
+
+
+def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
+    ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # However long the second frame takes, the answer to the first one is not too late to count.
+    monkeypatch.setattr("ego_agent.execute.ask.LATE_S", 60.0)
+    go = threading.Event()
+
+    def slow(request: ObservationRequest) -> Observation:
+        go.wait(60)
+        return honest(hall, "R2")(request)
+
+    robot("R2", slow)
+    robot("R3", honest(hall, "R3"))
+    first = ego.fuse("R2", "R3")
+    assert kind_of(first.missing["R2"]) == "deadline"
+    assert first.participants == ("R1", "R3")
+    second = ego.fuse("R2", "R3")
+    assert kind_of(second.missing["R2"]) == "busy"
+    ego.tally.take()
+    go.set()
+
+    def back() -> bool:
+        return "R2" in ego.fuse("R2", "R3").participants
+
+    until(back, "R2 takes part again")
+    taken = ego.tally.take()
+    assert taken.late_answers >= 1
+    assert taken.received["R2", "early"] > 0
+
+
+def test_a_request_for_an_old_frame_is_not_sent_again(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    go = threading.Event()
+    heard: list[int] = []
+
+    def slow(request: ObservationRequest) -> Observation:
+        heard.append(request.request)
+        go.wait(60)
+        return honest(hall, "R2")(request)
+
+    def silent(request: ObservationRequest) -> Observation:
+        go.wait(60)
+        return honest(hall, "R3")(request)
+
+    ego.loop._deadline_s = SHORT_S
+    robot("R2", slow)
+    robot("R3", silent)
+    assert kind_of(ego.fuse("R2").missing["R2"]) == "deadline"
+    # The first request runs out of time while the ego still waits for the next frame's robot.
+    assert kind_of(ego.fuse("R3").missing["R3"]) == "deadline"
+    go.set()
+    until(lambda: "R2" in ego.fuse("R2").participants, "R2 takes part again")
+    assert len(heard) == len(set(heard))
+
+
+def test_a_robot_whose_queryable_comes_after_its_token_takes_part_as_soon_as_it_is_there(
+    swarm: Swarm, ego: Ego, hall: Hall
+) -> None:
+    with Session(swarm.address, "test", timeout_s=60) as session:
+        session.declare_alive("R2")
+        until(lambda: ego.monitor.is_alive("R2"), "R2 is seen")
+        assert kind_of(ego.fuse("R2").missing["R2"]) == "unanswered"
+        session.serve(keyspace.observation("test", "R2"), ObservationRequest, honest(hall, "R2"))
+        until(lambda: ego.fuse("R2").participants == ("R1", "R2"), "R2 takes part")
+
+
+def test_a_refusal_is_named_with_its_reason(ego: Ego, robot: RobotStarter) -> None:
+    def refuse(request: ObservationRequest) -> Observation:
+        raise PerceptionError("no frame near that time")
+
+    robot("R2", refuse)
+    missing = ego.fuse("R2").missing
+    assert missing["R2"].startswith("refused:")
+    assert "no frame near that time" in missing["R2"]
+
+
+@pytest.mark.parametrize("payload", [b"", b"garbage", bytes(range(256)) * 100])
+@pytest.mark.parametrize("algorithm", ["early", "late"])
+def test_a_payload_that_cannot_be_read_is_rejected_and_the_others_are_fused(
+    ego: Ego, hall: Hall, robot: RobotStarter, payload: bytes, algorithm: str
+) -> None:
+    robot("R2", lambda request: observation(hall, "R2", request, payload))
+    robot("R3", honest(hall, "R3"))
+    result = ego.fuse("R2", "R3", algorithm=algorithm)
+    assert kind_of(result.missing["R2"]) == "rejected"
+    assert result.participants == ("R1", "R3")
+    assert len(result.boxes) == 2
+    assert ego.tally.take().received["R2", algorithm] == len(payload)
+
+
+@pytest.mark.parametrize(
+    ("kind", "lie"),
+    [
+        ("invalid", {"robot": "R3"}),
+        ("invalid", {"request": 4711}),
+        ("invalid", {"algorithm": "late"}),
+        ("skew", {"capture_ns": 10**9}),
+        ("invalid", {"pose": (float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)}),
+    ],
+)
+def test_an_answer_to_another_question_is_not_fused(
+    ego: Ego, hall: Hall, robot: RobotStarter, kind: str, lie: dict[str, object]
+) -> None:
+    robot("R2", lambda request: observation(hall, "R2", request, b"", **lie))
+    result = ego.fuse("R2")
+    assert kind_of(result.missing["R2"]) == kind
+    assert result.participants == ("R1",)
+    assert len(result.boxes) == 1
+
+
+def test_an_oversized_answer_is_dropped(ego: Ego, hall: Hall, robot: RobotStarter) -> None:
+    robot("R2", lambda request: observation(hall, "R2", request, bytes(9 * 1024 * 1024)))
+    result = ego.fuse("R2")
+    assert kind_of(result.missing["R2"]) == "refused"
+    assert len(result.boxes) == 1
+
+
+def test_no_more_is_asked_for_than_the_link_carries_in_a_second(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    asked: list[int] = []
+
+    def answer(request: ObservationRequest) -> Observation:
+        asked.append(request.max_bytes)
+        return honest(hall, "R2")(request)
+
+    robot("R2", answer)
+    ego.link.set_state(800_000.0, time.monotonic())
+    ego.fuse("R2")
+    assert asked == [100_000]
+
+
+def test_nan_points_and_an_empty_cloud_are_scans_too(ego: Ego, hall: Hall) -> None:
+    hall.points[::7] = np.nan
+    assert len(ego.fuse().boxes) == 1
+    hall.points = np.zeros((0, 3), np.float32)
+    assert len(ego.fuse().boxes) == 0
+    hall.points = np.full((50, 3), np.nan, np.float32)
+    assert len(ego.fuse(algorithm="late").boxes) == 0
+
+
+def test_an_own_scan_that_cannot_be_read_leaves_the_robots_eyes(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(Hall(), "R2"))
+    hall.readable = False
+    result = ego.fuse("R2")
+    assert "disk is gone" in result.own.failure
+    assert result.participants == ("R1", "R2")
+    assert [round(float(y)) for y in result.boxes.centers[:, 1]] == [10]
+    view = ego.monitor.snapshot(1, time.time_ns()).robots["R1"]
+    assert view.beacon is not None
+    ego.sensor.locate()
+    unified = analyze(ego.monitor.snapshot(2, time.time_ns()), Knowledge())
+    assert "R1" not in unified.excluded
+
+
+def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
+    swarm: Swarm, ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    ego.loop.follow(decision("R2"))
+    ego.loop.start()
+    seen = [heard.until(lambda d: d.participants == ("R1", "R2")) for _ in range(5)]
+    ego.loop.stop()
+    frames = [d.frame for d in seen]
+    assert frames == sorted(set(frames))
+    tally = ego.tally.take()
+    assert tally.fused >= 5
+    assert tally.fused + tally.skipped >= frames[-1] - frames[0] + 1
+    assert all(set(d.bytes) == {"R2"} for d in seen)
+
+
+def test_frames_that_there_is_no_time_for_are_skipped_and_counted(ego: Ego, hall: Hall) -> None:
+    fast = hall.scan
+
+    def slow_scan(robot: str, frame: int) -> Scan:
+        threading.Event().wait(0.35)
+        return fast(robot, frame)
+
+    hall.scan = slow_scan  # type: ignore[method-assign]
+    ego.loop.follow(decision())
+    ego.loop.start()
+
+    def three() -> bool:
+        with ego.tally._lock:
+            return ego.tally._current.fused >= 3
+
+    until(three, "three frames")
+    ego.loop.stop()
+    assert ego.tally.take().skipped >= 4
+
+
+def test_a_scan_that_always_fails_does_not_end_the_loop(ego: Ego, hall: Hall) -> None:
+    def broken(robot: str, frame: int) -> Scan:
+        raise RuntimeError("a fault in the world")
+
+    good = hall.scan
+    hall.scan = broken  # type: ignore[method-assign]
+    ego.loop.follow(decision())
+    ego.loop.start()
+    until(lambda: ego.tally._current.failed >= 2, "two failed frames")
+    hall.scan = good  # type: ignore[method-assign]
+    until(lambda: ego.tally._current.fused >= 1, "a fused frame")
+    ego.loop.stop()
+
+
+def test_every_reason_has_a_kind_that_metrics_know(ego: Ego) -> None:
+    assert kind_of(ego.fuse("R9").missing["R9"]) in MISSING_KINDS

@@ -1,0 +1,63 @@
+"""The budget of control traffic: what the link carries, and less while a queue stands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ego_agent.knowledge.model import Snapshot
+from ego_agent.plan.control_budget import (
+    FULL_BPS,
+    LEAST_BPS,
+    NEEDED_BPS,
+    SHARE,
+    ControlBudget,
+    Wish,
+)
+from tests.support.ego_scenes import snapshot, view
+
+
+def seen(capacity_bps: float = 55e6, delay_s: float = 0.01, robots: int = 5) -> Snapshot:
+    others = [replace(view(f"R{i}", 5.0 * i), delay_s=delay_s) for i in range(1, robots + 1)]
+    return snapshot(view("E"), *others, capacity_bps=capacity_bps)
+
+
+def test_a_wide_link_limits_nobody() -> None:
+    assert ControlBudget().take(seen(), 0.0) == Wish(0, {})
+
+
+def test_a_narrow_link_shares_its_part_among_the_living() -> None:
+    assert ControlBudget().take(seen(1.2e6), 0.0).each_bps == round(SHARE * 1.2e6 / 6)
+    gone = seen(1.2e6)
+    gone.robots["R1"] = replace(gone.robots["R1"], alive=False)  # type: ignore[index]
+    assert ControlBudget().take(gone, 0.0).each_bps == round(SHARE * 1.2e6 / 5)
+
+
+def test_robots_get_what_they_need_to_be_known_before_observations_get_theirs() -> None:
+    budget = ControlBudget()
+    assert budget.take(seen(100e3), 0.0).each_bps == NEEDED_BPS
+    assert budget.too_narrow == ""
+    assert budget.take(seen(32e3), 1.0).each_bps < NEEDED_BPS
+    assert budget.too_narrow == "C(t) of 32 kbit/s is too narrow for the beacons of 6 robots"
+
+
+def test_a_queue_halves_what_robots_may_say_until_it_is_gone() -> None:
+    budget = ControlBudget()
+    told = [budget.take(seen(delay_s=3.0), float(t)).fewer_bps["R3"] for t in range(0, 20, 2)]
+    assert told[0] == FULL_BPS / 2
+    assert told == sorted(told, reverse=True)
+    assert told[-1] == LEAST_BPS
+    later = [budget.take(seen(), float(t)).fewer_bps.get("R3") for t in range(20, 60)]
+    assert later[-1] is None
+    assert LEAST_BPS < (later[0] or 0) < (later[10] or 0) < FULL_BPS
+
+
+def test_a_slow_machine_does_not_silence_its_robots() -> None:
+    budget = ControlBudget()
+    told = [budget.take(seen(delay_s=0.6), float(t)) for t in range(0, 40, 2)]
+    assert set(told[-1].fewer_bps.values()) == {NEEDED_BPS}
+
+
+def test_one_robot_behind_a_queue_of_its_own_changes_nothing_for_the_others() -> None:
+    found = seen()
+    found.robots["R1"] = replace(found.robots["R1"], delay_s=2.0)  # type: ignore[index]
+    assert ControlBudget().take(found, 0.0) == Wish(0, {"R1": FULL_BPS // 2})

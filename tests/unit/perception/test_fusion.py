@@ -1,0 +1,193 @@
+"""Early and late fusion, on built scenes and on the real sample."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.codec.boxes import encode_boxes
+from perception.codec.outlined import add_outline
+from perception.codec.points import encode_points
+from perception.detector import weight_files
+from perception.detector.finders import Clustered
+from perception.fusion.algorithms.early import MAX_POINTS, EarlyFusion
+from perception.fusion.algorithms.late import LateFusion
+from perception.fusion.base import Contribution, EncodeOptions
+from perception.fusion.registry import fusion_names, make_fusion
+from swarm.errors import PerceptionError
+from swarm.geometry import Points, Pose, transform
+from tests.unit.perception.test_boxes import make
+from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
+from worlds.cooperative.judging import evaluate
+from worlds.opv2v.world import Opv2vWorld
+
+CLUSTERED = {"early": EarlyFusion(Clustered("road")), "late": LateFusion(Clustered("road"))}
+"""What is built here is made of bare faces, which the detector without learning takes for cars."""
+EGO = Pose(0.0, 0.0, 1.8)
+OTHER = Pose(30.0, 4.0, 1.8, yaw=2.5)
+CAR = np.array([15.0, 2.0])
+
+
+def street(sensor: Pose, sides: tuple[str, ...]) -> Points:
+    """A flat street with the named sides of one car, in the sensor's frame."""
+    x, y = np.meshgrid(np.arange(-5, 40, 0.4), np.arange(-10, 15, 0.4))
+    ground = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    u, z = np.meshgrid(np.arange(-1, 1.001, 0.05), np.arange(0.3, 1.5, 0.1))
+    u, z = u.ravel(), z.ravel()
+    faces = {
+        "back": np.column_stack([np.full(u.size, -2.25), u * 0.95, z]),
+        "front": np.column_stack([np.full(u.size, 2.25), u * 0.95, z]),
+        "right": np.column_stack([u * 2.25, np.full(u.size, -0.95), z]),
+        "left": np.column_stack([u * 2.25, np.full(u.size, 0.95), z]),
+    }
+    car = [faces[side] + np.append(CAR, 0.0) for side in sides]
+    world = np.concatenate([ground, *car]).astype(np.float32)
+    return transform(np.linalg.inv(sensor.matrix()), world)
+
+
+@pytest.mark.parametrize("name", ["early", "late"])
+def test_a_car_seen_by_both_is_one_box_at_its_place(name: str) -> None:
+    fusion = CLUSTERED[name]
+    payload = fusion.encode(street(OTHER, ("front", "left")), EncodeOptions())
+    result = fusion.fuse(
+        street(EGO, ("back", "right")), EGO.matrix(), [Contribution("B", payload, OTHER.matrix())]
+    )
+    assert result.rejected == {}
+    near = np.hypot(*(result.boxes.centers[:, :2] - CAR).T) < 3
+    assert near.sum() == 1
+    box = result.boxes.take(near)
+    assert np.allclose(box.centers[0, :2], CAR, atol=0.4)
+    assert np.allclose(box.sizes[0, :2], [4.5, 1.9], atol=0.6)
+    assert abs(np.sin(box.headings[0])) < 0.1
+    assert box.labels == ("vehicle",)
+
+
+@pytest.mark.parametrize("name", ["early", "late"])
+@pytest.mark.parametrize("payload", [b"", b"garbage", bytes(200)])
+def test_one_bad_contribution_does_not_spoil_the_rest(name: str, payload: bytes) -> None:
+    fusion = CLUSTERED[name]
+    own = street(EGO, ("back", "right"))
+    good = fusion.encode(street(OTHER, ("front", "left")), EncodeOptions())
+    alone = fusion.fuse(own, EGO.matrix(), [Contribution("good", good, OTHER.matrix())])
+    both = fusion.fuse(
+        own,
+        EGO.matrix(),
+        [
+            Contribution("bad", payload, OTHER.matrix()),
+            Contribution("good", good, OTHER.matrix()),
+        ],
+    )
+    assert list(both.rejected) == ["bad"]
+    assert np.array_equal(both.boxes.centers, alone.boxes.centers)
+
+
+@pytest.mark.parametrize("name", ["early", "late"])
+@pytest.mark.parametrize("count", [0, 1])
+def test_clouds_with_nothing_in_them_are_fused(name: str, count: int) -> None:
+    fusion = make_fusion(name, "factory")
+    cloud = np.full((count, 3), np.nan, dtype=np.float32)
+    payload = fusion.encode(cloud, EncodeOptions())
+    result = fusion.fuse(cloud, EGO.matrix(), [Contribution("B", payload, OTHER.matrix())])
+    assert result.rejected == {}
+    assert result.boxes.labels == ("robot",)  # the sender itself
+    assert np.allclose(result.boxes.centers[0, :2], (OTHER.x, OTHER.y))
+
+
+@pytest.mark.parametrize("name", ["early", "late"])
+def test_a_sender_is_one_box_whatever_is_seen_of_it(name: str) -> None:
+    # The ego sees the back of the car that carries the other sensor.
+    sender = Pose(CAR[0] - 0.5, CAR[1], 1.9)
+    fusion = CLUSTERED[name]
+    payload = fusion.encode(street(sender, ()), EncodeOptions())
+    own = street(EGO, ("back",))
+    result = fusion.fuse(own, EGO.matrix(), [Contribution("B", payload, sender.matrix())])
+    assert len(result.boxes) == 1
+    assert np.allclose(result.boxes.centers[0, :2], CAR)
+    assert result.boxes.scores[0] == 1.0
+
+
+@pytest.mark.parametrize("name", ["early", "late"])
+def test_the_ego_does_not_report_itself(name: str) -> None:
+    ego = Pose(CAR[0] - 0.5, CAR[1], 1.9)
+    fusion = CLUSTERED[name]
+    payload = fusion.encode(street(OTHER, ("front", "left")), EncodeOptions())
+    result = fusion.fuse(
+        street(ego, ()), ego.matrix(), [Contribution("B", payload, OTHER.matrix())]
+    )
+    assert np.allclose(result.boxes.centers[:, :2], [(OTHER.x, OTHER.y)], atol=0.6)
+
+
+def test_a_payload_with_too_many_boxes_is_refused() -> None:
+    fusion = make_fusion("late", "factory")
+    boxes = encode_boxes(make(*[(0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)] * 1000))
+    payload = add_outline(boxes, np.zeros((0, 2)))
+    nothing = np.zeros((0, 3), dtype=np.float32)
+    result = fusion.fuse(nothing, EGO.matrix(), [Contribution("B", payload, OTHER.matrix())])
+    assert result.rejected == {"B": "1000 boxes in one scan; allowed: 200"}
+    assert len(result.boxes) == 0
+
+
+def test_dropping_the_ground_makes_the_payload_smaller() -> None:
+    fusion = CLUSTERED["early"]
+    cloud = street(EGO, ("back", "right"))
+    without = fusion.encode(cloud, EncodeOptions())
+    assert len(without) < len(fusion.encode(cloud, EncodeOptions(keep_ground=True))) / 2
+
+
+def test_without_weights_there_is_no_intermediate_fusion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(weight_files, "_FOLDER", tmp_path)
+    assert fusion_names("road") == ("early", "late")
+    with pytest.raises(PerceptionError, match=r"no weights for 'road'\); allowed: early, late"):
+        make_fusion("intermediate", "road")
+
+
+@pytest.fixture(scope="module")
+def world(opv2v_dir: Path) -> Opv2vWorld:
+    return Opv2vWorld(opv2v_dir)
+
+
+def test_on_real_frames_two_vehicles_find_more_than_one(world: Opv2vWorld) -> None:
+    frames = range(0, 16, 3)
+    single, late, early = (
+        evaluate(world, name, "302", frames=frames).ap_50 for name in (SINGLE, "late", "early")
+    )
+    assert single + 0.03 < min(late, early)
+    assert early > 0.97
+
+
+def test_noise_on_poses_costs_precision_and_repeats_exactly(world: Opv2vWorld) -> None:
+    noisy = [
+        evaluate(world, "early", "302", Disturbance(pose_noise_m=0.6), range(4)) for _ in range(2)
+    ]
+    assert noisy[0] == noisy[1]
+    assert noisy[0].ap_70 < evaluate(world, "early", "302", frames=range(4)).ap_70
+
+
+def test_payload_bytes_are_those_of_the_senders(world: Opv2vWorld) -> None:
+    fused = fuse_frame(world, 0, "302", ("302", "311"), "early")
+    assert list(fused.bytes) == ["311"]
+    assert fused.bytes["311"] == len(
+        make_fusion("early", "road").encode(world.scan("311", 0).points, EncodeOptions())
+    )
+
+
+def test_a_stray_return_does_not_cost_the_scan() -> None:
+    fusion = CLUSTERED["early"]
+    cloud = street(EGO, ("back", "right"))
+    stray = np.concatenate([cloud, np.array([[1e6, 0, 0]], dtype=np.float32)])
+    assert fusion.encode(stray, EncodeOptions()) == fusion.encode(cloud, EncodeOptions())
+
+
+def test_a_contribution_of_millions_of_points_is_rejected_unread() -> None:
+    fusion = CLUSTERED["early"]
+    points = encode_points(np.zeros((MAX_POINTS + 1, 3), dtype=np.float32))
+    bomb = add_outline(points, np.zeros((0, 2)))
+    assert len(bomb) < 20_000
+    own = street(EGO, ("back", "right"))
+    result = fusion.fuse(own, EGO.matrix(), [Contribution("bad", bomb, OTHER.matrix())])
+    assert list(result.rejected) == ["bad"]
+    assert len(result.boxes) > 0

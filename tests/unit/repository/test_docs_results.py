@@ -1,0 +1,43 @@
+"""What README and docs claim of the experiments is what `make eval` wrote."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.support.paths import REPOSITORY
+
+RESULTS = REPOSITORY / "docs" / "results"
+Cells = tuple[str, ...]
+
+
+def table_rows(text: str) -> list[Cells]:
+    """The rows of a Markdown text's tables, without their rulers."""
+    lines = [line for line in text.splitlines() if line.startswith("|") and "---" not in line]
+    return [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines]
+
+
+@pytest.fixture
+def written() -> list[Cells]:
+    return table_rows((RESULTS / "report.md").read_text())
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/evaluation.md"])
+def test_tables_of_results_are_rows_that_the_experiments_wrote(
+    page: str, written: list[Cells]
+) -> None:
+    section = (REPOSITORY / page).read_text().split("\n## Results\n", 1)[1].split("\n## ", 1)[0]
+    rows = table_rows(section)
+    assert len(rows) > 3
+    assert [row for row in rows if row not in written] == []
+
+
+def test_the_report_tells_of_the_headline_beside_it(written: list[Cells]) -> None:
+    headline = json.loads((RESULTS / "headline.json").read_text())
+    for row in headline["rows"]:
+        means = tuple(f"{row[name]:.3f}" for name in ("ap_30", "ap_50", "ap_70"))
+        assert any(line[:4] == (row["policy"], *means) for line in written), row["policy"]
+    for claim in headline["claims"]:
+        met = "yes" if claim["met"] else "no"
+        assert (claim["what"], str(claim["value"]), claim["target"], met) in written
