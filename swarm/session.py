@@ -55,6 +55,8 @@ class Session:
         self._log = log or make_logger("session", swarm=swarm)
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
         self._servers: list[Server[Any]] = []
+        self._present: list[set[str]] = []
+        """Robots that are alive, as each `watch_alive` was told."""
         self._window = Window()
         self._senders_logged: set[str] = set()
         registry = registry or CollectorRegistry()
@@ -183,6 +185,7 @@ class Session:
 
         present: set[str] = set()
         lock = threading.Lock()
+        self._present.append(present)
 
         def receive(sample: zenoh.Sample) -> None:
             try:
@@ -231,7 +234,8 @@ class Session:
 
         Raises TransportError when the session is closed.
         """
-        found: set[str] = set()
+        # Also those of which this session was told: its own word may come before the router's.
+        found = {robot for present in self._present for robot in tuple(present)}
         try:
             replies = self._connection.zenoh.liveliness().get(
                 keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s

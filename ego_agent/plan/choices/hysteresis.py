@@ -11,9 +11,6 @@ from swarm.messages import Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
-CLEARLY = 0.05
-"""So far below Q_min a new decision is changed at once; predictions waver by nearly as much from
-one cycle to the next, as what is learnt of the robots' times does."""
 ANOTHER_LINK = 2.0
 """A link that is this many times wider or narrower than a cycle ago is another one."""
 MAX_CYCLE_S = 5.0
@@ -56,8 +53,8 @@ def settle(
     A change must gain `switch_gain`; one that costs more must also leave `upgrade_reserve` of the
     budget free, so that a small drop of C(t) does not undo it at once; and the decision in force
     must be `dwell_s` old, unless the link has changed or a robot has dropped out, whose place
-    another may take at once. Reaching Q_min goes before all of them where it is clearly missed, and
-    so does leaving a decision that brings nothing. `held` is the score of `previous` as it is now.
+    another may take at once. Reaching Q_min goes before all of them, and so does leaving a
+    decision that brings nothing. `held` is the score of `previous` as it is now.
     """
     objective = scorer.objective
     if _dwells(scorer, previous) and not _pressing(scorer, best, held):
@@ -96,7 +93,8 @@ def _dwells(scorer: Scorer, previous: Decision) -> bool:
 
 def _pressing(scorer: Scorer, best: Score, held: Score) -> bool:
     """Whether what is held cannot wait for its time to be over."""
-    if scorer.good_enough(best) and held.quality < scorer.objective.q_min - CLEARLY:
+    lost = scorer.objective.q_min - scorer.objective.switch_gain
+    if scorer.good_enough(best) and held.quality < lost:
         return True
     if not held.participants:
         return bool(best.participants)
