@@ -60,8 +60,7 @@ def settle(
     if _dwells(scorer, previous) and not _pressing(scorer, best, held):
         if len(held.participants) + 1 == len(previous.participants):
             return held
-        options = [o for o in options if (o.algorithm, o.pace) == (held.algorithm, held.pace)]
-        options.append(held)
+        options = [held, *(o for o in options if {*o.participants} - {*previous.participants})]
         best = best_option(scorer, options)
     if scorer.good_enough(best) and not scorer.good_enough(held):
         return best
