@@ -32,7 +32,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
     parser.add_argument("--world", choices=swarm_worlds(), default="factory")
     parser.add_argument(
-        "--data", default="", help="recorded data: directory of opv2v or bag, file of recording"
+        "--data",
+        default="",
+        help="recorded data: directory of opv2v (default: the sample that `coadapt data` brings) "
+        "or bag, file of recording",
     )
     parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
     parser.add_argument(
@@ -110,25 +113,27 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
-    comm_range_m = args.comm_range
+    comm_range_m, data = args.comm_range, args.data
     kind = world_kind(args.world)
     if kind.data:
-        if not args.data:
+        if not data and kind.sample:
+            data = str(kind.sample())
+        if not data:
             raise DeployError(
                 f"world {kind.name} needs --data {kind.word}, {kind.needs} "
                 f"(make up WORLD={kind.name} DATA={kind.word})"
             )
-        world = _recorded(args.world, Path(args.data))
+        world = _recorded(args.world, Path(data))
         robots = world.robots[: args.robots]
         comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
-        say(f"{args.data} has the robots {', '.join(robots)}")
+        say(f"{data} has the robots {', '.join(robots)}")
     optional = {} if args.ego is None else {"ego": args.ego}
     return make_spec(
         swarm=args.swarm,
         runtime=runtime.name,
         robots=robots,
         world=args.world,
-        data=str(Path(args.data).absolute()) if args.data else "",
+        data=str(Path(data).absolute()) if data else "",
         seed=args.seed,
         rings=args.rings,
         scenario=args.scenario,
