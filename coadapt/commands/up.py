@@ -16,6 +16,7 @@ from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.errors import DeployError
 from worlds.registry import swarm_worlds, world_kind
+from worlds.sample import is_checkout
 
 if TYPE_CHECKING:
     from worlds.base import World
@@ -184,4 +185,7 @@ def _print_where(state: State) -> None:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
     print(f"journal     {journal_path(spec, spec.var_dir)}")
-    print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")
+    if is_checkout():
+        print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")
+    else:
+        print("next        coadapt status, coadapt net shape --rate 5mbit, coadapt down")
