@@ -15,8 +15,8 @@ from swarm.errors import CoAdaptError
 from swarm.memory import keep_freed_memory
 
 DISTRIBUTION = "coadapt-edge"
-RESEARCH = ("research", "evaluation", "training", "benchmarks")
-"""What an installed wheel leaves out."""
+RESEARCH = "research"
+"""The package that an installed wheel leaves out."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -45,12 +45,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"coadapt: {error}", file=sys.stderr)
         return 1
     except ModuleNotFoundError as error:
-        missing = (error.name or "").partition(".")[0]
-        if missing not in RESEARCH:
+        if (error.name or "").partition(".")[0] != RESEARCH:
             raise
         print(
-            f"coadapt: the experiments are not in this installation: this command needs the "
-            f"package {missing!r}; run it in a checkout of the repository, after `make setup`",
+            "coadapt: the experiments are not in this installation: this command needs the "
+            f"package `{RESEARCH}`; run it in a checkout of the repository, after `make setup`",
             file=sys.stderr,
         )
         return 1

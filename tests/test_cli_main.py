@@ -30,11 +30,12 @@ def test_the_version_is_that_of_the_project(capsys: pytest.CaptureFixture[str]) 
         ["eval", "published", "."],
         ["eval-detector"],
         ["train", "--config", "factory"],
+        ["picture", "factory", "--output", "never.svg"],
     ],
 )
 def test_an_experiment_that_is_not_installed_is_said_in_one_line(command: list[str]) -> None:
     code = (
-        f"import sys\nsys.modules.update(dict.fromkeys({RESEARCH}))\n"
+        f"import sys\nsys.modules[{RESEARCH!r}] = None\n"
         f"from coadapt.main import main\nsys.exit(main({command}))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -45,7 +46,7 @@ def test_an_experiment_that_is_not_installed_is_said_in_one_line(command: list[s
 
 def test_another_missing_package_is_a_defect_and_shows_where() -> None:
     code = (
-        "import sys\nsys.modules['worlds.pcd'] = None\n"
+        "import sys\nsys.modules['worlds.opv2v.pcd'] = None\n"
         "from coadapt.main import main\nsys.exit(main(['scene', 'some.pcd']))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -137,6 +137,14 @@ def test_the_sample_is_looked_for_in_the_current_directory(coadapt: Run) -> None
     assert len(done.stderr.splitlines()) == 1
 
 
+def test_experiments_are_not_in_it_and_say_so(coadapt: Run) -> None:
+    for command in (["eval", "policies"], ["eval-detector"], ["train", "--config", "factory"]):
+        done = coadapt(*command)
+        assert done.returncode == 1
+        assert "the experiments are not in this installation" in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.skipif(launch.why_not() is not None, reason=str(launch.why_not()))
 @pytest.mark.skipif(
     shutil.which("prometheus") is None, reason="apt-get install prometheus: it is not installed"
