@@ -2,6 +2,9 @@
 ROBOTS ?= 6
 WORLD ?= factory
 DATA ?=
+DATA_URL ?=
+DATA_COMMIT ?=
+DATA_TREE ?=
 LIVE ?=
 RUNTIME ?= auto
 POLICY ?=
@@ -26,7 +29,7 @@ PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console
 
 .DEFAULT_GOAL := help
-.PHONY: help setup up down status logs metrics shape congest net record test check lint types bench train eval-detector eval \
+.PHONY: help setup data up down status logs metrics shape congest net record test check lint types bench train eval-detector eval \
 	pictures lock clean
 
 help: ## Show this list
@@ -36,10 +39,14 @@ help: ## Show this list
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
 	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s;"
-	@echo "             of train: CONFIG=factory|road"
+	@echo "             of train: CONFIG=factory|road; of data: DATA_URL=repository DATA_COMMIT= DATA_TREE="
 
 setup: ## Make .venv and install what the swarm needs (EXTRA=llm: an embedded model, too)
 	@EXTRA='$(EXTRA)' sh deploy/setup.sh
+
+data: setup ## Bring the public OPV2V sample to var/data (229 MB), for WORLD=opv2v and the tests
+	@$(COADAPT) data $(if $(DATA_URL),--url '$(DATA_URL)') $(if $(DATA_COMMIT),--commit '$(DATA_COMMIT)') \
+		$(if $(DATA_TREE),--tree '$(DATA_TREE)') $(ARGS)
 
 up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prometheus
 	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \

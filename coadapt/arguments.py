@@ -38,7 +38,13 @@ def comma_separated(text: str) -> list[str]:
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
     """Adds what is fused and how: DIR, --algorithm or --opencood, --ego, --pose-noise, --delay and
     --json."""
-    parser.add_argument("directory", type=Path, metavar="DIR", help="a recorded scenario")
+    parser.add_argument(
+        "directory",
+        type=Path,
+        nargs="?",
+        metavar="DIR",
+        help="a recorded scenario (default: the sample that `coadapt data` brings)",
+    )
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument(
         "--algorithm",
@@ -67,6 +73,16 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
         help="age of contributions, seconds; rounded to whole frames (0.1 s)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+
+
+def recorded_directory(args: argparse.Namespace) -> Path:
+    """The scenario that `add_recorded_fusion` was given, else the sample.
+
+    Raises WorldError when there is none.
+    """
+    from worlds.sample import opv2v_sample
+
+    return args.directory or opv2v_sample()
 
 
 def algorithm_names() -> list[str]:

@@ -7,10 +7,16 @@ import importlib
 import pkgutil
 import sys
 from collections.abc import Sequence
+from importlib import metadata
+from typing import Any
 
 from coadapt import commands
 from swarm.errors import CoAdaptError
 from swarm.memory import keep_freed_memory
+
+DISTRIBUTION = "coadapt-edge"
+RESEARCH = "research"
+"""The package that an installed wheel leaves out."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -19,6 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="coadapt",
         description="Adaptive collaborative perception for robot swarms.",
     )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and end")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):
         importlib.import_module(f"coadapt.commands.{module}").register(subparsers)
@@ -37,10 +44,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CoAdaptError as error:
         print(f"coadapt: {error}", file=sys.stderr)
         return 1
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != RESEARCH:
+            raise
+        print(
+            "coadapt: the experiments are not in this installation: this command needs the "
+            f"package `{RESEARCH}`; run it in a checkout of the repository, after `make setup`",
+            file=sys.stderr,
+        )
+        return 1
     except BrokenPipeError:
         return 1
     except KeyboardInterrupt:
         return 130
+
+
+class _Version(argparse.Action):
+    """Looks the version up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        try:
+            version = metadata.version(DISTRIBUTION)
+        except metadata.PackageNotFoundError:
+            version = "(sources that are not installed)"
+        print(f"coadapt {version}")
+        parser.exit()
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ say() { echo "setup: $*" >&2; }
 
 missing_packages() {
     command -v ip >/dev/null 2>&1 || echo iproute2
+    # `make data` brings recorded scans with it.
+    command -v git >/dev/null 2>&1 || echo git
     command -v prometheus >/dev/null 2>&1 || echo prometheus
     # For the loops in C (setup.py); without a compiler all works, slower.
     command -v cc >/dev/null 2>&1 || echo gcc libc6-dev

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import tarfile
+import shutil
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-from tests.support.data import data_root
+from swarm.errors import WorldError
 from tests.support.zenoh_fixtures import (  # noqa: F401
     open_session,
     own_router,
@@ -18,10 +18,14 @@ from tests.support.zenoh_fixtures import (  # noqa: F401
     shared_router,
     swarm_name,
 )
+from worlds.sample import opv2v_sample
 
 # A busy machine is no failure: no test judges a time.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+FRAMES = 16
+"""Of real data: what the archive of the sample holds; `make data` brings more."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -36,12 +40,16 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 
 @pytest.fixture(scope="session")
 def opv2v_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The unpacked OPV2V sample scenario (a folder with data_protocol.yaml)."""
-    root = data_root()
-    archive = root / "opv2v-sample" / "opv2v-sample.tar.xz" if root else None
-    if archive is None or not archive.is_file():
-        pytest.skip("no OPV2V sample: set COADAPT_DATA to a folder with opv2v-sample/")
-    target = tmp_path_factory.mktemp("opv2v")
-    with tarfile.open(archive) as packed:
-        packed.extractall(target, filter="data")
-    return next(target.rglob("data_protocol.yaml")).parent
+    """The OPV2V sample scenario (a folder with data_protocol.yaml), its first 16 frames."""
+    try:
+        whole = opv2v_sample()
+    except WorldError as error:
+        pytest.skip(str(error))
+    target = tmp_path_factory.mktemp("opv2v") / whole.name
+    for vehicle in (path for path in whole.iterdir() if path.is_dir()):
+        (target / vehicle.name).mkdir(parents=True)
+        for description in sorted(vehicle.glob("*.yaml"))[:FRAMES]:
+            for file in (description, description.with_suffix(".pcd")):
+                (target / vehicle.name / file.name).symlink_to(file)
+    shutil.copy(whole / "data_protocol.yaml", target)
+    return target

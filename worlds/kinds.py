@@ -50,6 +50,8 @@ class WorldKind:
     """What `data` must be; empty where a world needs none."""
     needs: str = ""
     """The same in words: "the directory of ..."."""
+    sample: Callable[[], Path] | None = None
+    """Where data lies that is taken where none is named; raises WorldError when it is not there."""
     comm_range_m: float | None = None
     """How far from the ego a robot may take part; None leaves it to the ego's settings."""
 

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from coadapt.arguments import add_recorded_fusion, chosen_fusion
+from coadapt.arguments import add_recorded_fusion, chosen_fusion, recorded_directory
 from swarm.errors import WorldError
 
 
@@ -37,12 +37,13 @@ def run(args: argparse.Namespace) -> int:
     from worlds.cooperative.judging import evaluate
     from worlds.opv2v.world import Opv2vWorld
 
-    if holds_bags(args.directory):
+    directory = recorded_directory(args)
+    if holds_bags(directory):
         raise WorldError(
-            f"{args.directory} holds robots' bags, which do not say what was really there: "
+            f"{directory} holds robots' bags, which do not say what was really there: "
             "precision needs a recording with true boxes (OPV2V's layout)"
         )
-    world = Opv2vWorld(args.directory)
+    world = Opv2vWorld(directory)
     precision = evaluate(
         world,
         chosen_fusion(args),

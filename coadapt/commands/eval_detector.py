@@ -18,7 +18,7 @@ def register(commands: Any) -> None:
         "eval-detector",
         help="precision and bytes of the fusion algorithms",
         description="Measures every fusion algorithm on floors and streets that training never "
-        "saw and on the OPV2V sample (in $COADAPT_DATA or ../shared/data): clean, with noisy "
+        "saw and on the OPV2V sample (`coadapt data`): clean, with noisy "
         "poses, with delay and with fewer robots. Writes one JSON file with a row for each.",
     )
     parser.add_argument(

@@ -7,7 +7,12 @@ import json
 import time
 from typing import Any
 
-from coadapt.arguments import add_recorded_fusion, chosen_fusion, comma_separated
+from coadapt.arguments import (
+    add_recorded_fusion,
+    chosen_fusion,
+    comma_separated,
+    recorded_directory,
+)
 from perception.types import Boxes
 
 
@@ -36,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from worlds.cooperative.fusing import Disturbance, fuse_frame
     from worlds.opv2v.world import Opv2vWorld
 
-    world = Opv2vWorld(args.directory)
+    world = Opv2vWorld(recorded_directory(args))
     frame = world.frame_index(args.frame)
     ego = args.ego or world.robots[0]
     participants = args.participants or world.robots

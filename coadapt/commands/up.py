@@ -16,6 +16,7 @@ from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.errors import DeployError
 from worlds.registry import swarm_worlds, world_kind
+from worlds.sample import is_checkout
 
 if TYPE_CHECKING:
     from worlds.base import World
@@ -32,7 +33,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
     parser.add_argument("--world", choices=swarm_worlds(), default="factory")
     parser.add_argument(
-        "--data", default="", help="recorded data: directory of opv2v or bag, file of recording"
+        "--data",
+        default="",
+        help="recorded data: directory of opv2v (default: the sample that `coadapt data` brings) "
+        "or bag, file of recording",
     )
     parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
     parser.add_argument(
@@ -110,25 +114,27 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
-    comm_range_m = args.comm_range
+    comm_range_m, data = args.comm_range, args.data
     kind = world_kind(args.world)
     if kind.data:
-        if not args.data:
+        if not data and kind.sample:
+            data = str(kind.sample())
+        if not data:
             raise DeployError(
                 f"world {kind.name} needs --data {kind.word}, {kind.needs} "
                 f"(make up WORLD={kind.name} DATA={kind.word})"
             )
-        world = _recorded(args.world, Path(args.data))
+        world = _recorded(args.world, Path(data))
         robots = world.robots[: args.robots]
         comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
-        say(f"{args.data} has the robots {', '.join(robots)}")
+        say(f"{data} has the robots {', '.join(robots)}")
     optional = {} if args.ego is None else {"ego": args.ego}
     return make_spec(
         swarm=args.swarm,
         runtime=runtime.name,
         robots=robots,
         world=args.world,
-        data=str(Path(args.data).absolute()) if args.data else "",
+        data=str(Path(data).absolute()) if data else "",
         seed=args.seed,
         rings=args.rings,
         scenario=args.scenario,
@@ -179,4 +185,7 @@ def _print_where(state: State) -> None:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
     print(f"journal     {journal_path(spec, spec.var_dir)}")
-    print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")
+    if is_checkout():
+        print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")
+    else:
+        print("next        coadapt status, coadapt net shape --rate 5mbit, coadapt down")

@@ -65,6 +65,16 @@ def ensure_image(say: Say) -> str:
     return tag
 
 
+def why_not() -> str | None:
+    """None when the sources that the image is made of are here, else the reason why not."""
+    if DOCKERFILE.is_file() and all(lock.is_file() for lock in LOCKS):
+        return None
+    return (
+        "its image is built from a checkout of the repository, and this is an installed wheel; "
+        "use RUNTIME=netns (--runtime netns), or `make up` in a checkout"
+    )
+
+
 def build(tag: str, base: str, context: Path, say: Say) -> None:
     """Builds an image on another one, and removes the context. Raises DeployError."""
     say(f"building image {tag} on {base}")

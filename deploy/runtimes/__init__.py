@@ -28,16 +28,21 @@ def choose(name: str) -> tuple[Runtime, str]:
         raise DeployError(f"runtime {name!r} is not known; allowed: auto, docker, netns")
     if name != "auto":
         chosen = get("docker" if name == "docker" else "netns")
-        reason = chosen.available()
+        reason = _why_not_docker() if name == "docker" else chosen.available()
         if reason is not None:
             raise DeployError(f"runtime {name} cannot run here: {reason}")
         return chosen, f"runtime {name}: asked for"
-    docker = get("docker")
-    no_docker = docker.available()
+    no_docker = _why_not_docker()
     if no_docker is None:
-        return docker, "runtime docker: an engine answers"
+        return get("docker"), "runtime docker: an engine answers"
     netns = get("netns")
     no_netns = netns.available()
     if no_netns is None:
         return netns, f"runtime netns: Docker cannot be used ({no_docker})"
     raise DeployError(f"no runtime can run here; docker: {no_docker}; netns: {no_netns}")
+
+
+def _why_not_docker() -> str | None:
+    from deploy.docker import image
+
+    return get("docker").available() or image.why_not()

@@ -19,10 +19,10 @@ from perception.codec import generic
 from perception.codec.points import decode_points, encode_points
 from perception.scene import ground_mask
 from research.benchmarks.report import write_report
-from research.evaluation.sample import opv2v_sample
 from swarm.geometry import Points
 from worlds.factory.world import FactoryWorld
 from worlds.opv2v.world import Opv2vWorld
+from worlds.sample import opv2v_sample
 
 BOUNDS_M = {"10cm": 0.1, "1cm": 0.01}
 ROUNDS = 5
@@ -32,13 +32,12 @@ FACTORY_FRAMES = (0, 40, 80)
 def main() -> None:
     """Measures, prints the figures and writes them."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    with opv2v_sample() as folder:
-        world = Opv2vWorld(folder)
-        real = [
-            world.scan(robot, frame).points
-            for robot in world.robots
-            for frame in range(world.frame_count)
-        ]
+    world = Opv2vWorld(opv2v_sample())
+    real = [
+        world.scan(robot, frame).points
+        for robot in world.robots
+        for frame in range(world.frame_count)
+    ]
     sizes: dict[str, list[int]] = {}
     errors: dict[str, list[float]] = {}
     for name, bound in BOUNDS_M.items():

@@ -16,9 +16,9 @@ import numpy as np
 from perception.scene import describe
 from research.benchmarks.report import write_report
 from research.benchmarks.scene_recall import match, targets
-from research.evaluation.sample import opv2v_sample
 from swarm.geometry import Points
 from worlds.base import Scan, World
+from worlds.sample import opv2v_sample
 
 METHODS = ("fast", "reference")
 SPARSE = 30
@@ -32,10 +32,9 @@ def main() -> None:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     from worlds.opv2v.world import Opv2vWorld
 
-    with opv2v_sample() as folder:
-        world = Opv2vWorld(folder)
-        scans = [world.scan(r, frame) for r in world.robots for frame in range(world.frame_count)]
-        figures, samples = _recall(world, scans)
+    world = Opv2vWorld(opv2v_sample())
+    scans = [world.scan(r, frame) for r in world.robots for frame in range(world.frame_count)]
+    figures, samples = _recall(world, scans)
     times, objects = _times([scan.points for scan in scans])
     fast, reference = (np.array(times[method]) for method in METHODS)
     figures = {

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import threading
 import time
@@ -32,19 +31,18 @@ from swarm.errors import WorldError
 from swarm.log import make_logger
 from swarm.messages import ShapeRequest
 from swarm.traffic import TrafficClass
+from worlds.sample import data_folder
 
 NAME = "Verizon-LTE-short.down"
 SECONDS = 60
 SATURATING = 1.2
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def trace_path(name: str) -> Path:
-    """A recorded trace below $COADAPT_DATA or ../shared/data. Raises WorldError."""
-    roots = (os.environ.get("COADAPT_DATA"), str(REPOSITORY.parent / "shared" / "data"))
-    for root in roots:
-        if root and (path := Path(root) / "traces" / name).is_file():
-            return path
+    """A recorded trace in the data folder (worlds.sample). Raises WorldError."""
+    folder = data_folder(Path("traces"))
+    if folder is not None and (folder / name).is_file():
+        return folder / name
     raise WorldError(
         f"no recorded trace: set COADAPT_DATA to a directory with traces/{name}, or name one with "
         "--trace FILE"

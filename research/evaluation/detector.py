@@ -7,7 +7,6 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, astuple, dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,6 @@ from perception.fusion.registry import fusion_names, make_fusion
 from perception.tally import Tally
 from research.evaluation.kept import Kept
 from research.evaluation.machine import machine_facts
-from research.evaluation.sample import opv2v_sample
 from research.evaluation.sharing import RememberingFusion
 from research.evaluation.splits import ROBOTS, WORLDS, Part, nearest_first, recorded, simulated
 from research.evaluation.uncoded import EARLY_UNCODED, UncodedEarly
@@ -28,6 +26,7 @@ from swarm.errors import PerceptionError, WorldError
 from swarm.files import write_whole
 from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
 from worlds.cooperative.judging import judge
+from worlds.sample import opv2v_sample
 
 DETECTORS = {"factory": "factory", "road": "road", "opv2v": "road"}
 POSE_SIGMAS_M = (0.2, 0.4, 0.6)
@@ -129,28 +128,25 @@ def run(
     speed: dict[str, float] = {}
     skipped: dict[str, str] = {}
     for world in worlds:
-        with ExitStack() as stack:
-            try:
-                parts = (
-                    recorded(stack.enter_context(opv2v_sample()), frames)
-                    if world == "opv2v"
-                    else simulated(world, frames)
-                )
-            except WorldError as error:
-                skipped[world] = str(error)
-                print(f"{world}: skipped: {error}", file=sys.stderr, flush=True)
-                continue
-            wanted = cases(world, algorithms or allowed)
-            if not wanted:
-                continue
-            begun = time.monotonic()
-            tallies, fresh = _over_parts(
-                world, parts, wanted, workers, Kept(report.parent / "kept", MADE_FROM)
+        try:
+            parts = (
+                recorded(opv2v_sample(), frames) if world == "opv2v" else simulated(world, frames)
             )
-            if fresh:
-                speed[world] = round(fresh / (time.monotonic() - begun), 3)
-            rows += [_row(world, case, tally) for case, tally in zip(wanted, tallies, strict=True)]
-            _write(report, rows, speed, skipped)
+        except WorldError as error:
+            skipped[world] = str(error)
+            print(f"{world}: skipped: {error}", file=sys.stderr, flush=True)
+            continue
+        wanted = cases(world, algorithms or allowed)
+        if not wanted:
+            continue
+        begun = time.monotonic()
+        tallies, fresh = _over_parts(
+            world, parts, wanted, workers, Kept(report.parent / "kept", MADE_FROM)
+        )
+        if fresh:
+            speed[world] = round(fresh / (time.monotonic() - begun), 3)
+        rows += [_row(world, case, tally) for case, tally in zip(wanted, tallies, strict=True)]
+        _write(report, rows, speed, skipped)
     if not rows:
         raise WorldError(f"nothing was measured: {skipped}")
     print(f"wrote {report}", file=sys.stderr)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from research.evaluation.bootstrap import Interval, bootstrap_mean
-from research.evaluation.sample import data_folder
 from swarm.errors import EvaluationError
+from worlds.sample import data_folder
 
 RATE_HZ = 10.0
 """Frames a second of OPV2V: every frame is fused."""
@@ -116,7 +116,7 @@ def read_published(folder: Path) -> dict[str, list[Cycle]]:
 
 
 def found_published() -> dict[str, list[Cycle]]:
-    """The published results in the data folder (evaluation.sample); none where there are none."""
+    """The published results in the data folder (worlds.sample); none where there are none."""
     folder = data_folder(FOLDER)
     return {} if folder is None else read_published(folder)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from worlds.base import World
 from worlds.kinds import WorldKind, WorldRequest
+from worlds.sample import opv2v_sample
 
 
 def _open(request: WorldRequest) -> World:
@@ -15,4 +16,4 @@ def _open(request: WorldRequest) -> World:
 
 
 NEEDS = "the directory of a recorded scenario"
-WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, comm_range_m=70.0),)
+WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, comm_range_m=70.0),)

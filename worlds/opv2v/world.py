@@ -203,7 +203,9 @@ def _list_frames(scenario: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
                     files[folder.name] = names
     except OSError as error:
         raise WorldError(f"scenario {scenario} cannot be read: {error}") from error
-    frames = sorted({Path(name).stem for name in set().union(*files.values())})
+    # A scan that no vehicle describes, like the last one of a recording cut off, is no frame.
+    described = (name for name in set().union(*files.values()) if name.endswith(".yaml"))
+    frames = sorted({Path(name).stem for name in described})
     if not frames:
         raise WorldError(f"scenario {scenario} has no <vehicle>/<frame>.pcd and .yaml")
     for vehicle, names in files.items():

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from research.evaluation.sample import opv2v_sample
 from research.training.plans import TEST_SEEDS
 from swarm.errors import WorldError
 from worlds.base import Scan, World
 from worlds.opv2v.world import Opv2vWorld
 from worlds.registry import open_world
+from worlds.sample import opv2v_sample
 
 FRAMES = 6
 VEHICLES = 2
@@ -28,8 +28,7 @@ def shared_frames() -> Shared:
     """Of the OPV2V sample, else of a simulated street that nothing was trained on; spread over
     all that there is."""
     try:
-        with opv2v_sample() as folder:
-            return _read("OPV2V sample", Opv2vWorld(folder))
+        return _read("OPV2V sample", Opv2vWorld(opv2v_sample()))
     except WorldError:
         return _read("simulated street", open_world("road", robots=2, seed=TEST_SEEDS.start))
 

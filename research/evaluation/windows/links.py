@@ -7,7 +7,7 @@ from pathlib import Path
 
 from network_controller.mahimahi import read_trace
 from network_controller.profiles import Fixed, Profile, Series, Shift
-from research.evaluation.sample import data_folder
+from worlds.sample import data_folder
 
 WINDOW_S = 5.0
 """A decision holds so long: the paper's control cycle."""
@@ -53,7 +53,7 @@ def low_tier_with_telemetry() -> Link:
 
 
 def recorded() -> list[Link]:
-    """The recorded links in the data folder (evaluation.sample), by name; none where there are
+    """The recorded links in the data folder (worlds.sample), by name; none where there are
     none. A step lasts a control window, and an ego knows the one before. Raises NetworkError for
     a file (*.down, *.up) that is no recording."""
     folder = data_folder(TRACES)

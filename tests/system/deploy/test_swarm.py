@@ -217,10 +217,12 @@ def _totals_after_each_cycle(journal: Path) -> list[Totals]:
 
 
 def test_recorded_vehicles_send_the_bytes_that_journal_and_prometheus_count(
-    cli: Cli, opv2v_dir: Path
+    cli: Cli, opv2v_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    shutil.copytree(opv2v_dir, tmp_path / "opv2v-sample" / opv2v_dir.name)
+    monkeypatch.setenv("COADAPT_DATA", str(tmp_path))
     name = ("--swarm", "recorded")
-    world = ("--world", "opv2v", "--data", str(opv2v_dir), "--policy", "static-early")
+    world = ("--world", "opv2v", "--policy", "static-early")
     done = cli("up", "--runtime", "netns", *world, *ports(), "--wait", str(READY_S), *name)
     try:
         assert done.returncode == 0, done.stderr

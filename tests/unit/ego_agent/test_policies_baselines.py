@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 
 import pytest
 
 from ego_agent.plan.policies.registry import make_policy
-from tests.support.data import data_root
 from tests.support.ego_scenes import candidate, knowledge, scene
+from worlds.sample import data_folder
 
 EVERYONE = ("early", "intermediate", "late")
 
@@ -33,8 +34,8 @@ def test_rules_choose_the_algorithm_by_the_link_and_the_three_nearest(
 
 
 def test_rules_agree_with_every_published_choice_up_to_the_third_nearest() -> None:
-    root = data_root()
-    files = sorted(root.glob("paper-results/rulebased/*/selection.csv")) if root else []
+    root = data_folder(Path("paper-results"))
+    files = sorted(root.glob("rulebased/*/selection.csv")) if root else []
     if not files:
         pytest.skip("no published results: set COADAPT_DATA to a folder with paper-results/")
     rows = [row for file in files for row in csv.DictReader(file.read_text().splitlines())]

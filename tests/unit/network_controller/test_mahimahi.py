@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from network_controller.mahimahi import PACKET_BYTES, read_trace
 from swarm.errors import NetworkError
-from tests.support.data import data_root
+from worlds.sample import data_folder
 
 BITS = PACKET_BYTES * 8
 
@@ -130,8 +130,8 @@ def test_more_intervals_than_a_request_carries_are_refused(tmp_path: Path) -> No
 def test_a_recorded_trace_keeps_its_length_and_its_mean(
     name: str, seconds: int, mean_bps: int
 ) -> None:
-    root = data_root()
-    path = root / "traces" / name if root else None
+    root = data_folder(Path("traces"))
+    path = root / name if root else None
     if path is None or not path.is_file():
         pytest.skip(f"no {name}: set COADAPT_DATA to a folder with traces/")
     rates = read_trace(path)

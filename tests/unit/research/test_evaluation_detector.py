@@ -129,10 +129,10 @@ def test_what_was_kept_gives_the_same_precision(tmp_path: Path) -> None:
 def test_a_missing_sample_is_said_and_skipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("research.evaluation.sample.ARCHIVE", Path("no-such") / "sample.tar.xz")
+    monkeypatch.setattr("worlds.sample.SAMPLE", "no-such")
     status = main(["eval-detector", "--worlds", "opv2v", "--output", str(tmp_path / "d.json")])
     assert status == 1
-    assert "opv2v: skipped: no no-such/sample.tar.xz" in capsys.readouterr().err
+    assert "opv2v: skipped: no OPV2V sample in " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from coadapt.main import main
 from research.evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS, read_published, summary
 from swarm.errors import EvaluationError
-from tests.support.data import data_root
+from worlds.sample import data_folder
 
 SELECTION = {
     "scenario": "street", "frame_idx": "0", "frame_name": "000069", "ego_cav": "1",
@@ -91,9 +91,8 @@ def assert_refused(folder: Path, words: str) -> None:
 
 
 def test_the_published_files_give_their_published_means(capsys: pytest.CaptureFixture[str]) -> None:
-    root = data_root()
-    folder = root / "paper-results" if root else None
-    if folder is None or not folder.is_dir():
+    folder = data_folder(Path("paper-results"))
+    if folder is None:
         pytest.skip("no published results: set COADAPT_DATA to a folder with paper-results/")
     assert main(["eval", "published", str(folder), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -35,9 +35,9 @@ from research.evaluation.windows.scenarios import (
 from research.evaluation.windows.search import best, every_choice, explore, held_out_regret
 from research.training.plans import TEST_SEEDS
 from swarm.errors import CoAdaptError, EvaluationError
-from tests.support.data import data_root
 from worlds.cooperative.fusing import fuse_frame
 from worlds.cooperative.judging import evaluate
+from worlds.sample import data_folder
 
 KNOWLEDGE = Knowledge(Objective(lambda_cost=1.0))
 SMALL = Scenario("small", 3, links.shift(), TEST_SEEDS.start + 555_555, first_frame=40)
@@ -96,8 +96,7 @@ def test_recorded_links_are_scenarios_where_there_are_any(
 
 
 def test_all_recorded_links_can_be_read() -> None:
-    root = data_root()
-    if root is None or not (root / "traces").is_dir():
+    if data_folder(Path("traces")) is None:
         pytest.skip("no recorded links: set COADAPT_DATA to a folder with traces/")
     assert len(links.recorded()) >= 4
     assert all(link.rate_bps(5.0) >= 1 for link in links.recorded())

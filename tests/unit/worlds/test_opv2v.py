@@ -188,3 +188,9 @@ def test_a_malformed_vehicle_is_named(opv2v_dir: Path, tmp_path: Path, vehicles:
     (tmp_path / "302" / "006220.yaml").write_text(yaml.safe_dump(facts))
     with pytest.raises(WorldError, match="malformed vehicle"):
         Opv2vWorld(tmp_path).ground_truth(0)
+
+
+def test_a_scan_that_no_vehicle_describes_is_no_frame(tmp_path: Path) -> None:
+    both = [f"{v}/00000{n}.{kind}" for v in (1, 2) for n in (0, 2) for kind in ("pcd", "yaml")]
+    write_scenario(tmp_path, *both, "1/000004.pcd", "2/000004.pcd")
+    assert Opv2vWorld(tmp_path).frame_names == ("000000", "000002")

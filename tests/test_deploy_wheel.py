@@ -1,0 +1,179 @@
+"""The built wheel, installed into an empty environment, away from any checkout.
+
+What the wheel depends on is lent by the environment of the tests (PyTorch alone has 200 MB).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import venv
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from deploy_support import await_
+from free_ports import free_port
+
+from deploy.netns import launch
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+READY_S = 120.0
+BUILD_S = 240.0
+SWARM = ("--swarm", "wheel")
+SOURCES = ("pyproject.toml", "setup.py")
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def clean() -> dict[str, str]:
+    """The environment without what would lead to a checkout or to data."""
+    own = {"PYTHONPATH", "VIRTUAL_ENV", "COADAPT_DATA"}
+    return {name: value for name, value in os.environ.items() if name not in own}
+
+
+def checked(command: list[str], cwd: Path) -> None:
+    done = subprocess.run(
+        command, cwd=cwd, env=clean(), capture_output=True, text=True, timeout=BUILD_S
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual environment with the wheel and nothing else."""
+    base = tmp_path_factory.mktemp("wheel")
+    # Built from a copy: setuptools would put what an earlier build left into the wheel.
+    source = base / "source"
+    source.mkdir()
+    for name in SOURCES:
+        shutil.copy(REPOSITORY / name, source)
+    for package in REPOSITORY.iterdir():
+        if (package / "__init__.py").is_file():
+            built = shutil.ignore_patterns("__pycache__", "*.so")
+            shutil.copytree(package, source / package.name, ignore=built)
+    pip = [sys.executable, "-m", "pip"]
+    offline = ["--quiet", "--no-deps", "--no-index"]
+    checked([*pip, "wheel", *offline, "--no-build-isolation", "--wheel-dir", "..", "."], source)
+    (wheel,) = base.glob("*.whl")
+    shutil.rmtree(source)
+    target = base / "environment"
+    venv.create(target, with_pip=False)
+    python = str(target / "bin" / "python")
+    checked([*pip, "--python", python, "install", *offline, str(wheel)], base)
+    (site_packages,) = target.glob("lib/python3*/site-packages")
+    (site_packages / "lent.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    return target
+
+
+@pytest.fixture(scope="module")
+def coadapt(environment: Path) -> Iterator[Run]:
+    """Runs the installed command in an empty directory, which is `coadapt.directory`."""
+    # Short, as the paths of Unix sockets have to be.
+    with tempfile.TemporaryDirectory(prefix="cw-", dir="/tmp") as directory:
+        (empty := Path(directory, "empty")).mkdir()
+
+        def run(*arguments: str, **settings: str) -> subprocess.CompletedProcess[str]:
+            return subprocess.run(
+                [str(environment / "bin" / "coadapt"), *arguments],
+                cwd=empty,
+                env={**clean(), "COADAPT_RUN_DIR": f"{directory}/run", **settings},
+                capture_output=True,
+                text=True,
+                timeout=READY_S + 60,
+            )
+
+        yield run
+
+
+def test_it_runs_from_the_environment_and_says_its_version(coadapt: Run, environment: Path) -> None:
+    done = coadapt("--version")
+    assert done.stdout.startswith("coadapt "), done.stderr
+    where = subprocess.run(
+        [environment / "bin" / "python", "-c", "import deploy, swarm; print(deploy.__file__)"],
+        cwd="/",
+        env=clean(),
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert where.startswith(str(environment))
+
+
+def test_loops_in_c_and_weights_are_in_it(environment: Path) -> None:
+    (site_packages,) = environment.glob("lib/python3*/site-packages")
+    for pattern in ("perception/detector/weights/*.safetensors", "deploy/dashboards/alerts.yml"):
+        assert list(site_packages.glob(pattern)), pattern
+    if shutil.which("cc") is not None:
+        assert list(site_packages.glob("perception/kernels/_coding*.so"))
+
+
+def test_docker_says_that_it_needs_a_checkout(coadapt: Run, environment: Path) -> None:
+    code = "from deploy.docker import image; print(image.why_not())"
+    done = subprocess.run(
+        [environment / "bin" / "python", "-c", code],
+        cwd="/",
+        env=clean(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "built from a checkout" in done.stdout
+    refused = coadapt("up", "--runtime", "docker", *SWARM)
+    assert refused.returncode == 1
+    assert "runtime docker cannot run here" in refused.stderr
+
+
+def test_the_sample_is_looked_for_in_the_current_directory(coadapt: Run) -> None:
+    done = coadapt("ap", "--algorithm", "late")
+    assert done.returncode == 1
+    assert "/empty/var/data: " in done.stderr
+    assert "`coadapt data`" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_experiments_are_not_in_it_and_say_so(coadapt: Run) -> None:
+    for command in (["eval", "policies"], ["eval-detector"], ["train", "--config", "factory"]):
+        done = coadapt(*command)
+        assert done.returncode == 1
+        assert "the experiments are not in this installation" in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(launch.why_not() is not None, reason=str(launch.why_not()))
+@pytest.mark.skipif(
+    shutil.which("prometheus") is None, reason="apt-get install prometheus: it is not installed"
+)
+def test_a_swarm_starts_decides_and_ends_in_an_empty_directory(coadapt: Run) -> None:
+    options = (
+        "--prometheus-port",
+        "--ego-metrics-port",
+        "--qod-port",
+        "--console-port",
+        "--router-port",
+    )
+    ports = [word for option in options for word in (option, str(free_port()))]
+    small = ("--robots", "2", "--rings", "16", "--wait", str(READY_S))
+    try:
+        up = coadapt("up", *small, *ports, *SWARM)
+        assert up.returncode == 0, up.stderr
+        assert "runtime netns: " in up.stderr + up.stdout
+        assert "coadapt status" in up.stdout
+        assert "/empty/var/wheel/journal/R1-" in up.stdout
+
+        def decided() -> bool:
+            status = coadapt("status", "--json", *SWARM)
+            assert status.returncode == 0, status.stderr
+            seen = json.loads(status.stdout)
+            assert {process["state"] for process in seen["processes"]} == {"running"}
+            alive = [robot["alive"] for robot in seen["robots"]]
+            return alive == [True, True] and seen["cycle"] is not None and seen["valid"]
+
+        await_(decided, "a valid decision with both robots")
+    finally:
+        assert coadapt("down", *SWARM).returncode == 0
