@@ -24,12 +24,14 @@ TIME_SCALE ?=
 CONFIG ?= factory
 ARGS ?=
 
+# Files stay whole, as their tests may share what is costly.
+PARALLEL = --numprocesses auto --maxprocesses 4 --dist loadfile
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console
 
 .DEFAULT_GOAL := help
-.PHONY: help setup data up down status logs metrics shape congest net record test check lint types bench train eval-detector eval \
+.PHONY: help setup data up down status logs metrics shape congest net record test test-all check lint types bench train eval-detector eval \
 	pictures lock clean
 
 help: ## Show this list
@@ -82,8 +84,12 @@ net: setup ## Show the shapes in force and what links carry
 record: setup ## Record the swarm as MCAP for Foxglove and for WORLD=recording (ARGS='--seconds 30 --live')
 	@$(COADAPT) record --swarm $(SWARM) $(ARGS)
 
-test: setup ## Run all tests
-	@$(PYTHON_ENV) -m pytest $(ARGS)
+test: setup ## Run the tests that need neither root, data nor a model; build/test.json says how it went
+	@$(PYTHON_ENV) -m pytest $(PARALLEL) -m 'not data and not model' --summary=build/test.json $(ARGS)
+
+test-all: setup ## Run all tests: also in namespaces, Docker and a browser, on real data, with a model
+	@$(PYTHON_ENV) -m pytest $(PARALLEL) --summary=build/test-swarm.json tests/unit tests/swarm $(ARGS)
+	@$(PYTHON_ENV) -m pytest --summary=build/test-system.json tests/system $(ARGS)
 
 lint: setup ## Check style and formatting
 	@$(PYTHON_ENV) -m ruff check .

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import time
 from collections.abc import Generator
 from pathlib import Path
 
@@ -24,8 +26,44 @@ from worlds.sample import opv2v_sample
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
+BEGUN = pytest.StashKey[float]()
+"""When the run began, by the steady clock."""
 FRAMES = 16
 """Of real data: what the archive of the sample holds; `make data` brings more."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What a test's fixtures need is a mark, by which `make test` leaves it out."""
+    for item in items:
+        names = getattr(item, "fixturenames", ())
+        if "opv2v_dir" in names:
+            item.add_marker(pytest.mark.data)
+        if "tokens" in names:
+            item.add_marker(pytest.mark.model)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--summary FILE` keeps how a run went."""
+    parser.addoption("--summary", type=Path, help="write seconds and counts as JSON")
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Writes the counts, as the last line of a run has them."""
+    path: Path | None = config.getoption("--summary")
+    if path is None:
+        return
+    stats = terminalreporter.stats
+    counts = {name: len(stats.get(name, ())) for name in ("passed", "failed", "error", "skipped")}
+    counts["failed"] += counts.pop("error")
+    seconds = round(time.monotonic() - config.stash[BEGUN], 1)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"seconds": seconds, **counts}) + "\n")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[BEGUN] = time.monotonic()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -148,6 +148,7 @@ def test_a_model_that_cannot_work_is_named(spec: str, tmp_path: Path) -> None:
         Model(spec, Kept(tmp_path, ["swarm"]))
 
 
+@pytest.mark.model
 def test_a_real_model_is_a_row_of_its_own(tmp_path: Path) -> None:
     if not runtime_installed() or "smollm2-135m" not in installed_models():
         pytest.skip(f"the embedded model is not installed: {INSTALL}")

@@ -33,6 +33,7 @@ def test_rules_choose_the_algorithm_by_the_link_and_the_three_nearest(
     assert proposal.algorithm == algorithm
 
 
+@pytest.mark.data
 def test_rules_agree_with_every_published_choice_up_to_the_third_nearest() -> None:
     root = data_folder(Path("paper-results"))
     files = sorted(root.glob("rulebased/*/selection.csv")) if root else []

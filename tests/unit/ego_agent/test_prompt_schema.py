@@ -160,6 +160,7 @@ def test_whatever_the_schema_admits_is_accepted_or_repaired(
     assert_valid(decision, found, known)
 
 
+@pytest.mark.model
 @pytest.mark.parametrize("found", [NOBODY, floor(6, KNOWN, 25e6), floor(50, KNOWN, 25e6)])
 def test_llama_cpp_makes_a_grammar_of_every_schema(found: UnifiedScene) -> None:
     llama_cpp = pytest.importorskip("llama_cpp", reason="llama-cpp-python is not installed")

@@ -118,6 +118,7 @@ def test_more_intervals_than_a_request_carries_are_refused(tmp_path: Path) -> No
         read_trace(write(tmp_path, 24 * 3600 * 1000), 0.1)
 
 
+@pytest.mark.data
 @pytest.mark.parametrize(
     ("name", "seconds", "mean_bps"),
     [

@@ -90,6 +90,7 @@ def assert_refused(folder: Path, words: str) -> None:
     assert words in str(error.value)
 
 
+@pytest.mark.data
 def test_the_published_files_give_their_published_means(capsys: pytest.CaptureFixture[str]) -> None:
     folder = data_folder(Path("paper-results"))
     if folder is None:

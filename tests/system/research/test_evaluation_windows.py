@@ -95,6 +95,7 @@ def test_recorded_links_are_scenarios_where_there_are_any(
     assert scenario.known_bps(0) == pytest.approx(0.6e6, rel=0.01)
 
 
+@pytest.mark.data
 def test_all_recorded_links_can_be_read() -> None:
     if data_folder(Path("traces")) is None:
         pytest.skip("no recorded links: set COADAPT_DATA to a folder with traces/")
