@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
     home = data_home()
     place = place_in(home)
-    say(f"the sample of OPV2V, from {args.url} ...")
+    say(f"the sample of OPV2V: from {args.url}, unless it is in {home} already ...")
     brought = bring(Source(args.url, args.commit, args.tree), home)
     world = read_all(place)
     size = sum(path.stat().st_size for path in place.rglob("*.pcd"))

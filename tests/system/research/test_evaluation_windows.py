@@ -141,8 +141,8 @@ def test_a_recording_that_has_changed_is_another(opv2v_dir: Path, tmp_path: Path
 
 def test_keys_are_the_same_in_every_process() -> None:
     code = (
-        "from evaluation.policies.pieces import Piece\n"
-        "from evaluation.windows.scenarios import factory_suite\n"
+        "from research.evaluation.policies.pieces import Piece\n"
+        "from research.evaluation.windows.scenarios import factory_suite\n"
         "pieces = [Piece(s, 1, ('early', 'late')) for s in factory_suite()]\n"
         "print([(p.heard_key(), p.outcomes_key()) for p in pieces])"
     )

@@ -311,7 +311,7 @@ def test_the_layout_shows_topics_of_recordings(
 ) -> None:
     assert main(["record", "--layout"]) == 0
     layout = json.loads(capsys.readouterr().out)
-    packed = resources.files("recordings").joinpath("foxglove-layout.json").read_text()
+    packed = resources.files("options.recordings").joinpath("foxglove-layout.json").read_text()
     assert layout == json.loads(packed)
     panels = layout["configById"]
     assert made.path is not None

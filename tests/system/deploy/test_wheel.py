@@ -17,12 +17,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from deploy_support import await_
-from free_ports import free_port
 
 from deploy.netns import launch
+from tests.support.deploy_support import await_
+from tests.support.free_ports import free_port
+from tests.support.paths import REPOSITORY
 
-REPOSITORY = Path(__file__).resolve().parents[1]
 READY_S = 120.0
 BUILD_S = 240.0
 SWARM = ("--swarm", "wheel")
@@ -143,6 +143,13 @@ def test_experiments_are_not_in_it_and_say_so(coadapt: Run) -> None:
         assert done.returncode == 1
         assert "the experiments are not in this installation" in done.stderr
         assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.skipif(launch.why_not() is not None, reason=str(launch.why_not()))
+def test_up_without_a_sample_names_what_brings_it(coadapt: Run) -> None:
+    done = coadapt("up", "--world", "opv2v", *SWARM)
+    assert done.returncode == 1
+    assert "`coadapt data`) brings it" in done.stderr
 
 
 @pytest.mark.skipif(launch.why_not() is not None, reason=str(launch.why_not()))

@@ -312,7 +312,6 @@ def test_an_installation_without_checkout_uses_the_current_directory(
     [
         ["ap", "--algorithm", "late"],
         ["fuse", "--frame", "0", "--algorithm", "late"],
-        ["up", "--world", "opv2v", "--swarm", "no-data"],
     ],
 )
 def test_commands_without_a_sample_name_what_brings_it(
