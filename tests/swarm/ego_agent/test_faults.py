@@ -40,6 +40,8 @@ from tests.support.ego_swarm import (
 from tests.support.free_ports import free_ports
 from worlds.factory.world import FactoryWorld
 
+pytestmark = pytest.mark.slow
+
 EGO, OTHER = "R1", "R2"
 EGO_ENV = {"ego": EGO, "comm_range_m": "500", "period_s": "0.25"}
 

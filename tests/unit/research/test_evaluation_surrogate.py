@@ -49,6 +49,7 @@ def test_choices_are_different_and_the_same_each_time(candidates: tuple[str, ...
         assert {Choice(tuple(sorted(candidates)), name) for name in ALGORITHMS} <= set(choices)
 
 
+@pytest.mark.slow
 def test_it_learns_which_choice_of_a_window_is_better() -> None:
     rng = np.random.default_rng(0)
     windows = []

@@ -20,6 +20,8 @@ from swarm.errors import GatewayError, SettingError
 from swarm.log import make_logger
 from tests.support.embedded_model import CONTEXT, SEQUENCES, ask
 
+pytestmark = pytest.mark.model
+
 pytest_plugins = ("tests.support.embedded_fixtures",)
 
 LONG = Prompt(ask("Tell a long story.").messages, "", 300)

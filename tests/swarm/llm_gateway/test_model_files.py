@@ -7,6 +7,8 @@ import pytest
 from llm_gateway.backends.llamacpp.models import PACKAGES, find_model, installed_models
 from swarm.errors import SettingError
 
+pytestmark = pytest.mark.model
+
 NAME = "gemma3-270m"
 
 

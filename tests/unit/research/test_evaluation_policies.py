@@ -30,6 +30,8 @@ from research.evaluation.windows.scenarios import Expectation, Scenario, factory
 from research.training.plans import TEST_SEEDS
 from swarm.errors import EvaluationError
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = Scenario("small", 4, links.shift(), TEST_SEEDS.start + 555_556, windows=2)
 ALGORITHMS = fusion_names("factory")
 KNOWLEDGE = knowledge_of(ALGORITHMS, SCENARIO)

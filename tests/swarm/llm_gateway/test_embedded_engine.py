@@ -15,6 +15,8 @@ from swarm.errors import GatewayError
 from swarm.messages import ChatMessage
 from tests.support.embedded_model import CONTEXT, SEQUENCES, ask, run
 
+pytestmark = pytest.mark.model
+
 pytest_plugins = ("tests.support.embedded_fixtures",)
 
 

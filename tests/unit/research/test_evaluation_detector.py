@@ -20,6 +20,8 @@ from research.evaluation.splits import FIRST_FRAME, Part, nearest_first, simulat
 from research.training.plans import TEST_SEEDS
 from worlds.factory.world import FactoryWorld
 
+pytestmark = pytest.mark.slow
+
 KEYS = {
     "world", "algorithm", "robots", "pose_sigma_m", "delay_s", "ap_30", "ap_50", "ap_70",
     "bytes_per_robot_frame",

@@ -39,6 +39,8 @@ from worlds.cooperative.fusing import fuse_frame
 from worlds.cooperative.judging import evaluate
 from worlds.sample import data_folder
 
+pytestmark = pytest.mark.slow
+
 KNOWLEDGE = Knowledge(Objective(lambda_cost=1.0))
 SMALL = Scenario("small", 3, links.shift(), TEST_SEEDS.start + 555_555, first_frame=40)
 

@@ -22,6 +22,8 @@ from swarm.messages import ChatMessage
 from tests.support.free_ports import free_port
 from tests.support.zenoh_fixtures import until
 
+pytestmark = pytest.mark.model
+
 NEEDED = ("llama_cpp", "fastapi", "sse_starlette", "starlette_context", "pydantic_settings")
 SCHEMA = {
     "type": "object",

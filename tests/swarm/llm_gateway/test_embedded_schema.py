@@ -14,6 +14,8 @@ from llm_gateway.backends.llamacpp.constraint import Alphabet
 from llm_gateway.backends.llamacpp.native import Native
 from llm_gateway.backends.llamacpp.schema import MAX_SCHEMA_CHARS, SchemaError, grammar_of
 
+pytestmark = pytest.mark.model
+
 pytest_plugins = ("tests.support.embedded_fixtures",)
 
 
