@@ -1,4 +1,4 @@
-# CoAdapt Edge. `make help` lists the targets; each is a thin door to `coadapt ...`.
+# CoAdapt Edge. `make help` lists the targets; each is a short form of `coadapt ...`.
 ROBOTS ?= 6
 WORLD ?= factory
 DATA ?=

@@ -1,1 +1,1 @@
-"""The command line `coadapt`, the door to everything."""
+"""The command line `coadapt`, the way to everything."""

@@ -32,27 +32,27 @@ def listen(port: int, what: str) -> socket.socket:
     return listener
 
 
-Door = Literal["ego metrics", "prometheus", "qod", "llm", "grafana", "console"]
+Endpoint = Literal["ego metrics", "prometheus", "qod", "llm", "grafana", "console"]
 
 
 @contextlib.contextmanager
-def listen_doors(spec: SwarmSpec) -> Iterator[dict[Door, socket.socket]]:
+def listen_endpoints(spec: SwarmSpec) -> Iterator[dict[Endpoint, socket.socket]]:
     """Listening sockets for what people on the host reach of a swarm, closed at the end.
 
     Raises DeployError when a port is taken; none is held then.
     """
     with contextlib.ExitStack() as stack:
-        doors: dict[Door, socket.socket] = {}
-        for door, port, what in _doors(spec):
-            doors[door] = stack.enter_context(listen(port, what))
-        yield doors
+        endpoints: dict[Endpoint, socket.socket] = {}
+        for endpoint, port, what in _endpoints(spec):
+            endpoints[endpoint] = stack.enter_context(listen(port, what))
+        yield endpoints
 
 
-def _doors(spec: SwarmSpec) -> Iterator[tuple[Door, int, str]]:
+def _endpoints(spec: SwarmSpec) -> Iterator[tuple[Endpoint, int, str]]:
     yield "ego metrics", spec.ego_metrics_port, "the ego's metrics (--ego-metrics-port)"
     yield "qod", spec.qod_port, "the Quality-on-Demand API (--qod-port)"
     if spec.llm:
-        yield "llm", spec.llm_port, "the LLM gateway's HTTP door (--llm-port)"
+        yield "llm", spec.llm_port, "the LLM gateway's HTTP endpoint (--llm-port)"
     if spec.prometheus:
         yield "prometheus", spec.prometheus_port, "Prometheus (--prometheus-port)"
     if spec.grafana:
@@ -63,6 +63,6 @@ def _doors(spec: SwarmSpec) -> Iterator[tuple[Door, int, str]]:
 
 def check_free(spec: SwarmSpec) -> None:
     """Raises DeployError when a port that a container runtime publishes is taken."""
-    with listen_doors(spec):
+    with listen_endpoints(spec):
         for port in range(spec.router_port, spec.router_port + LINKS):
             listen(port, "the router (--router-port)").close()

@@ -97,7 +97,7 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     llm_model: Annotated[str, msgspec.Meta(max_length=200)] = ""
     """Which model; empty takes the embedded one's or the server's first."""
     llm_port: HostPort = 9106
-    """Where the LLM gateway's HTTP door answers on the host's 127.0.0.1."""
+    """Where the LLM gateway's HTTP endpoint answers on the host's 127.0.0.1."""
     gateway_metrics_port: HostPort = 9105
     """Where Prometheus scrapes the LLM gateway; in Docker, a port of the host's bridge."""
     grafana: bool = False

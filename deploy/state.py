@@ -41,7 +41,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     qod_url: str = ""
     """The Quality-on-Demand API on the host."""
     llm_url: str = ""
-    """The LLM gateway's HTTP door on the host; empty without a gateway."""
+    """The LLM gateway's HTTP endpoint on the host; empty without a gateway."""
     grafana_url: str = ""
     """Grafana on the host; empty without."""
     console_url: str = ""

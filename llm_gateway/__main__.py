@@ -14,11 +14,11 @@ from prometheus_client import CollectorRegistry
 from llm_gateway.backends.registry import make_backend
 from llm_gateway.cache import Cache
 from llm_gateway.gateway import Gateway
-from llm_gateway.http_door import HttpDoor
+from llm_gateway.http_endpoint import HttpEndpoint
 from llm_gateway.loop import LoopThread
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.settings import GatewaySettings, load_settings
-from llm_gateway.zenoh_door import ZenohDoor
+from llm_gateway.zenoh_endpoint import ZenohEndpoint
 from swarm import transport
 from swarm.errors import CoAdaptError, TransportError
 from swarm.log import Logger, make_logger
@@ -52,7 +52,7 @@ def run(settings: GatewaySettings, stop: threading.Event) -> None:
     registry = CollectorRegistry()
     gateway = make_gateway(settings, registry, log)
     server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
-    http = HttpDoor(
+    http = HttpEndpoint(
         gateway,
         settings.llm_http_host,
         settings.llm_http_port,
@@ -75,11 +75,11 @@ def run(settings: GatewaySettings, stop: threading.Event) -> None:
         )
         session = _join(settings, registry, log, stop)
         if session is not None:
-            ZenohDoor(gateway, thread.loop).open(session)
+            ZenohEndpoint(gateway, thread.loop).open(session)
             log.info("router_reached")
         stop.wait()
     finally:
-        # The gateway first: those who wait are told before the doors close.
+        # The gateway first: those who wait are told before the endpoints close.
         for closing in (gateway.close, http.close):
             with suppress(TimeoutError):
                 thread.submit(closing()).result(CLOSE_S)

@@ -13,10 +13,10 @@ from llm_gateway.answers import AnswerError, extract
 from llm_gateway.backends.base import Backend
 from llm_gateway.breaker import Breaker
 from llm_gateway.budget import RetryBudget
-from llm_gateway.flight import Flight, Landed
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.model import Job, Prompt, Reply
 from llm_gateway.schemas import Schemas
+from llm_gateway.single_flight import Flight, Landed
 from llm_gateway.waiting import Waiting
 from swarm.errors import GatewayError
 from swarm.log import Logger

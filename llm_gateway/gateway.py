@@ -16,10 +16,10 @@ from llm_gateway.breaker import Breaker
 from llm_gateway.cache import Cache
 from llm_gateway.cache_store import Entry
 from llm_gateway.dispatch import Dispatcher
-from llm_gateway.flight import Flight, Landed
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.model import Completion, Job, Prompt
 from llm_gateway.schemas import Schemas
+from llm_gateway.single_flight import Flight, Landed
 from llm_gateway.waiting import Waiting
 from swarm.errors import GatewayError
 from swarm.log import Logger
@@ -27,7 +27,7 @@ from swarm.messages import MAX_PROMPT_CHARS, LlmTimings, LlmTokens
 
 
 class Gateway:
-    """Answers jobs of all doors with one back end."""
+    """Answers jobs of all endpoints with one back end."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The HTTP door's application: routes, the token, bodies and clients that go away."""
+"""The HTTP endpoint's application: routes, the token, bodies and clients that go away."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from llm_gateway.http_errors import HttpError, of_gateway
 from llm_gateway.model import Completion, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
-from swarm.http_doors import Bearer
+from swarm.http_serving import Bearer
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 2_000_000
@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 
 class Completer(Protocol):
-    """What the door needs of the gateway."""
+    """What the endpoint needs of the gateway."""
 
     @property
     def model(self) -> str:
@@ -163,7 +163,7 @@ class _Gate:
         self._log = log
         self._requests = Counter(
             "coadapt_llm_http_requests_total",
-            "Requests at the HTTP door by status; 499 where the client left first.",
+            "Requests at the HTTP endpoint by status; 499 where the client left first.",
             ["status"],
             registry=registry,
         )

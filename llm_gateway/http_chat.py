@@ -45,7 +45,7 @@ class _Format(msgspec.Struct):
 
 
 class _Chat(msgspec.Struct):
-    """What the door reads of a request; other fields change nothing and are let through."""
+    """What the endpoint reads of a request; other fields change nothing and are let through."""
 
     messages: Annotated[list[_Turn], msgspec.Meta(min_length=1, max_length=64)]
     model: str | None = None

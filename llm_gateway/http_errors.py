@@ -1,4 +1,4 @@
-"""Refusals of the HTTP door, in OpenAI's shape."""
+"""Refusals of the HTTP endpoint, in OpenAI's shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What passes between the gateway's doors, its core and its back ends."""
+"""What passes between the gateway's endpoints, its core and its back ends."""
 
 from __future__ import annotations
 

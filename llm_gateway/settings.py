@@ -47,7 +47,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_cache_entries: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10_000
     llm_http_host: str = "127.0.0.1"
     llm_http_port: Port = 9106
-    """Where the OpenAI-compatible door answers; 0 takes any free port."""
+    """Where the OpenAI-compatible endpoint answers; 0 takes any free port."""
     llm_http_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""
     llm_breaker_failures: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 5

@@ -21,7 +21,7 @@ from deploy.netns.supervisor import (
     PROMETHEUS_SOCKET,
     QOD_SOCKET,
 )
-from deploy.ports import Door
+from deploy.ports import Endpoint
 from deploy.spec import SwarmSpec
 from deploy.state import ProcessMark
 from swarm.errors import DeployError
@@ -116,7 +116,7 @@ class Launch:
             self._ready = -1
 
 
-_SOCKETS: Mapping[Door, str] = {
+_SOCKETS: Mapping[Endpoint, str] = {
     "ego metrics": EGO_METRICS_SOCKET,
     "prometheus": PROMETHEUS_SOCKET,
     "qod": QOD_SOCKET,
@@ -125,17 +125,19 @@ _SOCKETS: Mapping[Door, str] = {
 }
 
 
-def start_relay(spec: SwarmSpec, log: Path, listeners: Mapping[Door, socket.socket]) -> ProcessMark:
+def start_relay(
+    spec: SwarmSpec, log: Path, listeners: Mapping[Endpoint, socket.socket]
+) -> ProcessMark:
     """Starts the host's relay on listening sockets, which the caller may close afterwards; it is
     also the gateway's way to a model server outside."""
-    doors = [(listener, _SOCKETS[door]) for door, listener in listeners.items()]
-    pairs = [f"{3 + i}={spec.run_dir}/{path}" for i, (_, path) in enumerate(doors)]
+    endpoints = [(listener, _SOCKETS[endpoint]) for endpoint, listener in listeners.items()]
+    pairs = [f"{3 + i}={spec.run_dir}/{path}" for i, (_, path) in enumerate(endpoints)]
     server = spec.llm_server()
     if server is not None:
         host, port = server
         pairs.append(f"{spec.run_dir}/{outside.SERVER_SOCKET}={host}:{port}")
     with open(os.devnull) as nothing, open(log, "ab") as log_file:
         descriptors = {0: nothing.fileno(), 1: log_file.fileno(), 2: log_file.fileno()}
-        descriptors |= {3 + i: door.fileno() for i, (door, _) in enumerate(doors)}
+        descriptors |= {3 + i: endpoint.fileno() for i, (endpoint, _) in enumerate(endpoints)}
         argv = [sys.executable, "-m", "deploy.netns.relay", spec.run_dir, *pairs]
         return detached.spawn(argv, descriptors)

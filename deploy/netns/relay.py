@@ -60,9 +60,9 @@ async def serve_unix(path: Path, host: str, port: int) -> asyncio.Server:
     )
 
 
-async def _run(run_dir: Path, doors: list[tuple[str, str]]) -> None:
+async def _run(run_dir: Path, endpoints: list[tuple[str, str]]) -> None:
     alive, _ = await asyncio.open_unix_connection(run_dir / control.SOCKET)
-    servers = [await _serve(source, target) for source, target in doors]
+    servers = [await _serve(source, target) for source, target in endpoints]
     await alive.read()
     for server in servers:
         server.close()
@@ -79,9 +79,9 @@ async def _serve(source: str, target: str) -> asyncio.Server:
 def main() -> int:
     """Relays until the supervisor ends."""
     run_dir, *pairs = sys.argv[1:]
-    doors = [(left, right) for left, _, right in (pair.partition("=") for pair in pairs)]
+    endpoints = [(left, right) for left, _, right in (pair.partition("=") for pair in pairs)]
     try:
-        asyncio.run(_run(Path(run_dir), doors))
+        asyncio.run(_run(Path(run_dir), endpoints))
     except OSError as error:
         print(f"deploy.netns.relay: {error}", file=sys.stderr)
         return 1

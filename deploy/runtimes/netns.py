@@ -10,7 +10,7 @@ from pathlib import Path
 
 from deploy.netns import control, detached, launch
 from deploy.netns.supervisor import ROUTER_SOCKET, place_of
-from deploy.ports import listen_doors
+from deploy.ports import listen_endpoints
 from deploy.runtime import ProcessStatus
 from deploy.services import FOLDERS, services
 from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
@@ -121,7 +121,7 @@ class NetnsRuntime:
         var_dir = Path(spec.var_dir)
         logs = var_dir / "logs"
         with contextlib.ExitStack() as stack:
-            doors = stack.enter_context(listen_doors(spec))
+            endpoints = stack.enter_context(listen_endpoints(spec))
             make_run_dir(spec)
             try:
                 for folder in FOLDERS:
@@ -136,7 +136,7 @@ class NetnsRuntime:
                 # Recorded before anything is built: `down` finds it even if this process dies.
                 write_state(_state(spec, marks))
                 start.start(spec)
-                marks[RELAY] = launch.start_relay(spec, logs / RELAY_LOG, doors)
+                marks[RELAY] = launch.start_relay(spec, logs / RELAY_LOG, endpoints)
                 write_state(_state(spec, marks))
             except OSError as error:
                 self._clear(spec.swarm)

@@ -7,7 +7,7 @@ from swarm.errors import GatewayError
 
 
 class NoBackend:
-    """The back end of a gateway that only keeps its doors open."""
+    """The back end of a gateway that only keeps its endpoints open."""
 
     name = "none"
     model = "none"

@@ -24,7 +24,7 @@ from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIO
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
-from swarm.http_doors import Bearer
+from swarm.http_serving import Bearer
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 65_536

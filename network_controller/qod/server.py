@@ -17,7 +17,7 @@ from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.service import Service
 from swarm.errors import SettingError
-from swarm.http_doors import bind, check_token, is_loopback, server_config
+from swarm.http_serving import bind, check_token, is_loopback, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 100

@@ -16,7 +16,7 @@ from network_controller.qod.problems import (
     invalid_sink,
     invalid_token,
 )
-from swarm.http_doors import is_loopback, is_token
+from swarm.http_serving import is_loopback, is_token
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from prometheus_client import CollectorRegistry
 
 from options.console.app import make_app
 from options.console.board import Board
-from options.console.door import Door
+from options.console.endpoint import Endpoint
 from options.console.floor import plan
 from options.console.guard import Hosts
 from options.console.hub import Hub
@@ -20,7 +20,7 @@ from options.console.view import View
 from options.console.watch import Watch
 from swarm import transport
 from swarm.errors import CoAdaptError
-from swarm.http_doors import is_loopback
+from swarm.http_serving import is_loopback
 from swarm.log import make_logger
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
@@ -32,11 +32,11 @@ def main() -> int:
     try:
         settings = load_settings()
         transport.client_config(settings.router)  # a malformed address ends the process here
-        door = Door(settings)
+        endpoint = Endpoint(settings)
         registry = CollectorRegistry()
         server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
         try:
-            asyncio.run(serve(settings, door, registry, stop))
+            asyncio.run(serve(settings, endpoint, registry, stop))
         finally:
             server.close()
     except CoAdaptError as error:
@@ -46,7 +46,10 @@ def main() -> int:
 
 
 async def serve(
-    settings: ConsoleSettings, door: Door, registry: CollectorRegistry, stop: threading.Event
+    settings: ConsoleSettings,
+    endpoint: Endpoint,
+    registry: CollectorRegistry,
+    stop: threading.Event,
 ) -> None:
     """Runs one console until `stop` is set; its metrics go to `registry`."""
     log = make_logger("console", level=settings.log_level, swarm=settings.swarm)
@@ -65,15 +68,15 @@ async def serve(
         log,
     )
     metrics.show(hub, view)
-    serving = asyncio.create_task(door.serve(app))
-    log.info("console_up", port=door.port)
+    serving = asyncio.create_task(endpoint.serve(app))
+    log.info("console_up", port=endpoint.port)
     try:
         await _either(serving, stop)
     finally:
         hub.close()
-        door.stop()
+        endpoint.stop()
         await serving
-        door.close()
+        endpoint.close()
         await asyncio.to_thread(watch.close)
     log.info("console_down")
 

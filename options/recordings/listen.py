@@ -36,20 +36,20 @@ class Presence:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Received:
     """A message, and when it came."""
 
     message: Message | Presence
     came_ns: int
 
 
-class Ears:
+class Listener:
     """Listens to one swarm through its router. Use as a context manager."""
 
     def __init__(self, state: State, timeout_s: float) -> None:
         """Raises TransportError when the router cannot be reached in time."""
         swarm, ego = state.spec.swarm, state.spec.ego
-        self._queue: queue.SimpleQueue[Heard] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self.lost = 0
         """Messages that found too many waiting."""
         self._away_since: float | None = None
@@ -64,7 +64,7 @@ class Ears:
         self._hear(keyspace.detections(swarm, ego), Detections)
         self._hear(keyspace.net_state(swarm), NetState)
 
-    def __enter__(self) -> Ears:
+    def __enter__(self) -> Listener:
         return self
 
     def __exit__(
@@ -75,7 +75,7 @@ class Ears:
     ) -> None:
         self._session.close()
 
-    def next(self, timeout_s: float) -> Heard | None:
+    def next(self, timeout_s: float) -> Received | None:
         """The next message; None when none came in time."""
         try:
             return self._queue.get(timeout=timeout_s)
@@ -102,4 +102,4 @@ class Ears:
         if self._queue.qsize() >= MAX_WAITING:
             self.lost += 1
             return
-        self._queue.put(Heard(message, time.time_ns()))
+        self._queue.put(Received(message, time.time_ns()))

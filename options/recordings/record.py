@@ -10,7 +10,7 @@ from pathlib import Path
 
 from deploy.state import State
 from options.recordings.format import Points
-from options.recordings.listen import AWAY_S, Ears
+from options.recordings.listen import AWAY_S, Listener
 from options.recordings.outlet import Outlet
 from options.recordings.recorder import Recorder
 from options.recordings.scans import Scans
@@ -95,7 +95,7 @@ def record(
         raise
     begun = time.monotonic()
     try:
-        ears = Ears(state, CONNECT_S)
+        listener = Listener(state, CONNECT_S)
     except TransportError:
         outlet.close()
         if sink is not None:
@@ -104,9 +104,9 @@ def record(
     if outlet.port is not None:
         say(f"live: open Foxglove, and connect to ws://127.0.0.1:{outlet.port}")
     try:
-        with ears:
+        with listener:
             recorder = Recorder(state.spec, outlet, scans, wanted.points, time.time_ns())
-            ended = _listen(ears, recorder, sink, wanted.seconds, stop, say, gone)
+            ended = _listen(listener, recorder, sink, wanted.seconds, stop, say, gone)
     finally:
         outlet.close()
     if sink is not None and sink.error:
@@ -121,13 +121,13 @@ def record(
         fused=recorder.fused,
         frames=recorder.frames,
         left_out=recorder.left_out,
-        lost=ears.lost,
+        lost=listener.lost,
         ended=ended,
     )
 
 
 def _listen(
-    ears: Ears,
+    listener: Listener,
     recorder: Recorder,
     sink: Sink | None,
     seconds: float | None,
@@ -139,10 +139,10 @@ def _listen(
     begun = looked = told = time.monotonic()
     ended = ""
     while not ended:
-        heard = ears.next(LOOK_S)
+        heard = listener.next(LOOK_S)
         now = time.monotonic()
         if heard is not None:
-            recorder.take(heard, hurry=ears.waiting() > BUSY)
+            recorder.take(heard, hurry=listener.waiting() > BUSY)
         if sink is not None and sink.error:
             return _UNWRITABLE
         if now - told >= PROGRESS_S:
@@ -155,15 +155,15 @@ def _listen(
             ended = f"{seconds:g} s are over"
         elif now - looked >= LOOK_S:
             looked = now
-            ended = _trouble(ears, sink, gone)
-    return _finish(ears, recorder, sink) or ended
+            ended = _trouble(listener, sink, gone)
+    return _finish(listener, recorder, sink) or ended
 
 
-def _finish(ears: Ears, recorder: Recorder, sink: Sink | None) -> str:
+def _finish(listener: Listener, recorder: Recorder, sink: Sink | None) -> str:
     """Writes what has come so far, but not what comes meanwhile; returns why it could not."""
     ended_at = time.monotonic()
-    for waiting in range(ears.waiting(), 0, -1):
-        heard = ears.next(0.0)
+    for waiting in range(listener.waiting(), 0, -1):
+        heard = listener.next(0.0)
         if heard is not None:
             late = time.monotonic() - ended_at > FINISH_S
             recorder.take(heard, hurry=late or waiting > BUSY)
@@ -172,10 +172,10 @@ def _finish(ears: Ears, recorder: Recorder, sink: Sink | None) -> str:
     return ""
 
 
-def _trouble(ears: Ears, sink: Sink | None, gone: Callable[[], bool]) -> str:
+def _trouble(listener: Listener, sink: Sink | None, gone: Callable[[], bool]) -> str:
     if gone():
         return "the swarm was taken down"
-    if ears.away_s() > AWAY_S:
+    if listener.away_s() > AWAY_S:
         return f"the swarm's router has been away for {AWAY_S:.0f} s"
     return (sink.nearly_full() or "") if sink is not None else ""
 

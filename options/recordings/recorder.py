@@ -10,7 +10,7 @@ import numpy as np
 from deploy.spec import SwarmSpec
 from options.recordings import format as layout
 from options.recordings import shapes
-from options.recordings.listen import Heard, Presence
+from options.recordings.listen import Presence, Received
 from options.recordings.outlet import Outlet
 from options.recordings.scans import Scans
 from swarm.arrays import unpack_finite
@@ -82,7 +82,7 @@ class Recorder:
         """See `Outlet.flush`."""
         self._outlet.flush()
 
-    def take(self, heard: Heard, hurry: bool = False) -> None:
+    def take(self, heard: Received, hurry: bool = False) -> None:
         """Writes one message; in a hurry a fused frame without its scans."""
         try:
             if isinstance(heard.message, Detections):

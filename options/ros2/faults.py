@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from options.ros2.address import Address
-from options.ros2.inlet import Arrived, Inlet
 from options.ros2.link import Link
+from options.ros2.topic_buffer import Arrived, TopicBuffer
 from swarm.errors import WorldError
 
 EARLY_NS = 100_000_000
@@ -20,9 +20,9 @@ class Fault(WorldError):
         self.kind = kind
 
 
-def nothing_on(inlet: Inlet, link: Link, address: Address) -> Fault:
+def nothing_on(buffer: TopicBuffer, link: Link, address: Address) -> Fault:
     """Why nothing has come on a topic."""
-    topic, kind = inlet.topic, inlet.kind
+    topic, kind = buffer.topic, buffer.kind
     if link.fault:
         return Fault("refused", f"the router at {address.router} cannot be used: {link.fault}")
     if not link.connected:

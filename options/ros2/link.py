@@ -13,8 +13,8 @@ from zenoh import ext
 
 from options.ros2 import keys
 from options.ros2.address import Address
-from options.ros2.inlet import Arrived, Inlet
 from options.ros2.keys import Publisher
+from options.ros2.topic_buffer import Arrived, TopicBuffer
 from swarm.errors import TransportError
 from swarm.log import Logger
 from swarm.transport import Entity, close_zenoh, open_zenoh
@@ -29,9 +29,11 @@ MAX_PUBLISHERS = 10_000
 
 
 class Link:
-    """Fills inlets until closed. The router may come, go and come back at any time."""
+    """Fills buffers until closed. The router may come, go and come back at any time."""
 
-    def __init__(self, address: Address, inlets: Sequence[Inlet], node: str, log: Logger) -> None:
+    def __init__(
+        self, address: Address, buffers: Sequence[TopicBuffer], node: str, log: Logger
+    ) -> None:
         """Returns at once; a thread reaches for the router. `node`: what the robot's `ros2 node
         list` calls this process."""
         self.connected = False
@@ -39,7 +41,7 @@ class Link:
         self.fault = ""
         """Why a router that was reached could not be used, until it can."""
         self._address = address
-        self._inlets = {inlet.topic: inlet for inlet in inlets}
+        self._inlets = {buffer.topic: buffer for buffer in buffers}
         self._node = node
         self._log = log
         self._closing = threading.Event()
@@ -81,7 +83,7 @@ class Link:
             self._closing.wait(RETRY_S)
 
     def _serve(self, session: zenoh.Session, entities: list[Entity]) -> None:
-        """Fills the inlets until closed. Raises ZError when something cannot be declared."""
+        """Fills the buffers until closed. Raises ZError when something cannot be declared."""
         self._publishers.clear()
         self._declare(session, entities)
         self.connected, self.fault = True, ""
@@ -95,18 +97,18 @@ class Link:
 
     def _declare(self, session: zenoh.Session, entities: list[Entity]) -> None:
         domain = self._address.domain
-        for inlet in self._inlets.values():
-            key = keys.topic_key(domain, inlet.topic, inlet.kind)
-            if inlet.topic == self._address.tf_static:
+        for buffer in self._inlets.values():
+            key = keys.topic_key(domain, buffer.topic, buffer.kind)
+            if buffer.topic == self._address.tf_static:
                 # It is said once, to be asked for by those who come later.
                 history = ext.HistoryConfig(detect_late_publishers=True)
                 entities.append(
                     ext.declare_advanced_subscriber(
-                        session, key, self._receiver(inlet), history=history
+                        session, key, self._receiver(buffer), history=history
                     )
                 )
             else:
-                entities.append(session.declare_subscriber(key, self._receiver(inlet)))
+                entities.append(session.declare_subscriber(key, self._receiver(buffer)))
         entities.append(
             session.liveliness().declare_subscriber(
                 keys.publishers_key(domain), self._note_publisher, history=True
@@ -138,14 +140,14 @@ class Link:
             )
             entities.append(session.liveliness().declare_token(token))
 
-    def _receiver(self, inlet: Inlet) -> Any:
+    def _receiver(self, buffer: TopicBuffer) -> Any:
         # On Zenoh's own threads: nothing is decoded here.
         def receive(sample: zenoh.Sample) -> None:
             now_ns = time.time_ns()
             told = None
             if sample.attachment is not None:
                 told = keys.read_attachment(sample.attachment.to_bytes())
-            inlet.put(Arrived(sample.payload.to_bytes(), now_ns, told))
+            buffer.put(Arrived(sample.payload.to_bytes(), now_ns, told))
 
         return receive
 
@@ -157,8 +159,8 @@ class Link:
             return
         if len(self._publishers) < MAX_PUBLISHERS:
             self._publishers[token] = publisher
-        inlet = self._inlets.get(publisher.topic)
-        if inlet is not None and inlet.kind == publisher.kind:
+        buffer = self._inlets.get(publisher.topic)
+        if buffer is not None and buffer.kind == publisher.kind:
             self._announced.put(publisher)
 
 

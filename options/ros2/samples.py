@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from options.ros.cdr import CdrError
 from options.ros.messages import Odometry, Transform, read_transforms
-from options.ros2.inlet import Arrived, Inlet
+from options.ros2.topic_buffer import Arrived, TopicBuffer
 
 KEEP_NS = 3_000_000_000
 """Poses older than this are forgotten: no scan waits longer for its own."""
@@ -21,12 +21,12 @@ T = TypeVar("T")
 
 
 class Decoded(Generic[T]):
-    """The messages of one inlet, decoded."""
+    """The messages of one buffer, decoded."""
 
-    def __init__(self, inlet: Inlet, read: Callable[[bytes], T]) -> None:
+    def __init__(self, buffer: TopicBuffer, read: Callable[[bytes], T]) -> None:
         self.fault = ""
         """What is wrong with the newest message; empty when nothing is."""
-        self._inlet = inlet
+        self._inlet = buffer
         self._read = read
 
     def take(self) -> Iterator[tuple[Arrived, T]]:
@@ -44,10 +44,10 @@ class Decoded(Generic[T]):
 class Static:
     """Transforms that stay."""
 
-    def __init__(self, inlet: Inlet) -> None:
+    def __init__(self, buffer: TopicBuffer) -> None:
         self.under: dict[str, Transform] = {}
         """Each by its child frame."""
-        self._messages = Decoded(inlet, read_transforms)
+        self._messages = Decoded(buffer, read_transforms)
 
     @property
     def fault(self) -> str:

@@ -20,8 +20,8 @@ from options.ros.frames import (
 from options.ros.messages import Odometry, Transform, read_odometry, read_transforms
 from options.ros.track import Placed, Track
 from options.ros2.address import Address
-from options.ros2.inlet import Inlet
 from options.ros2.samples import Decoded, Static, keep, odometry_stamp, stamped, transform_stamp
+from options.ros2.topic_buffer import TopicBuffer
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
 
@@ -61,7 +61,7 @@ class Whereabouts(Protocol):
         ...
 
 
-def find_whereabouts(address: Address, poses: Inlet, static: Inlet) -> Whereabouts:
+def find_whereabouts(address: Address, poses: TopicBuffer, static: TopicBuffer) -> Whereabouts:
     """What turns an address's poses (odometry or tf) and its transforms that stay into places."""
     return (_ByOdometry if address.odom else _ByTransforms)(address, poses, static)
 
@@ -69,7 +69,7 @@ def find_whereabouts(address: Address, poses: Inlet, static: Inlet) -> Whereabou
 class _ByOdometry:
     """By a pose and a twist of the robot's base."""
 
-    def __init__(self, address: Address, poses: Inlet, static: Inlet) -> None:
+    def __init__(self, address: Address, poses: TopicBuffer, static: TopicBuffer) -> None:
         self._address = address
         self._poses = Decoded(poses, read_odometry)
         self._static = Static(static)
@@ -123,7 +123,7 @@ class _ByTransforms:
     a robot whose odometry stopped is lost.
     """
 
-    def __init__(self, address: Address, poses: Inlet, static: Inlet) -> None:
+    def __init__(self, address: Address, poses: TopicBuffer, static: TopicBuffer) -> None:
         self._address = address
         self._poses = Decoded(poses, read_transforms)
         self._static = Static(static)

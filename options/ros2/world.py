@@ -23,9 +23,9 @@ from options.ros.messages import (
 )
 from options.ros2.address import Address
 from options.ros2.faults import Fault, check_age, nothing_on
-from options.ros2.inlet import Arrived, Inlet
 from options.ros2.link import Link, node_name
 from options.ros2.samples import stamp_of
+from options.ros2.topic_buffer import Arrived, TopicBuffer
 from options.ros2.whereabouts import find_whereabouts
 from perception.types import Boxes
 from swarm.errors import SilentError, WorldError
@@ -65,14 +65,14 @@ class LiveWorld:
         self.range_m = RANGES_M[address.detector]
         self._address = address
         self._log = log.bind(robot=robot)
-        self._clouds = Inlet(address.points, CLOUD, _CLOUDS)
+        self._clouds = TopicBuffer(address.points, CLOUD, _CLOUDS)
         kind = ODOMETRY if address.odom else TRANSFORMS
-        self._poses = Inlet(address.odom or address.tf, kind, _POSES)
-        static = Inlet(address.tf_static, TRANSFORMS, _POSES)
+        self._poses = TopicBuffer(address.odom or address.tf, kind, _POSES)
+        static = TopicBuffer(address.tf_static, TRANSFORMS, _POSES)
         self._where = find_whereabouts(address, self._poses, static)
         self._world_from_fixed = address.origin.matrix()
-        inlets = (self._clouds, self._poses, static)
-        self._link = Link(address, inlets, node_name(process, robot), self._log)
+        buffers = (self._clouds, self._poses, static)
+        self._link = Link(address, buffers, node_name(process, robot), self._log)
         self._lock = threading.Lock()
         self._last: _Look | None = None
         self._failing = ""
@@ -217,10 +217,10 @@ class LiveWorld:
             captured_ns=taken_ns,
         )
 
-    def _nothing(self, inlet: Inlet) -> Fault:
-        if inlet is self._poses and self._where.fault:
+    def _nothing(self, buffer: TopicBuffer) -> Fault:
+        if buffer is self._poses and self._where.fault:
             return Fault("malformed", self._where.fault)
-        return nothing_on(inlet, self._link, self._address)
+        return nothing_on(buffer, self._link, self._address)
 
     def _malformed(self, error: Exception) -> Fault:
         return Fault("malformed", f"a scan on {self._clouds.topic} is malformed: {error}")

@@ -6,7 +6,7 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from perception.fusion.registry import make_fusion
-from research.evaluation.windows.knowing import heard, snapshot
+from research.evaluation.windows.announcements import heard, snapshot
 from swarm.messages import ALGORITHMS
 from worlds.base import World
 

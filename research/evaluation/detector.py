@@ -16,8 +16,8 @@ from perception.detector.weight_files import has_weights
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
 from perception.tally import Tally
-from research.evaluation.kept import Kept
 from research.evaluation.machine import machine_facts
+from research.evaluation.result_store import ResultStore
 from research.evaluation.sharing import RememberingFusion
 from research.evaluation.splits import ROBOTS, WORLDS, Part, nearest_first, recorded, simulated
 from research.evaluation.uncoded import EARLY_UNCODED, UncodedEarly
@@ -141,7 +141,7 @@ def run(
             continue
         begun = time.monotonic()
         tallies, fresh = _over_parts(
-            world, parts, wanted, workers, Kept(report.parent / "kept", MADE_FROM)
+            world, parts, wanted, workers, ResultStore(report.parent / "kept", MADE_FROM)
         )
         if fresh:
             speed[world] = round(fresh / (time.monotonic() - begun), 3)
@@ -153,7 +153,7 @@ def run(
 
 
 def _over_parts(
-    world: str, parts: Sequence[Part], rows: Sequence[Case], workers: int, kept: Kept
+    world: str, parts: Sequence[Part], rows: Sequence[Case], workers: int, kept: ResultStore
 ) -> tuple[list[Tally], int]:
     """The tally of each row over all parts, and the number of frames that were not kept from a run
     before. Finished parts of simulated worlds are kept; a recorded one is quickly measured."""

@@ -16,7 +16,7 @@ import numpy as np
 from prometheus_client import CollectorRegistry
 
 from options.console.__main__ import serve
-from options.console.door import Door
+from options.console.endpoint import Endpoint
 from options.console.settings import ConsoleSettings
 from swarm import keyspace
 from swarm.arrays import Array, pack
@@ -33,13 +33,13 @@ def console(router: str, swarm: str, **values: Any) -> Iterator[int]:
     """A running console; gives its port."""
     common: dict[str, Any] = {"ego": EGO, "console_port": 0, "log_level": "error"}
     settings = ConsoleSettings(router=router, swarm=swarm, **(common | values))
-    door = Door(settings)
+    endpoint = Endpoint(settings)
     stop = threading.Event()
     registry = CollectorRegistry()
-    thread = threading.Thread(target=lambda: asyncio.run(serve(settings, door, registry, stop)))
+    thread = threading.Thread(target=lambda: asyncio.run(serve(settings, endpoint, registry, stop)))
     thread.start()
     try:
-        yield door.port
+        yield endpoint.port
     finally:
         stop.set()
         thread.join(WAIT_S)

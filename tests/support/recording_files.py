@@ -9,7 +9,7 @@ import numpy as np
 
 from deploy.spec import make_spec
 from options.recordings.format import Points
-from options.recordings.listen import Heard
+from options.recordings.listen import Received
 from options.recordings.outlet import Outlet
 from options.recordings.recorder import Recorder
 from options.recordings.scans import Scans
@@ -68,9 +68,9 @@ def write_recording(
     world = FactoryWorld(robots=robots, rings=16)
     outlet = Outlet(Sink(path))
     recorder = Recorder(spec, outlet, scans, points, EPOCH_NS)
-    recorder.take(Heard(DECISION, EPOCH_NS))
+    recorder.take(Received(DECISION, EPOCH_NS))
     for number in (*numbers, numbers[-1]):
-        recorder.take(Heard(detections(world, number), EPOCH_NS))
+        recorder.take(Received(detections(world, number), EPOCH_NS))
         recorder.flush()
     assert recorder.fused == len(numbers)
     outlet.close()

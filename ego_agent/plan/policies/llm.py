@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.advice.adopted import Advice, Cycle, answer_report
 from ego_agent.plan.advice.judge import Verdict, judge
 from ego_agent.plan.advice.outcomes import plain
 from ego_agent.plan.advice.questions import Asking, Heard, Question, Questions
-from ego_agent.plan.advice.standing import Advice, Cycle, answer_report
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.validation import make_decision

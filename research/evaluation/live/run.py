@@ -14,7 +14,7 @@ from research.evaluation.live.compare import LiveRow, compare_live
 from research.evaluation.live.swarm import record
 from research.evaluation.machine import machine_facts
 from research.evaluation.policies.decide import policy_of
-from research.evaluation.policies.pieces import knowledge_of
+from research.evaluation.policies.work_items import knowledge_of
 from research.evaluation.tables import markdown
 from research.evaluation.windows.scenarios import Scenario, factory_suite
 from swarm.errors import EvaluationError

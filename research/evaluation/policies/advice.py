@@ -23,7 +23,7 @@ from llm_gateway.backends.registry import make_backend
 from llm_gateway.model import Prompt
 from llm_gateway.schemas import Schemas
 from llm_gateway.settings import load_settings
-from research.evaluation.kept import Kept
+from research.evaluation.result_store import ResultStore
 from research.evaluation.windows.links import WINDOW_S
 from swarm.errors import EvaluationError, GatewayError
 from swarm.log import make_logger
@@ -46,7 +46,7 @@ class Answer:
 class Model:
     """A language model behind a back end of the gateway; what it has answered is asked no more."""
 
-    def __init__(self, spec: str, kept: Kept) -> None:
+    def __init__(self, spec: str, kept: ResultStore) -> None:
         """`spec`: a model that a package carries, a path of a GGUF file, or NAME@URL of an
         OpenAI-compatible server (key: COADAPT_LLM_API_KEY). Raises SettingError for what cannot
         work, EvaluationError for a specification without a name."""

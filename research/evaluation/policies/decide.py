@@ -12,10 +12,10 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.base import Policy
-from ego_agent.plan.policies.chance import Chance
+from ego_agent.plan.policies.random_choice import Chance
 from ego_agent.plan.policies.registry import make_policy
+from research.evaluation.windows.announcements import EPOCH_NS, Announced, snapshot
 from research.evaluation.windows.choice import Choice
-from research.evaluation.windows.knowing import EPOCH_NS, Heard, snapshot
 from research.evaluation.windows.measure import candidates_of
 from research.evaluation.windows.scenarios import Scenario
 from swarm.errors import EvaluationError
@@ -66,7 +66,7 @@ class Decided:
 
 def decisions(
     scenario: Scenario,
-    heard: Sequence[Heard],
+    heard: Sequence[Announced],
     knowledge: Knowledge,
     policy: Policy,
 ) -> list[Decided]:

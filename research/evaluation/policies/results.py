@@ -10,7 +10,7 @@ import numpy as np
 from ego_agent.knowledge.base import Knowledge
 from research.evaluation.bootstrap import Interval, bootstrap_mean
 from research.evaluation.policies.decide import Decided
-from research.evaluation.policies.pieces import Outcomes, Place, knowledge_of
+from research.evaluation.policies.work_items import Outcomes, Place, knowledge_of
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.windows.search import best, held_out_regret

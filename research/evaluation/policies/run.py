@@ -10,24 +10,24 @@ from pathlib import Path
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.surrogate.model import packaged_surrogate
 from perception.fusion.registry import fusion_names
-from research.evaluation.kept import Kept
 from research.evaluation.policies import advice
 from research.evaluation.policies.advice import AdvisedAtOnce, Model
 from research.evaluation.policies.claims import claims_of
 from research.evaluation.policies.decide import Decided, decisions, policy_of
 from research.evaluation.policies.figures import Places, draw_figures, need_drawing
 from research.evaluation.policies.files import write_eval, write_headline, write_selection
-from research.evaluation.policies.pieces import (
+from research.evaluation.policies.report import report
+from research.evaluation.policies.results import means_of, rows_of
+from research.evaluation.policies.work_items import (
     MADE_FROM,
-    Piece,
     Place,
+    WorkItem,
     knowledge_of,
     listen,
     measure,
 )
-from research.evaluation.policies.report import report
-from research.evaluation.policies.results import means_of, rows_of
 from research.evaluation.published import Summary
+from research.evaluation.result_store import ResultStore
 from research.evaluation.windows.choice import Choice
 from research.evaluation.windows.scenarios import Scenario
 from swarm.errors import EvaluationError
@@ -60,7 +60,10 @@ def compare(
     EvaluationError when there is nothing to compare.
     """
     _check(suite, policies, algorithms)
-    kept, answers = Kept(folder / "kept", MADE_FROM), Kept(folder / "kept", advice.MADE_FROM)
+    kept, answers = (
+        ResultStore(folder / "kept", MADE_FROM),
+        ResultStore(folder / "kept", advice.MADE_FROM),
+    )
     advisers = [Model(spec, answers) for spec in models]
     if len({model.name for model in advisers}) < len(advisers):
         raise EvaluationError(f"two models have one name: {', '.join(m.name for m in advisers)}")
@@ -69,21 +72,21 @@ def compare(
     try:
         for model in advisers:
             model.start()
-        pieces = listen(
-            [Piece(one, window, names) for one in suite for window in range(one.windows)],
+        items = listen(
+            [WorkItem(one, window, names) for one in suite for window in range(one.windows)],
             workers,
             kept,
         )
-        decided = _decide(scenarios, pieces, policies, advisers)
+        decided = _decide(scenarios, items, policies, advisers)
     finally:
         for model in advisers:
             model.close()
     choices: dict[Place, set[Choice]] = {}
     for one in decided:
         choices.setdefault((one.scenario, one.window), set()).add(one.choice)
-    pieces = [replace(piece, wanted=tuple(sorted(choices[piece.place]))) for piece in pieces]
-    measured = measure(pieces, workers, kept)
-    considered = {piece.place: known for piece, known in zip(pieces, measured, strict=True)}
+    items = [replace(item, wanted=tuple(sorted(choices[item.place]))) for item in items]
+    measured = measure(items, workers, kept)
+    considered = {item.place: known for item, known in zip(items, measured, strict=True)}
     rows = rows_of(scenarios, decided, considered, names)
     if not rows:
         raise EvaluationError("no control window of these scenarios holds a true box")
@@ -94,7 +97,7 @@ def compare(
     write_eval(folder / "eval.csv", rows)
     write_headline(folder / "headline.json", means, {"claims": claims})
     write_whole(folder / "report.md", report(means, claims, rows))
-    figures = draw_figures(folder, rows, means, _places(pieces), published)
+    figures = draw_figures(folder, rows, means, _places(items), published)
     files = ["selection.csv", "eval.csv", "headline.json", "report.md", *figures]
     print(f"wrote {', '.join(files)} to {folder}", file=sys.stderr)
 
@@ -120,15 +123,15 @@ def _check(suite: Sequence[Scenario], policies: Sequence[str], algorithms: Seque
 
 def _decide(
     scenarios: dict[str, Scenario],
-    pieces: Sequence[Piece],
+    items: Sequence[WorkItem],
     policies: Sequence[str],
     advisers: Sequence[Model],
 ) -> list[Decided]:
     """Every policy's decisions in every scenario."""
     found: list[Decided] = []
     for number, (name, scenario) in enumerate(scenarios.items(), 1):
-        own = [piece for piece in pieces if piece.scenario.name == name]
-        heard = [piece.heard for piece in own if piece.heard is not None]
+        own = [item for item in items if item.scenario.name == name]
+        heard = [item.heard for item in own if item.heard is not None]
         knowledge = own[0].knowledge()
         everyone: list[Policy] = [policy_of(one, scenario, knowledge) for one in policies]
         everyone += [AdvisedAtOnce(model, scenario.world) for model in advisers]
@@ -139,11 +142,11 @@ def _decide(
     return found
 
 
-def _places(pieces: Sequence[Piece]) -> Places:
+def _places(items: Sequence[WorkItem]) -> Places:
     """Where robots said that they were, from where the ego was."""
     found = {}
-    for piece in pieces:
-        poses = {robot: beacon.pose for robot, (beacon, _) in (piece.heard or {}).items()}
-        x, y = list(poses.values())[piece.scenario.ego][:2]
-        found[piece.place] = {robot: (pose[0] - x, pose[1] - y) for robot, pose in poses.items()}
+    for item in items:
+        poses = {robot: beacon.pose for robot, (beacon, _) in (item.heard or {}).items()}
+        x, y = list(poses.values())[item.scenario.ego][:2]
+        found[item.place] = {robot: (pose[0] - x, pose[1] - y) for robot, pose in poses.items()}
     return found

@@ -16,9 +16,9 @@ from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.plan.surrogate.features import SceneFeatures, with_algorithm
 from perception.fusion.registry import fusion_names
-from research.evaluation.windows import knowing
+from research.evaluation.windows import announcements
+from research.evaluation.windows.announcements import Announced
 from research.evaluation.windows.choice import ALONE, Choice
-from research.evaluation.windows.knowing import Heard
 from research.evaluation.windows.links import shift
 from research.evaluation.windows.measure import Window, candidates_of, packed, unpacked
 from research.evaluation.windows.scenarios import NOISE_M, SURROGATE_SEEDS, Scenario
@@ -70,7 +70,7 @@ def measure(scenario: Scenario) -> list[Any]:
     reach_m = Objective().comm_range_m + 1.0
     # Sizes play no part in the features: one algorithm's make everyone in range a candidate.
     fusions = {"late": window.fusion("late")}
-    messages = knowing.heard(
+    messages = announcements.heard(
         window.world,
         scenario.decision_frame(0),
         window.ego,
@@ -81,7 +81,7 @@ def measure(scenario: Scenario) -> list[Any]:
     candidates = candidates_of(_scene(window.ego, messages))
     for choice in random_choices(candidates, fusion_names(window.world.detector), scenario.seed):
         window.outcome(choice)
-    return [window.ego, knowing.packed(messages), packed(window.outcomes)]
+    return [window.ego, announcements.packed(messages), packed(window.outcomes)]
 
 
 def samples(values: Sequence[Any], algorithms: Sequence[str]) -> Samples | None:
@@ -90,13 +90,13 @@ def samples(values: Sequence[Any], algorithms: Sequence[str]) -> Samples | None:
     outcomes = unpacked(measured)
     if not next(iter(outcomes.values())).ground_truth:
         return None
-    scene = _scene(ego, knowing.unpacked(messages))
+    scene = _scene(ego, announcements.unpacked(messages))
     features = choice_features(scene, list(outcomes), algorithms)
     return Samples(features, np.array([one.ap_70 for one in outcomes.values()], np.float32))
 
 
-def _scene(ego: str, messages: Heard) -> UnifiedScene:
-    return analyze(knowing.snapshot(ego, messages, 1e9), Knowledge())
+def _scene(ego: str, messages: Announced) -> UnifiedScene:
+    return analyze(announcements.snapshot(ego, messages, 1e9), Knowledge())
 
 
 def choice_features(

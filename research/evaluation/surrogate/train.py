@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from ego_agent.plan.surrogate.features import NAMES
 from ego_agent.plan.surrogate.model import Surrogate, write_surrogate
 from perception.fusion.registry import fusion_names
-from research.evaluation.kept import Kept
-from research.evaluation.policies.pieces import MADE_FROM
+from research.evaluation.policies.work_items import MADE_FROM
+from research.evaluation.result_store import ResultStore
 from research.evaluation.surrogate.samples import Samples, measure, samples, training_windows
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.workers import each
@@ -48,7 +48,7 @@ def train(windows: int, workers: int, folder: Path, output: Path) -> dict[str, f
     measured = _measured(
         windows,
         workers,
-        Kept(folder / "kept", (*MADE_FROM, "research/evaluation/surrogate/samples.py")),
+        ResultStore(folder / "kept", (*MADE_FROM, "research/evaluation/surrogate/samples.py")),
         algorithms,
     )
     test = measured[::HELD_OUT]
@@ -85,7 +85,9 @@ def key_of(scenario: Scenario) -> str:
     return f"surrogate {scenario.setting()} {scenario.sampled_frames(0)}"
 
 
-def _measured(windows: int, workers: int, kept: Kept, algorithms: Sequence[str]) -> list[Samples]:
+def _measured(
+    windows: int, workers: int, kept: ResultStore, algorithms: Sequence[str]
+) -> list[Samples]:
     scenarios = training_windows(windows)
     keys = [key_of(scenario) for scenario in scenarios]
     known = [kept.get(key) for key in keys]

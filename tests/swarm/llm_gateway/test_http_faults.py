@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.support.free_ports import free_port
-from tests.support.llm_door import CHAT, HELLO, Answer, Client, gateway_of
+from tests.support.llm_endpoint import CHAT, HELLO, Answer, Client, gateway_of
 from tests.support.model_server import (
     Behaviour,
     ModelServer,

@@ -1,4 +1,4 @@
-"""The gateway's process and its door for egos, on a real router."""
+"""The gateway's process and its endpoint for egos, on a real router."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import pytest
 
 from llm_gateway.loop import LoopThread
 from llm_gateway.model import Prompt
-from llm_gateway.zenoh_door import ZenohDoor
+from llm_gateway.zenoh_endpoint import ZenohEndpoint
 from swarm import keyspace
 from swarm.errors import RefusedError
 from swarm.messages import MAX_PROMPT_CHARS, ChatMessage, DecideAnswer, DecideRequest
@@ -120,7 +120,7 @@ async def say_early(prompt: Prompt, timeout_s: float) -> str:
 def serve(
     session: Session, loop: LoopThread, script: Callable[..., object] | None, **options: object
 ) -> Rig:
-    """A gateway with its door on a session."""
+    """A gateway with its endpoint on a session."""
 
     async def make() -> Rig:
         made = Rig(Scripted(script), None, **options)  # type: ignore[arg-type]
@@ -128,7 +128,7 @@ def serve(
         return made
 
     made = loop.submit(make()).result(WAIT_S)
-    ZenohDoor(made.gateway, loop.loop).open(session)
+    ZenohEndpoint(made.gateway, loop.loop).open(session)
     return made
 
 

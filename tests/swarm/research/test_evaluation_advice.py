@@ -16,12 +16,12 @@ from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.settings import EgoSettings
 from llm_gateway.backends.llamacpp.models import INSTALL, installed_models, runtime_installed
 from perception.fusion.registry import fusion_names
-from research.evaluation.kept import Kept
 from research.evaluation.policies.advice import AdvisedAtOnce, Model
 from research.evaluation.policies.decide import Decided, decisions
-from research.evaluation.policies.pieces import knowledge_of
-from research.evaluation.windows import knowing, links
-from research.evaluation.windows.knowing import Heard
+from research.evaluation.policies.work_items import knowledge_of
+from research.evaluation.result_store import ResultStore
+from research.evaluation.windows import announcements, links
+from research.evaluation.windows.announcements import Announced
 from research.evaluation.windows.measure import Window
 from research.evaluation.windows.scenarios import Scenario, factory_suite
 from research.training.plans import TEST_SEEDS
@@ -33,10 +33,12 @@ KNOWLEDGE = knowledge_of(fusion_names("factory"), SCENARIO)
 
 
 @pytest.fixture(scope="module")
-def messages() -> list[Heard]:
+def messages() -> list[Announced]:
     window = Window(SCENARIO, 0)
     fusions = {name: window.fusion(name) for name in KNOWLEDGE.algorithms}
-    return [knowing.heard(window.world, frame, window.ego, dict(fusions)) for frame in (0, 50)]
+    return [
+        announcements.heard(window.world, frame, window.ego, dict(fusions)) for frame in (0, 50)
+    ]
 
 
 @pytest.fixture
@@ -56,7 +58,7 @@ def advice(*helpers: str, algorithm: str) -> str:
     )
 
 
-def decide(server: ModelServer, kept: Kept, messages: list[Heard]) -> list[Decided]:
+def decide(server: ModelServer, kept: ResultStore, messages: list[Announced]) -> list[Decided]:
     model = Model(f"test-model@{server.url}/v1", kept)
     try:
         return decisions(SCENARIO, messages, KNOWLEDGE, AdvisedAtOnce(model, "factory"))
@@ -65,18 +67,18 @@ def decide(server: ModelServer, kept: Kept, messages: list[Heard]) -> list[Decid
 
 
 def test_good_advice_is_followed_and_equal_prompts_are_asked_once(
-    server: ModelServer, messages: list[Heard], tmp_path: Path
+    server: ModelServer, messages: list[Announced], tmp_path: Path
 ) -> None:
     fallback = decisions(SCENARIO, messages, KNOWLEDGE, Coverage())
     best = fallback[0].choice
     server.otherwise = says(advice(*best.participants, algorithm=best.algorithm))
-    first = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    first = decide(server, ResultStore(tmp_path, ["swarm"]), messages)
     assert first[0].choice == best
     assert first[0].source == "llm", first[0].repairs
     assert first[0].decision_s > 0
     asked = server.asked.qsize()
     assert asked >= 1
-    again = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    again = decide(server, ResultStore(tmp_path, ["swarm"]), messages)
     assert server.asked.qsize() == asked
     assert again == first, "as long as the answers took when they were made"
 
@@ -85,10 +87,10 @@ def test_good_advice_is_followed_and_equal_prompts_are_asked_once(
     "words", [advice("R2", algorithm="late"), advice("R9", algorithm="magic"), "I cannot say."]
 )
 def test_advice_that_is_no_use_leaves_what_coverage_decides(
-    words: str, server: ModelServer, messages: list[Heard], tmp_path: Path
+    words: str, server: ModelServer, messages: list[Announced], tmp_path: Path
 ) -> None:
     server.otherwise = says(words)
-    found = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    found = decide(server, ResultStore(tmp_path, ["swarm"]), messages)
     wanted = decisions(SCENARIO, messages, KNOWLEDGE, Coverage())
     assert [one.choice for one in found] == [one.choice for one in wanted]
     assert {one.source for one in found} == {"fallback"}
@@ -96,28 +98,32 @@ def test_advice_that_is_no_use_leaves_what_coverage_decides(
 
 
 def test_a_server_that_is_not_there_leaves_what_coverage_decides(
-    messages: list[Heard], tmp_path: Path
+    messages: list[Announced], tmp_path: Path
 ) -> None:
     with serving_model() as gone:
         pass
-    found = decide(gone, Kept(tmp_path, ["swarm"]), messages)
+    found = decide(gone, ResultStore(tmp_path, ["swarm"]), messages)
     assert {one.source for one in found} == {"fallback"}
     assert {one.answered for one in found} == {False}
 
 
 def test_an_answer_that_did_not_come_is_asked_for_again(
-    server: ModelServer, messages: list[Heard], tmp_path: Path
+    server: ModelServer, messages: list[Announced], tmp_path: Path
 ) -> None:
     server.otherwise = status(500, "out of order")
-    assert {one.answered for one in decide(server, Kept(tmp_path, ["swarm"]), messages)} == {False}
+    assert {one.answered for one in decide(server, ResultStore(tmp_path, ["swarm"]), messages)} == {
+        False
+    }
     server.otherwise = says(advice("R2", algorithm="late"))
-    assert {one.answered for one in decide(server, Kept(tmp_path, ["swarm"]), messages)} == {True}
+    assert {one.answered for one in decide(server, ResultStore(tmp_path, ["swarm"]), messages)} == {
+        True
+    }
 
 
 def test_models_of_one_name_on_two_servers_are_two(
-    server: ModelServer, messages: list[Heard], tmp_path: Path
+    server: ModelServer, messages: list[Announced], tmp_path: Path
 ) -> None:
-    kept = Kept(tmp_path, ["swarm"])
+    kept = ResultStore(tmp_path, ["swarm"])
     decide(server, kept, messages)
     with serving_model() as other:
         decide(other, kept, messages)
@@ -125,7 +131,7 @@ def test_models_of_one_name_on_two_servers_are_two(
 
 
 def test_a_slow_answer_is_asked_for_once_and_counts_once(
-    server: ModelServer, messages: list[Heard], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    server: ModelServer, messages: list[Announced], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         "ego_agent.plan.policies.llm.EgoSettings", lambda: EgoSettings(llm_period_s=0.1)
@@ -136,16 +142,16 @@ def test_a_slow_answer_is_asked_for_once_and_counts_once(
         await says(advice("R2", algorithm="late"))(reader, writer, request)
 
     server.otherwise = slowly
-    first = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    first = decide(server, ResultStore(tmp_path, ["swarm"]), messages)
     assert server.asked.qsize() == len(messages)
-    again = decide(server, Kept(tmp_path, ["swarm"]), messages)
+    again = decide(server, ResultStore(tmp_path, ["swarm"]), messages)
     assert again == first
 
 
 @pytest.mark.parametrize("spec", ["@http://127.0.0.1:1/v1", "no-such-model", "x@gopher://y"])
 def test_a_model_that_cannot_work_is_named(spec: str, tmp_path: Path) -> None:
     with pytest.raises(CoAdaptError):
-        Model(spec, Kept(tmp_path, ["swarm"]))
+        Model(spec, ResultStore(tmp_path, ["swarm"]))
 
 
 @pytest.mark.model

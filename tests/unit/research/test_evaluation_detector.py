@@ -15,7 +15,7 @@ import pytest
 from coadapt.main import main
 from perception.tally import Tally
 from research.evaluation.detector import Case, algorithms_of, cases, measure
-from research.evaluation.kept import Kept
+from research.evaluation.result_store import ResultStore
 from research.evaluation.splits import FIRST_FRAME, Part, nearest_first, simulated
 from research.training.plans import TEST_SEEDS
 from worlds.factory.world import FactoryWorld
@@ -117,7 +117,7 @@ def test_a_killed_run_leaves_no_worker_and_goes_on_where_it_was(tmp_path: Path) 
 def test_what_was_kept_gives_the_same_precision(tmp_path: Path) -> None:
     part = Part("factory", TEST_SEEDS.start, None, 0, (FIRST_FRAME,))
     (tally,) = measure(part, [Case("late", 3)])
-    kept = Kept(tmp_path, ["perception"])
+    kept = ResultStore(tmp_path, ["perception"])
     assert kept.get("late") is None
     kept.put("late", tally.packed())
     again = Tally.unpacked(kept.get("late"))

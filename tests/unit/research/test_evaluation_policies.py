@@ -20,10 +20,10 @@ from perception.fusion.registry import fusion_names
 from research.evaluation.bootstrap import bootstrap_mean
 from research.evaluation.policies.claims import claims_of
 from research.evaluation.policies.decide import Decided, decisions, policy_of
-from research.evaluation.policies.pieces import Outcomes, knowledge_of
 from research.evaluation.policies.results import ORACLE, means_of, rows_of
+from research.evaluation.policies.work_items import Outcomes, knowledge_of
 from research.evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
-from research.evaluation.windows import knowing, links
+from research.evaluation.windows import announcements, links
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
 from research.evaluation.windows.measure import Window
 from research.evaluation.windows.scenarios import Expectation, Scenario, factory_suite
@@ -51,7 +51,7 @@ def decided(policy: str, choice: Choice, window: int = 0) -> Decided:
 def test_a_blind_policy_is_measured_as_it_is_and_others_as_an_ego_would_have_them() -> None:
     window = Window(SCENARIO, 0)
     fusions = {name: window.fusion(name) for name in KNOWLEDGE.algorithms}
-    messages = knowing.heard(window.world, 0, window.ego, dict(fusions))
+    messages = announcements.heard(window.world, 0, window.ego, dict(fusions))
     narrow = replace(SCENARIO, link=links.Link("thin", links.Fixed(2_000_000)))
     found = {
         name: decisions(narrow, [messages], KNOWLEDGE, policy_of(name, narrow, KNOWLEDGE))[0]
@@ -213,7 +213,7 @@ def test_a_recorded_world_is_compared_likewise(opv2v_dir: Path, tmp_path: Path) 
 
 def test_a_policy_that_fails_is_no_coverage() -> None:
     window = Window(SCENARIO, 0)
-    messages = knowing.heard(window.world, 0, window.ego, {"late": window.fusion("late")})
+    messages = announcements.heard(window.world, 0, window.ego, {"late": window.fusion("late")})
 
     class Broken:
         name = "broken"

@@ -12,8 +12,8 @@ from coadapt.main import main
 from ego_agent.plan.surrogate.features import NAMES
 from ego_agent.plan.surrogate.model import read_surrogate
 from perception.fusion.registry import fusion_names
-from research.evaluation.kept import Kept
-from research.evaluation.policies.pieces import MADE_FROM
+from research.evaluation.policies.work_items import MADE_FROM
+from research.evaluation.result_store import ResultStore
 from research.evaluation.surrogate import samples as sampling
 from research.evaluation.surrogate import train as training
 from research.evaluation.surrogate.samples import Samples, random_choices, training_windows
@@ -73,7 +73,7 @@ def test_measured_windows_are_kept_and_trained_on(
     monkeypatch.setattr(sampling, "CHOICES", 8)
     monkeypatch.setattr(Window, "_measure", _pretended)
     made_from = (*MADE_FROM, "research/evaluation/surrogate/samples.py")
-    kept = Kept(tmp_path / "kept", made_from)
+    kept = ResultStore(tmp_path / "kept", made_from)
     for scenario in training_windows(3):
         kept.put(training.key_of(scenario), sampling.measure(scenario))
     output = tmp_path / "model.safetensors"

@@ -15,8 +15,8 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.objective import Objective
 from perception.fusion.registry import fusion_names
-from research.evaluation.policies.pieces import knowledge_of
-from research.evaluation.windows import knowing, links
+from research.evaluation.policies.work_items import knowledge_of
+from research.evaluation.windows import announcements, links
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
 from research.evaluation.windows.measure import (
     NotMeasuredError,
@@ -143,10 +143,10 @@ def test_a_recording_that_has_changed_is_another(opv2v_dir: Path, tmp_path: Path
 
 def test_keys_are_the_same_in_every_process() -> None:
     code = (
-        "from research.evaluation.policies.pieces import Piece\n"
+        "from research.evaluation.policies.work_items import WorkItem\n"
         "from research.evaluation.windows.scenarios import factory_suite\n"
-        "pieces = [Piece(s, 1, ('early', 'late')) for s in factory_suite()]\n"
-        "print([(p.heard_key(), p.outcomes_key()) for p in pieces])"
+        "items = [WorkItem(s, 1, ('early', 'late')) for s in factory_suite()]\n"
+        "print([(p.heard_key(), p.outcomes_key()) for p in items])"
     )
     said = {
         subprocess.run(
@@ -190,8 +190,8 @@ def test_what_an_ego_knows_is_what_robots_would_send() -> None:
     scenario = replace(SMALL, pose_noise_m=0.2)
     window = Window(scenario, 0)
     fusions = {"late": window.fusion("late")}
-    messages = knowing.heard(window.world, 40, window.ego, dict(fusions), 0.2)
-    messages = knowing.unpacked(knowing.packed(messages))
+    messages = announcements.heard(window.world, 40, window.ego, dict(fusions), 0.2)
+    messages = announcements.unpacked(announcements.packed(messages))
     beacon, scene = messages["R2"]
     true = window.world.pose("R2", 40)
     assert 0 < abs(beacon.pose[0] - true.x) < 1.0
@@ -200,17 +200,18 @@ def test_what_an_ego_knows_is_what_robots_would_send() -> None:
     assert not messages[window.ego][0].sizes
     assert messages[window.ego][0].pose[0] == pytest.approx(window.world.pose("R1", 40).x)
     unified = analyze(
-        knowing.snapshot(window.ego, messages, 5e6), knowledge_of(fusion_names("factory"), SMALL)
+        announcements.snapshot(window.ego, messages, 5e6),
+        knowledge_of(fusion_names("factory"), SMALL),
     )
     assert set(candidates_of(unified)) == {"R2", "R3"}
-    far = knowing.heard(window.world, 40, window.ego, dict(fusions), reach_m=0.1)
+    far = announcements.heard(window.world, 40, window.ego, dict(fusions), reach_m=0.1)
     assert not far["R2"][0].sizes
 
 
 def test_announced_sizes_are_of_what_the_ego_asks_for() -> None:
     window = Window(SMALL, 0)
     fusions = {name: window.fusion(name) for name in ("intermediate", "intermediate-sparse")}
-    messages = knowing.heard(window.world, 25, window.ego, dict(fusions))
+    messages = announcements.heard(window.world, 25, window.ego, dict(fusions))
     for name, fusion in fusions.items():
         fused = fuse_frame(window.world, 0, window.ego, ["R2"], fusion)
         own = window.world.scan(window.ego, 0)
@@ -255,8 +256,8 @@ def test_the_search_beyond_exhaustion_measures_growing_sets_and_neighbours() -> 
     scenario = replace(SMALL, robots=8, name="eight")
     window = Counted(scenario, 0)
     knowledge = Knowledge()
-    messages = knowing.heard(window.world, 40, window.ego, {"late": window.fusion("late")})
-    scene = analyze(knowing.snapshot(window.ego, messages, 55e6), knowledge)
+    messages = announcements.heard(window.world, 40, window.ego, {"late": window.fusion("late")})
+    scene = analyze(announcements.snapshot(window.ego, messages, 55e6), knowledge)
     assert len(candidates_of(scene)) > 5
     wanted = [Choice(("R3", "R5", "R6"), "late")]
     considered = explore(window, scene, knowledge, wanted)

@@ -32,7 +32,6 @@ from tests.support.tiny_detector import TINY, random_codebook, tiny  # noqa: F40
 from worlds.factory.world import FactoryWorld
 from worlds.road.world import RoadWorld
 
-
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("tiny", "quick")]
 STEPS = 4
 SMALL = FactoryWorld(robots=3, seed=5000)

@@ -21,7 +21,7 @@ from deploy.state import State
 from options.recordings.check import check
 from options.recordings.file import RecordingFile
 from options.recordings.format import FUSED, LOG, Fused
-from options.recordings.listen import Ears, Heard, Presence
+from options.recordings.listen import Listener, Presence, Received
 from options.recordings.record import Result, Wanted, record
 from options.recordings.recorder import Recorder
 from options.recordings.sink import Sink
@@ -92,7 +92,7 @@ class Running:
         """A recording that is stopped when what it has taken is enough."""
         stop, taken, take = threading.Event(), Taken(), Recorder.take
 
-        def noted(recorder: Recorder, heard: Heard, hurry: bool = False) -> None:
+        def noted(recorder: Recorder, heard: Received, hurry: bool = False) -> None:
             take(recorder, heard, hurry)
             taken.append(heard.message)
             if enough(taken):
@@ -187,11 +187,11 @@ def test_stopping_ends_the_recording_whole(running: Running, tmp_path: Path) -> 
 def test_a_recording_ends_although_more_comes_than_can_be_written(
     running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def another(ears: Ears, timeout_s: float) -> Heard:
-        return Heard(Presence("R9", alive=True), time.time_ns())
+    def another(listener: Listener, timeout_s: float) -> Received:
+        return Received(Presence("R9", alive=True), time.time_ns())
 
-    monkeypatch.setattr(Ears, "next", another)
-    monkeypatch.setattr(Ears, "waiting", lambda ears: 3)
+    monkeypatch.setattr(Listener, "next", another)
+    monkeypatch.setattr(Listener, "waiting", lambda listener: 3)
     made = running.record(Wanted(tmp_path / "flood.mcap", points="none", seconds=0.3))
     assert made.ended == "0.3 s are over"
 

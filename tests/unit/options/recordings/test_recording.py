@@ -17,7 +17,7 @@ from options.recordings.check import check
 from options.recordings.clouds import read_points
 from options.recordings.file import RecordingFile
 from options.recordings.format import BUDGET, FUSED, LOG, Box, Budget, Fused
-from options.recordings.listen import Heard
+from options.recordings.listen import Received
 from options.recordings.outlet import Outlet
 from options.recordings.recorder import Recorder
 from options.recordings.sink import Sink
@@ -113,7 +113,7 @@ def test_detections_of_a_time_that_a_recording_cannot_name_are_left_out(tmp_path
     found = detections(FactoryWorld(robots=2, rings=16), 3)
     far = msgspec.structs.replace(found, frame=4, capture_ns=2**32 * 10**9)
     for message in (far, found):
-        recorder.take(Heard(message, EPOCH_NS))
+        recorder.take(Received(message, EPOCH_NS))
     outlet.close()
     file = RecordingFile(tmp_path / "far.mcap")
     assert [one.frame for one in file.messages(FUSED, Fused)] == [3]

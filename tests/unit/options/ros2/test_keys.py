@@ -8,7 +8,6 @@ import pytest
 import zenoh
 
 from options.ros2.clock import SPAN_NS, ClockOffset
-from options.ros2.inlet import Arrived, Inlet
 from options.ros2.keys import (
     Attachment,
     Publisher,
@@ -19,6 +18,7 @@ from options.ros2.keys import (
     subscription_token,
     topic_key,
 )
+from options.ros2.topic_buffer import Arrived, TopicBuffer
 
 # The examples of docs/design.md in ros2/rmw_zenoh.
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -104,15 +104,15 @@ def test_an_attachment_is_what_zenoh_itself_writes() -> None:
 
 
 def test_messages_that_did_not_come_are_counted_by_publisher() -> None:
-    inlet = Inlet("/points", "kind", 2)
+    buffer = TopicBuffer("/points", "kind", 2)
     for publisher, sequence in ((b"a", 7), (b"a", 8), (b"b", 1), (b"a", 11), (b"b", 2), (b"a", 10)):
-        inlet.put(Arrived(b"", 0, Attachment(sequence, 0, publisher)))
-    assert inlet.lost == 2
+        buffer.put(Arrived(b"", 0, Attachment(sequence, 0, publisher)))
+    assert buffer.lost == 2
     # It began anew.
-    inlet.put(Arrived(b"", 0, Attachment(1, 0, b"a")))
-    assert inlet.lost == 2
-    inlet.put(Arrived(b"", 5, None))
-    assert [message.received_ns for message in inlet.recent()] == [5, 0]
+    buffer.put(Arrived(b"", 0, Attachment(1, 0, b"a")))
+    assert buffer.lost == 2
+    buffer.put(Arrived(b"", 5, None))
+    assert [message.received_ns for message in buffer.recent()] == [5, 0]
 
 
 def test_the_clocks_differ_by_the_least_that_a_message_took() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from options.ros2.address import parse
-from options.ros2.inlet import Arrived, Inlet
+from options.ros2.topic_buffer import Arrived, TopicBuffer
 from options.ros2.whereabouts import MAX_FRAMES, Whereabouts, find_whereabouts
 from swarm.errors import WorldError
 from swarm.geometry import Pose
@@ -23,16 +23,16 @@ class Told:
         """`poses`: the address's option, odom or tf."""
         address = parse(f"ros2://robot/0?points=/points&{poses}=/poses&tf_static=/still")
         kind = ODOMETRY if address.odom else TRANSFORMS
-        self.poses = Inlet("/poses", kind, 10_000)
-        self.static = Inlet("/still", TRANSFORMS, 10_000)
+        self.poses = TopicBuffer("/poses", kind, 10_000)
+        self.static = TopicBuffer("/still", TRANSFORMS, 10_000)
         self.where: Whereabouts = find_whereabouts(address, self.poses, self.static)
         self.put(self.static, transforms(ns(0), {MOUNT: Pose(0, 0, 1)}))
 
-    def put(self, inlet: Inlet, message: Any) -> None:
+    def put(self, buffer: TopicBuffer, message: Any) -> None:
         """A message, or bytes as they are, just as it comes."""
         if not isinstance(message, bytes):
-            message = bytes(STORE.serialize_cdr(message, inlet.kind))
-        inlet.put(Arrived(message, 0, None))
+            message = bytes(STORE.serialize_cdr(message, buffer.kind))
+        buffer.put(Arrived(message, 0, None))
         self.where.update()
 
     def tf(self, time_s: float, edge: tuple[str, str], x: float) -> None:

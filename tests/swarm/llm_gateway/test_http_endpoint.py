@@ -1,4 +1,4 @@
-"""The HTTP door: OpenAI's words in and out, what it refuses, and clients that go away."""
+"""The HTTP endpoint: OpenAI's words in and out, what it refuses, and clients that go away."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import MAX_BODY_BYTES
-from llm_gateway.http_door import HttpDoor
+from llm_gateway.http_endpoint import HttpEndpoint
 from llm_gateway.model import Completion, Job
 from swarm.errors import GatewayCode, GatewayError, SettingError
 from swarm.messages import ChatMessage
 from swarm.messages.llm import MAX_PROMPT_CHARS
-from tests.support.llm_door import CHAT, HELLO, LOG, Client, Scripted, door_of
+from tests.support.llm_endpoint import CHAT, HELLO, LOG, Client, Scripted, endpoint_of
 
 TOKEN = "s3cret-token"
 FORMAT = {"type": "json_schema", "json_schema": {"name": "a", "schema": {"type": "object"}}}
@@ -28,7 +28,7 @@ FORMAT = {"type": "json_schema", "json_schema": {"name": "a", "schema": {"type":
 @pytest.fixture(scope="module")
 def shared() -> Generator[tuple[Scripted, Client]]:
     gateway = Scripted()
-    with door_of(gateway) as client:
+    with endpoint_of(gateway) as client:
         yield gateway, client
 
 
@@ -39,7 +39,7 @@ def gateway(shared: tuple[Scripted, Client]) -> Scripted:
 
 
 @pytest.fixture
-def door(shared: tuple[Scripted, Client], gateway: Scripted) -> Client:
+def endpoint(shared: tuple[Scripted, Client], gateway: Scripted) -> Client:
     return shared[1]
 
 
@@ -47,8 +47,8 @@ def job_of(gateway: Scripted) -> Job:
     return gateway.jobs.get(timeout=20)[0]
 
 
-def test_an_answer_has_openais_shape_and_says_where_it_comes_from(door: Client) -> None:
-    answer = door.chat(model="default")
+def test_an_answer_has_openais_shape_and_says_where_it_comes_from(endpoint: Client) -> None:
+    answer = endpoint.chat(model="default")
     assert answer.status == 200
     assert answer.headers["content-type"] == "application/json"
     body = answer.body
@@ -74,14 +74,14 @@ def test_an_answer_has_openais_shape_and_says_where_it_comes_from(door: Client) 
     }
 
 
-def test_messages_may_come_in_parts(door: Client, gateway: Scripted) -> None:
+def test_messages_may_come_in_parts(endpoint: Client, gateway: Scripted) -> None:
     parts = [{"type": "text", "text": "Hel"}, {"type": "text", "text": "lo."}]
     turns = [
         {"role": "developer", "content": "Be brief.", "name": "x"},
         {"role": "assistant", "content": "Yes."},
         {"role": "user", "content": parts},
     ]
-    assert door.chat(messages=turns).text == "Hello."
+    assert endpoint.chat(messages=turns).text == "Hello."
     assert job_of(gateway).prompt.messages == (
         ChatMessage("system", "Be brief."),
         ChatMessage("assistant", "Yes."),
@@ -110,26 +110,26 @@ def test_messages_may_come_in_parts(door: Client, gateway: Scripted) -> None:
     ],
 )
 def test_the_response_format_becomes_the_schema(
-    door: Client, gateway: Scripted, asked: Any, schema: str
+    endpoint: Client, gateway: Scripted, asked: Any, schema: str
 ) -> None:
-    assert door.chat(response_format=asked).status == 200
+    assert endpoint.chat(response_format=asked).status == 200
     assert job_of(gateway).prompt.schema == schema
 
 
-def test_lengths_clients_and_deadlines_have_defaults(door: Client, gateway: Scripted) -> None:
-    assert door.chat().status == 200
+def test_lengths_clients_and_deadlines_have_defaults(endpoint: Client, gateway: Scripted) -> None:
+    assert endpoint.chat().status == 200
     job, now = gateway.jobs.get(timeout=20)
     assert (job.prompt.max_tokens, job.client, job.fingerprint) == (256, "127.0.0.1", "")
     assert 50 < job.deadline - now <= 60
 
 
-def test_headers_and_fields_replace_them(door: Client, gateway: Scripted) -> None:
+def test_headers_and_fields_replace_them(endpoint: Client, gateway: Scripted) -> None:
     headers = {
         "X-CoAdapt-Deadline": "2.5",
         "X-CoAdapt-Client": "planner-1",
         "X-CoAdapt-Fingerprint": "0123456789abcdef",
     }
-    assert door.chat(headers=headers, max_tokens=9, max_completion_tokens=7).status == 200
+    assert endpoint.chat(headers=headers, max_tokens=9, max_completion_tokens=7).status == 200
     job, now = gateway.jobs.get(timeout=20)
     assert (job.prompt.max_tokens, job.client) == (7, "planner-1")
     assert job.fingerprint == "0123456789abcdef"
@@ -155,9 +155,9 @@ def test_headers_and_fields_replace_them(door: Client, gateway: Scripted) -> Non
     ],
 )
 def test_what_is_not_offered_is_refused_and_named(
-    door: Client, gateway: Scripted, fields: dict[str, Any], named: str
+    endpoint: Client, gateway: Scripted, fields: dict[str, Any], named: str
 ) -> None:
-    answer = door.chat(**fields)
+    answer = endpoint.chat(**fields)
     assert answer.status == 400
     assert answer.error["type"] == "invalid_request_error"
     assert named in answer.error["message"]
@@ -177,32 +177,32 @@ def test_what_is_not_offered_is_refused_and_named(
         ("X-CoAdapt-Fingerprint", "XYZ"),
     ],
 )
-def test_a_malformed_header_is_refused_and_named(door: Client, name: str, value: str) -> None:
-    answer = door.chat(headers={name: value})
+def test_a_malformed_header_is_refused_and_named(endpoint: Client, name: str, value: str) -> None:
+    answer = endpoint.chat(headers={name: value})
     assert answer.status == 400
     assert f"{name} = {value!r}" in answer.error["message"]
 
 
 @pytest.mark.parametrize("raw", [b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000, b'{"a":1}'])
-def test_a_body_that_is_no_request_is_refused(door: Client, raw: bytes) -> None:
-    answer = door.send("POST", CHAT, raw)
+def test_a_body_that_is_no_request_is_refused(endpoint: Client, raw: bytes) -> None:
+    answer = endpoint.send("POST", CHAT, raw)
     assert answer.status == 400
     assert "no chat completion request" in answer.error["message"]
 
 
-def test_a_web_page_cannot_ask(door: Client) -> None:
+def test_a_web_page_cannot_ask(endpoint: Client) -> None:
     # A browser sends such a body elsewhere without asking first.
     raw = json.dumps({"messages": HELLO}).encode()
-    assert door.send("POST", CHAT, raw, {"Content-Type": "text/plain"}).status == 415
+    assert endpoint.send("POST", CHAT, raw, {"Content-Type": "text/plain"}).status == 415
 
 
-def test_only_our_model_is_here(door: Client) -> None:
+def test_only_our_model_is_here(endpoint: Client) -> None:
     for name in (None, "", "default", "test-model"):
-        assert door.chat(model=name).status == 200
-    answer = door.chat(model="gpt-9")
+        assert endpoint.chat(model=name).status == 200
+    answer = endpoint.chat(model="gpt-9")
     assert (answer.status, answer.error["code"]) == (404, "model_not_found")
     assert "'test-model'" in answer.error["message"]
-    assert [m["id"] for m in door.send("GET", "/v1/models").body["data"]] == ["test-model"]
+    assert [m["id"] for m in endpoint.send("GET", "/v1/models").body["data"]] == ["test-model"]
 
 
 @pytest.mark.parametrize(
@@ -217,32 +217,32 @@ def test_only_our_model_is_here(door: Client) -> None:
     ],
 )
 def test_each_code_of_the_gateway_has_a_status(
-    door: Client, gateway: Scripted, code: GatewayCode, status: int, kind: str
+    endpoint: Client, gateway: Scripted, code: GatewayCode, status: int, kind: str
 ) -> None:
     async def refuse(job: Job) -> Completion:
         raise GatewayError(code, "because")
 
     gateway.answer = refuse
-    before = door.count("coadapt_llm_http_requests_total", status=str(status))
-    answer = door.chat()
+    before = endpoint.count("coadapt_llm_http_requests_total", status=str(status))
+    answer = endpoint.chat()
     assert (answer.status, answer.error["code"], answer.error["type"]) == (status, code, kind)
     assert answer.error["message"] == f"{code}: because"
     assert ("retry-after" in answer.headers) == (status in (429, 503))
-    assert door.count("coadapt_llm_http_requests_total", status=str(status)) == before + 1
+    assert endpoint.count("coadapt_llm_http_requests_total", status=str(status)) == before + 1
 
 
 def test_a_fault_of_ours_is_500_and_says_nothing_of_the_inside(
-    door: Client, gateway: Scripted
+    endpoint: Client, gateway: Scripted
 ) -> None:
     async def fail(job: Job) -> Completion:
         raise RuntimeError("inside")
 
     gateway.answer = fail
-    answer = door.chat()
+    answer = endpoint.chat()
     assert answer.status == 500
     assert "inside" not in answer.error["message"]
     gateway.answer = gateway.echo
-    assert door.chat().status == 200
+    assert endpoint.chat().status == 200
 
 
 @pytest.mark.parametrize(
@@ -250,81 +250,83 @@ def test_a_fault_of_ours_is_500_and_says_nothing_of_the_inside(
     [("GET", CHAT, 405), ("POST", "/v1/models", 405), ("GET", "/v1/embeddings", 404)],
 )
 def test_other_paths_are_refused_in_openais_shape(
-    door: Client, method: str, path: str, status: int
+    endpoint: Client, method: str, path: str, status: int
 ) -> None:
-    answer = door.send(method, path)
+    answer = endpoint.send(method, path)
     assert answer.status == status
     assert path in answer.error["message"]
 
 
-def test_more_characters_than_a_prompt_may_have_are_too_large(door: Client) -> None:
+def test_more_characters_than_a_prompt_may_have_are_too_large(endpoint: Client) -> None:
     content = "x" * (MAX_PROMPT_CHARS + 1)
-    answer = door.chat(messages=[{"role": "user", "content": content}])
+    answer = endpoint.chat(messages=[{"role": "user", "content": content}])
     assert (answer.status, answer.error["code"]) == (413, "too_large")
     odd = {"type": "json_object", "schema": {"enum": ["x" * 50_001]}}
-    assert door.chat(response_format=odd).status == 413
+    assert endpoint.chat(response_format=odd).status == 413
 
 
-def test_ten_megabytes_are_refused_and_the_door_goes_on(door: Client, gateway: Scripted) -> None:
-    answer = door.send("POST", CHAT, b" " * 10_000_000)
+def test_ten_megabytes_are_refused_and_the_endpoint_goes_on(
+    endpoint: Client, gateway: Scripted
+) -> None:
+    answer = endpoint.send("POST", CHAT, b" " * 10_000_000)
     assert (answer.status, answer.error["code"]) == (413, "too_large")
     assert str(MAX_BODY_BYTES) in answer.error["message"]
     assert gateway.jobs.empty()
-    assert door.chat().status == 200
+    assert endpoint.chat().status == 200
 
 
-def test_a_client_that_goes_away_takes_its_job_along(door: Client, gateway: Scripted) -> None:
+def test_a_client_that_goes_away_takes_its_job_along(endpoint: Client, gateway: Scripted) -> None:
     async def wait(job: Job) -> Completion:
         await asyncio.Event().wait()
         raise AssertionError
 
     gateway.answer = wait
     raw = json.dumps({"messages": HELLO}).encode()
-    with closing(http.client.HTTPConnection("127.0.0.1", door.port, timeout=20)) as to:
+    with closing(http.client.HTTPConnection("127.0.0.1", endpoint.port, timeout=20)) as to:
         to.request("POST", CHAT, raw, {"Content-Type": "application/json"})
         job = job_of(gateway)
     assert gateway.cancelled.get(timeout=20) == job
 
 
 def test_a_client_that_goes_away_within_its_body_harms_nobody(
-    door: Client, gateway: Scripted
+    endpoint: Client, gateway: Scripted
 ) -> None:
-    with closing(socket.create_connection(("127.0.0.1", door.port))) as to:
+    with closing(socket.create_connection(("127.0.0.1", endpoint.port))) as to:
         to.sendall(
             f"POST {CHAT} HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
             "Content-Length: 1000\r\n\r\n{".encode()
         )
-    assert door.chat().status == 200
+    assert endpoint.chat().status == 200
     assert gateway.jobs.qsize() == 1
 
 
 def test_the_token_is_asked_for_everywhere_but_at_health(gateway: Scripted) -> None:
-    with door_of(gateway, TOKEN) as door:
-        assert door.send("GET", "/healthz").body == {"status": "ok"}
+    with endpoint_of(gateway, TOKEN) as endpoint:
+        assert endpoint.send("GET", "/healthz").body == {"status": "ok"}
         for wrong in ("", "Bearer", "Bearer other", f"Basic {TOKEN}", "Bearer s3cret-tokeX"):
-            answer = door.chat(headers={"Authorization": wrong} if wrong else {})
+            answer = endpoint.chat(headers={"Authorization": wrong} if wrong else {})
             assert (answer.status, answer.error["code"]) == (401, "invalid_api_key")
             assert answer.headers["www-authenticate"] == "Bearer"
             assert TOKEN not in str(answer)
-        assert door.send("GET", "/v1/models").status == 401
+        assert endpoint.send("GET", "/v1/models").status == 401
         assert gateway.jobs.empty()
-        assert door.chat(headers={"Authorization": f"bearer {TOKEN}"}).status == 200
+        assert endpoint.chat(headers={"Authorization": f"bearer {TOKEN}"}).status == 200
 
 
 def test_other_hosts_need_a_token(gateway: Scripted) -> None:
     with pytest.raises(SettingError, match=r"COADAPT_LLM_HTTP_HOST = '0\.0\.0\.0'"):
-        HttpDoor(gateway, "0.0.0.0", 0, "", CollectorRegistry(), LOG)
+        HttpEndpoint(gateway, "0.0.0.0", 0, "", CollectorRegistry(), LOG)
     with pytest.raises(SettingError, match="COADAPT_LLM_HTTP_TOKEN") as caught:
-        HttpDoor(gateway, "127.0.0.1", 0, "two words", CollectorRegistry(), LOG)
+        HttpEndpoint(gateway, "127.0.0.1", 0, "two words", CollectorRegistry(), LOG)
     assert "two words" not in str(caught.value)
 
 
-def test_a_port_that_is_taken_is_named(gateway: Scripted, door: Client) -> None:
-    with pytest.raises(SettingError, match=f"COADAPT_LLM_HTTP_PORT = {door.port} "):
-        HttpDoor(gateway, "127.0.0.1", door.port, "", CollectorRegistry(), LOG)
+def test_a_port_that_is_taken_is_named(gateway: Scripted, endpoint: Client) -> None:
+    with pytest.raises(SettingError, match=f"COADAPT_LLM_HTTP_PORT = {endpoint.port} "):
+        HttpEndpoint(gateway, "127.0.0.1", endpoint.port, "", CollectorRegistry(), LOG)
 
 
 def test_answers_do_not_wait_for_acknowledgements(gateway: Scripted) -> None:
-    door = HttpDoor(gateway, "127.0.0.1", 0, "", CollectorRegistry(), LOG)
-    assert door._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    asyncio.run(door.close())
+    endpoint = HttpEndpoint(gateway, "127.0.0.1", 0, "", CollectorRegistry(), LOG)
+    assert endpoint._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    asyncio.run(endpoint.close())

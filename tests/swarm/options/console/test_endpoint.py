@@ -49,15 +49,15 @@ def port(shared_router: RouterProcess, swarm_name: str) -> Iterator[int]:
 
 
 @pytest.fixture(scope="module")
-def open_door(shared_router: RouterProcess) -> Iterator[int]:
+def open_endpoint(shared_router: RouterProcess) -> Iterator[int]:
     """A console for tests that ask nothing of the swarm."""
-    with console(shared_router.address, "doors-open") as port:
+    with console(shared_router.address, "endpoints-open") as port:
         yield port
 
 
 @pytest.fixture(scope="module")
 def guarded(shared_router: RouterProcess) -> Iterator[int]:
-    with console(shared_router.address, "doors-guarded", console_token=TOKEN) as port:
+    with console(shared_router.address, "endpoints-guarded", console_token=TOKEN) as port:
         yield port
 
 
@@ -218,10 +218,10 @@ def test_a_control_from_elsewhere_is_refused(
     assert asked.empty()
 
 
-def test_the_token_of_a_page_that_is_closed_controls_nothing(open_door: int) -> None:
-    with Viewer(open_door) as closed:
+def test_the_token_of_a_page_that_is_closed_controls_nothing(open_endpoint: int) -> None:
+    with Viewer(open_endpoint) as closed:
         closed.next()
-    with Viewer(open_door) as other:
+    with Viewer(open_endpoint) as other:
         other.next()
         assert other.csrf != closed.csrf
         other.until(lambda: closed.shape({"profile": "off"}).status == 403, "it is forgotten")
@@ -236,8 +236,8 @@ def test_without_a_controller_the_page_is_told(
     assert "does not answer" in refused.error
 
 
-def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(open_door: int) -> None:
-    page = ask(open_door, "GET", "/")
+def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(open_endpoint: int) -> None:
+    page = ask(open_endpoint, "GET", "/")
     assert page.status == 200
     policy = page.headers["content-security-policy"]
     assert "default-src 'none'; script-src 'self'" in policy
@@ -246,7 +246,7 @@ def test_the_page_is_whole_and_may_load_nothing_from_elsewhere(open_door: int) -
     assert page.headers["referrer-policy"] == "same-origin"
     for file in PAGE.iterdir():
         if file.suffix != ".html":
-            got = ask(open_door, "GET", f"/assets/{file.name}")
+            got = ask(open_endpoint, "GET", f"/assets/{file.name}")
             assert (got.status, got.body) == (200, file.read_bytes())
             assert got.headers["x-content-type-options"] == "nosniff"
         for mark in ("https://", "<script>", "style=", "onclick"):
@@ -284,7 +284,7 @@ def test_who_never_sends_a_whole_request_keeps_no_place(
     begun: bytes,
     byte: bytes,
 ) -> None:
-    monkeypatch.setattr("swarm.http_doors.REQUEST_S", 0.3)
+    monkeypatch.setattr("swarm.http_serving.REQUEST_S", 0.3)
     with (
         console(shared_router.address, swarm_name, console_token=TOKEN) as port,
         socket.create_connection(("127.0.0.1", port), timeout=WAIT_S) as connection,
@@ -310,7 +310,7 @@ def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
     open_session: SessionMaker,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("swarm.http_doors.UNTAKEN_S", 1.0)
+    monkeypatch.setattr("swarm.http_serving.UNTAKEN_S", 1.0)
     monkeypatch.setattr("options.console.app.STALLED_S", 0.5)
     speakers = Speakers(open_session(shared_router.address))
     with (
@@ -333,19 +333,19 @@ def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
 
 
 @pytest.mark.parametrize("path", ["/assets/../app.py", "/assets/%2e%2e/app.py", "/nothing"])
-def test_nothing_else_is_served(open_door: int, path: str) -> None:
-    assert ask(open_door, "GET", path).status == 404
+def test_nothing_else_is_served(open_endpoint: int, path: str) -> None:
+    assert ask(open_endpoint, "GET", path).status == 404
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "10.0.0.1", "", "[::"])
-def test_a_name_that_somebody_had_lead_here_is_refused(open_door: int, host: str) -> None:
+def test_a_name_that_somebody_had_lead_here_is_refused(open_endpoint: int, host: str) -> None:
     for path in ("/", "/api/events", "/api/floor"):
-        assert ask(open_door, "GET", path, Host=host).status == 421
+        assert ask(open_endpoint, "GET", path, Host=host).status == 421
 
 
 @pytest.mark.parametrize("host", ["localhost", "LOCALHOST:9", "127.0.0.1:8080", "[::1]:8080"])
-def test_this_hosts_own_names_are_answered(open_door: int, host: str) -> None:
-    assert ask(open_door, "GET", "/api/floor", Host=host).status == 200
+def test_this_hosts_own_names_are_answered(open_endpoint: int, host: str) -> None:
+    assert ask(open_endpoint, "GET", "/api/floor", Host=host).status == 200
 
 
 def test_off_this_host_addresses_are_answered_and_names_that_were_set() -> None:
@@ -393,12 +393,12 @@ def test_the_token_opens_as_a_header_and_as_a_form(
 
 
 def test_off_this_host_a_token_is_needed() -> None:
-    from options.console.door import Door
+    from options.console.endpoint import Endpoint
 
     with pytest.raises(SettingError, match="COADAPT_CONSOLE_TOKEN is not set"):
-        Door(ConsoleSettings(ego="R1", console_host="0.0.0.0", console_port=0))
+        Endpoint(ConsoleSettings(ego="R1", console_host="0.0.0.0", console_port=0))
     with pytest.raises(SettingError, match="COADAPT_CONSOLE_TOKEN is not valid"):
-        Door(ConsoleSettings(ego="R1", console_port=0, console_token="two words"))
+        Endpoint(ConsoleSettings(ego="R1", console_port=0, console_token="two words"))
 
 
 def test_the_token_stands_in_no_message_about_settings() -> None:
@@ -446,7 +446,7 @@ def test_the_process_serves_and_ends_on_a_signal_with_a_page_open(
                 assert shown["coadapt_console_viewers"] == 1
                 assert shown["coadapt_console_connected"] == 1
                 assert math.isnan(shown["coadapt_console_decision_age_seconds"])
-                # Prometheus has a door of its own: the page's shows nothing without the token.
+                # Prometheus has an endpoint of its own: the page's shows nothing without the token.
                 assert ask(port, "GET", "/metrics").status == 401
                 process.send_signal(signal.SIGTERM)
                 log = first + process.stderr.read()

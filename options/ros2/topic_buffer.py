@@ -23,7 +23,7 @@ class Arrived:
     attachment: Attachment | None
 
 
-class Inlet:
+class TopicBuffer:
     """Keeps the last messages of a topic; safe to use from several threads."""
 
     def __init__(self, topic: str, kind: str, keep: int) -> None:
@@ -37,7 +37,7 @@ class Inlet:
         self._sequences: dict[bytes, int] = {}
 
     def put(self, message: Arrived) -> None:
-        """Adds the newest message; the oldest leaves a full inlet."""
+        """Adds the newest message; the oldest leaves a full buffer."""
         with self._lock:
             self._messages.append(message)
             if message.attachment is not None:

@@ -1,4 +1,4 @@
-"""What every HTTP door of the swarm has in common: who may knock, and the socket it stands on."""
+"""What all HTTP endpoints of the swarm have in common: who may ask, and the socket."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The HTTP door on an event loop of its own, and a client of it."""
+"""The HTTP endpoint on an event loop of its own, and a client of it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from llm_gateway.backends.openai import OpenAi
 from llm_gateway.cache import Cache
 from llm_gateway.gateway import Gateway
 from llm_gateway.http_app import Completer
-from llm_gateway.http_door import HttpDoor
+from llm_gateway.http_endpoint import HttpEndpoint
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.model import Completion, Job
 from swarm.log import make_logger
@@ -83,7 +83,7 @@ class Scripted:
 
 
 class Client:
-    """Talks to a door."""
+    """Talks to an endpoint."""
 
     def __init__(self, port: int, registry: CollectorRegistry) -> None:
         self.port = port
@@ -112,14 +112,14 @@ class Client:
 
 
 @contextmanager
-def running(door: Callable[[], AsyncIterator[Client]]) -> Generator[Client]:
+def running(endpoint: Callable[[], AsyncIterator[Client]]) -> Generator[Client]:
     """An asynchronous context on the event loop of a thread."""
     ready: queue.Queue[Client | BaseException] = queue.Queue()
     loop = asyncio.new_event_loop()
     end = asyncio.Event()
 
     async def serve() -> None:
-        async with asynccontextmanager(door)() as client:
+        async with asynccontextmanager(endpoint)() as client:
             ready.put(client)
             await end.wait()
 
@@ -144,17 +144,17 @@ def running(door: Callable[[], AsyncIterator[Client]]) -> Generator[Client]:
 
 
 @contextmanager
-def door_of(gateway: Completer, token: str = "") -> Generator[Client]:
-    """A door on a free port."""
+def endpoint_of(gateway: Completer, token: str = "") -> Generator[Client]:
+    """An endpoint on a free port."""
 
     async def serve() -> AsyncIterator[Client]:
         registry = CollectorRegistry()
-        door = HttpDoor(gateway, "127.0.0.1", 0, token, registry, LOG)
-        await door.start()
+        endpoint = HttpEndpoint(gateway, "127.0.0.1", 0, token, registry, LOG)
+        await endpoint.start()
         try:
-            yield Client(door.port, registry)
+            yield Client(endpoint.port, registry)
         finally:
-            await door.close()
+            await endpoint.close()
 
     with running(serve) as client:
         yield client
@@ -162,7 +162,7 @@ def door_of(gateway: Completer, token: str = "") -> Generator[Client]:
 
 @contextmanager
 def gateway_of(server: ModelServer, **options: Any) -> Generator[Client]:
-    """The whole way: the door, the core, the back end `openai` and a server."""
+    """The whole way: the endpoint, the core, the back end `openai` and a server."""
 
     async def serve() -> AsyncIterator[Client]:
         registry = CollectorRegistry()
@@ -170,12 +170,12 @@ def gateway_of(server: ModelServer, **options: Any) -> Generator[Client]:
         backend = OpenAi(server.url, "test-model", "", 4, LOG)
         gateway = Gateway(backend, Cache(None, metrics, LOG), metrics, LOG, **options)
         await gateway.start()
-        door = HttpDoor(gateway, "127.0.0.1", 0, "", registry, LOG)
-        await door.start()
+        endpoint = HttpEndpoint(gateway, "127.0.0.1", 0, "", registry, LOG)
+        await endpoint.start()
         try:
-            yield Client(door.port, registry)
+            yield Client(endpoint.port, registry)
         finally:
-            await door.close()
+            await endpoint.close()
             await gateway.close()
 
     with running(serve) as client:

@@ -7,14 +7,14 @@ from typing import Any
 
 from options.console.hub import MAX_VIEWERS
 from options.console.settings import ConsoleSettings
-from swarm.http_doors import HttpServer, bind, check_token, server_config
+from swarm.http_serving import HttpServer, bind, check_token, server_config
 
 MAX_CONNECTIONS = 4 * MAX_VIEWERS
 SEND_BUFFER = 64 * 1024
 """Bytes on the way to a viewer are states that cannot be replaced by newer ones any more."""
 
 
-class Door:
+class Endpoint:
     """Answers on host and port; the socket is bound at once. Raises SettingError."""
 
     def __init__(self, settings: ConsoleSettings) -> None:

@@ -1,4 +1,4 @@
-"""The door for egos: a queryable on the swarm's key for decisions."""
+"""The endpoint for egos: a queryable on the swarm's key for decisions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WORKERS = 256
 SLACK_S = 1.0
 
 
-class ZenohDoor:
+class ZenohEndpoint:
     """Hands requests of a session to the gateway's event loop."""
 
     def __init__(self, gateway: Gateway, loop: asyncio.AbstractEventLoop) -> None:

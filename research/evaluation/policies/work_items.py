@@ -12,10 +12,10 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.objective import Objective
 from perception.fusion.base import Fusion
-from research.evaluation.kept import Kept
-from research.evaluation.windows import knowing
+from research.evaluation.result_store import ResultStore
+from research.evaluation.windows import announcements
+from research.evaluation.windows.announcements import Announced
 from research.evaluation.windows.choice import Choice, Outcome
-from research.evaluation.windows.knowing import Heard
 from research.evaluation.windows.measure import NotMeasuredError, Window, packed, unpacked
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.windows.search import explore
@@ -24,7 +24,7 @@ from swarm.errors import EvaluationError
 
 MADE_FROM = (
     "research/evaluation/sharing.py",
-    "research/evaluation/windows/frames.py", "research/evaluation/windows/knowing.py",
+    "research/evaluation/windows/frames.py", "research/evaluation/windows/announcements.py",
     "research/evaluation/windows/measure.py", "perception",
     "swarm/arrays.py", "swarm/geometry.py", "swarm/messages", "worlds",
 )  # fmt: skip
@@ -37,13 +37,13 @@ R = TypeVar("R")
 
 
 @dataclass(frozen=True)
-class Piece:
+class WorkItem:
     """One control window."""
 
     scenario: Scenario
     window: int
     algorithms: tuple[str, ...]
-    heard: Heard | None = None
+    heard: Announced | None = None
     wanted: tuple[Choice, ...] = ()
     known: tuple[tuple[Choice, Outcome], ...] = ()
 
@@ -72,38 +72,38 @@ def knowledge_of(algorithms: Sequence[str], scenario: Scenario) -> Knowledge:
     return Knowledge(Objective(comm_range_m=scenario.comm_range_m), algorithms)
 
 
-def listen(pieces: Sequence[Piece], workers: int, kept: Kept) -> list[Piece]:
-    """The pieces with what the ego has heard at the beginning of each window."""
-    found: list[bytes | None] = [kept.get(piece.heard_key()) for piece in pieces]
+def listen(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[WorkItem]:
+    """The items with what the ego has heard at the beginning of each window."""
+    found: list[bytes | None] = [kept.get(item.heard_key()) for item in items]
     missing = [at for at, raw in enumerate(found) if raw is None]
-    for place, raw in _each(_listen, [pieces[at] for at in missing], workers, "messages"):
+    for place, raw in _each(_listen, [items[at] for at in missing], workers, "messages"):
         found[missing[place]] = raw
-        kept.put(pieces[missing[place]].heard_key(), raw)
+        kept.put(items[missing[place]].heard_key(), raw)
     return [
-        replace(piece, heard=knowing.unpacked(raw))
-        for piece, raw in zip(pieces, found, strict=True)
+        replace(item, heard=announcements.unpacked(raw))
+        for item, raw in zip(items, found, strict=True)
         if raw is not None
     ]
 
 
-def measure(pieces: Sequence[Piece], workers: int, kept: Kept) -> list[Outcomes]:
-    """The outcomes of the pieces' wanted choices and of the oracle's search, in order.
+def measure(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[Outcomes]:
+    """The outcomes of the items' wanted choices and of the oracle's search, in order.
 
     What was measured before is looked up; which of it counts does not depend on what there is.
     """
-    pieces = [
-        replace(piece, known=tuple(unpacked(kept.get(piece.outcomes_key()) or []).items()))
-        for piece in pieces
+    items = [
+        replace(item, known=tuple(unpacked(kept.get(item.outcomes_key()) or []).items()))
+        for item in items
     ]
-    found = [_looked_up(piece) for piece in pieces]
+    found = [_looked_up(item) for item in items]
     missing = [at for at, one in enumerate(found) if one is None]
     # Large swarms take longest: begun first, they do not keep one core busy at the end.
-    missing.sort(key=lambda at: -pieces[at].scenario.robots)
+    missing.sort(key=lambda at: -items[at].scenario.robots)
     for place, (every, considered) in _each(
-        _measure, [pieces[at] for at in missing], workers, "measured"
+        _measure, [items[at] for at in missing], workers, "measured"
     ):
-        piece = pieces[missing[place]]
-        kept.put(piece.outcomes_key(), every)
+        item = items[missing[place]]
+        kept.put(item.outcomes_key(), every)
         found[missing[place]] = unpacked(considered)
     return [one for one in found if one is not None]
 
@@ -113,62 +113,60 @@ def _reach_m(scenario: Scenario) -> float:
     return scenario.comm_range_m + 10 * scenario.pose_noise_m + 1.0
 
 
-def _listen(piece: Piece) -> bytes:
-    window = Window(piece.scenario, piece.window)
-    fusions: dict[str, Fusion] = {name: window.fusion(name) for name in piece.algorithms}
-    messages = knowing.heard(
+def _listen(item: WorkItem) -> bytes:
+    window = Window(item.scenario, item.window)
+    fusions: dict[str, Fusion] = {name: window.fusion(name) for name in item.algorithms}
+    messages = announcements.heard(
         window.world,
-        piece.scenario.decision_frame(piece.window),
+        item.scenario.decision_frame(item.window),
         window.ego,
         fusions,
-        piece.scenario.pose_noise_m,
-        _reach_m(piece.scenario),
+        item.scenario.pose_noise_m,
+        _reach_m(item.scenario),
     )
-    return knowing.packed(messages)
+    return announcements.packed(messages)
 
 
-def _looked_up(piece: Piece) -> Outcomes | None:
+def _looked_up(item: WorkItem) -> Outcomes | None:
     """The outcomes that count, where all of them are known."""
     try:
-        return _explored(
-            Window(piece.scenario, piece.window, dict(piece.known), measures=False), piece
-        )
+        return _explored(Window(item.scenario, item.window, dict(item.known), measures=False), item)
     except NotMeasuredError:
         return None
 
 
-def _measure(piece: Piece) -> tuple[list[Any], list[Any]]:
+def _measure(item: WorkItem) -> tuple[list[Any], list[Any]]:
     """All outcomes that are known then, and those that count."""
-    window = Window(piece.scenario, piece.window, dict(piece.known))
-    considered = _explored(window, piece)
+    window = Window(item.scenario, item.window, dict(item.known))
+    considered = _explored(window, item)
     return packed(window.outcomes), packed(considered)
 
 
-def _explored(window: Window, piece: Piece) -> Outcomes:
-    if piece.heard is None:
-        raise EvaluationError(f"nothing was heard in {piece.place}")
-    knowledge, known_bps = piece.knowledge(), piece.scenario.known_bps(piece.window)
-    seen = knowing.snapshot(window.ego, piece.heard, known_bps)
-    return explore(window, analyze(seen, knowledge), knowledge, piece.wanted)
+def _explored(window: Window, item: WorkItem) -> Outcomes:
+    if item.heard is None:
+        raise EvaluationError(f"nothing was heard in {item.place}")
+    knowledge, known_bps = item.knowledge(), item.scenario.known_bps(item.window)
+    seen = announcements.snapshot(window.ego, item.heard, known_bps)
+    return explore(window, analyze(seen, knowledge), knowledge, item.wanted)
 
 
 def _each(
-    work: Callable[[Piece], R], pieces: Sequence[Piece], workers: int, what: str
+    work: Callable[[WorkItem], R], items: Sequence[WorkItem], workers: int, what: str
 ) -> Iterator[tuple[int, R]]:
     """Places and results as they are ready, with a line of progress each."""
-    if not pieces:
+    if not items:
         return
     begun = time.monotonic()
-    detector = pieces[0].scenario.open().detector
-    total = sum(piece.scenario.robots for piece in pieces)
+    detector = items[0].scenario.open().detector
+    total = sum(item.scenario.robots for item in items)
     done = 0
-    for number, (place, result) in enumerate(each(work, pieces, workers, detector), 1):
+    for number, (place, result) in enumerate(each(work, items, workers, detector), 1):
         yield place, result
         # Said when the caller has kept it.
-        done += pieces[place].scenario.robots
+        done += items[place].scenario.robots
         left_s = (time.monotonic() - begun) * (total - done) / done
         print(
-            f"{what}: {number}/{len(pieces)} windows, {pieces[place].scenario.name}, "
+            f"{what}: {number}/{len(items)} windows, {items[place].scenario.name}, "
             f"about {left_s / 60:.0f} min left",
             file=sys.stderr,
             flush=True,

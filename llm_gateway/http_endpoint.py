@@ -1,4 +1,4 @@
-"""The OpenAI-compatible HTTP door, for clients that are no part of the swarm."""
+"""The OpenAI-compatible HTTP endpoint, for clients that are no part of the swarm."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import asyncio
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import Completer, make_app
-from swarm.http_doors import HttpServer, bind, check_token, server_config
+from swarm.http_serving import HttpServer, bind, check_token, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256
 
 
-class HttpDoor:
+class HttpEndpoint:
     """Answers on host and port, on the event loop that starts it; port 0 takes a free one.
 
     The socket is bound at once, so that a wrong address ends the process before it does anything.

@@ -16,7 +16,7 @@ from swarm.files import write_whole
 SOURCES = (".py", ".safetensors", ".toml")
 
 
-class Kept:
+class ResultStore:
     """A folder of results; those of other code or weights are not found.
 
     Results are what MessagePack can hold. A file that cannot be read counts as not there.

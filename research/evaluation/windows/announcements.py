@@ -19,7 +19,7 @@ SCENE_AGE_S = 0.2
 SIZES_AGE_FRAMES = 25
 """Robots measure their payloads every five seconds."""
 
-Heard = dict[str, tuple[Beacon, SceneDescription]]
+Announced = dict[str, tuple[Beacon, SceneDescription]]
 
 
 def heard(
@@ -29,7 +29,7 @@ def heard(
     fusions: dict[str, Fusion],
     pose_noise_m: float = 0.0,
     reach_m: float = np.inf,
-) -> Heard:
+) -> Announced:
     """The newest beacon and description of every robot at the time of a frame.
 
     Poses are those of the frame, descriptions and sizes are as old as in a swarm, or of the first
@@ -42,7 +42,7 @@ def heard(
     asks = {
         name: fusion.begin(own.points, own.pose.matrix()).ask() for name, fusion in fusions.items()
     }
-    found: Heard = {}
+    found: Announced = {}
     for robot in world.robots:
         noise = pose_noise_m if robot != ego else 0.0
         sizes = {}
@@ -60,17 +60,17 @@ def heard(
     return found
 
 
-def packed(messages: Heard) -> bytes:
+def packed(messages: Announced) -> bytes:
     """The messages as bytes, for `unpacked`."""
     return msgspec.msgpack.encode(messages)
 
 
-def unpacked(raw: bytes) -> Heard:
+def unpacked(raw: bytes) -> Announced:
     """The messages that `packed` made these bytes of."""
-    return msgspec.msgpack.decode(raw, type=Heard)
+    return msgspec.msgpack.decode(raw, type=Announced)
 
 
-def snapshot(ego: str, heard: Heard, capacity_bps: float) -> Snapshot:
+def snapshot(ego: str, heard: Announced, capacity_bps: float) -> Snapshot:
     """The snapshot of an ego that has just heard that."""
     return Snapshot(
         ego=ego,
