@@ -88,8 +88,8 @@ test: setup ## Run the tests that need neither root, data nor a model; build/tes
 	@OMP_NUM_THREADS=1 $(PYTHON_ENV) -m pytest $(PARALLEL) -m 'not data and not model and not slow' --summary=build/test.json $(ARGS)
 
 test-all: setup ## Run all tests: also in namespaces, Docker and a browser, on real data, with a model
-	@OMP_NUM_THREADS=1 $(PYTHON_ENV) -m pytest $(PARALLEL) --summary=build/test-swarm.json tests/unit tests/swarm $(ARGS)
-	@$(PYTHON_ENV) -m pytest --summary=build/test-system.json tests/system $(ARGS)
+	@OMP_NUM_THREADS=1 $(PYTHON_ENV) -m pytest $(PARALLEL) --summary=build/test-swarm.json tests/unit tests/swarm $(ARGS); \
+		first=$$?; $(PYTHON_ENV) -m pytest --summary=build/test-system.json tests/system $(ARGS) && exit $$first
 
 lint: setup ## Check style and formatting
 	@$(PYTHON_ENV) -m ruff check .

@@ -158,7 +158,7 @@ class Log:
         return self
 
     def drive(
-        self, times_s: Iterable[float], speed: float = 1.0, *, topic: str = "/odom", **names: str
+        self, times_s: Iterable[float], speed: float = 1.0, *, topic: str = "/odom", **names: Any
     ) -> Log:
         """Odometry along x at a steady speed, 0 at time 0."""
         for time in times_s:

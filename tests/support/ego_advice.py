@@ -77,14 +77,18 @@ class Gateway:
 class Ego:
     """Plan, cycle after cycle, with policy `llm`; every decision is checked."""
 
-    def __init__(self, session: Session | None, **settings: float) -> None:
+    def __init__(self, session: Session | None, **settings: Any) -> None:
         self.scene = floor()
         self.known: Knowledge = knowledge()
         self.policy = Llm()
         self.decision: Decision | None = None
         self.cycles = 0
         if session is not None:
-            defaults = {"llm_period_s": 600.0, "llm_deadline_s": WAIT_S, "llm_hold_max_s": 600.0}
+            defaults: dict[str, Any] = {
+                "llm_period_s": 600.0,
+                "llm_deadline_s": WAIT_S,
+                "llm_hold_max_s": 600.0,
+            }
             self.policy.connect(session, EgoSettings(ego="E", **{**defaults, **settings}))
 
     def cycle(self) -> Decision:

@@ -70,7 +70,7 @@ class Hall:
     """A world with a floor and one crate, 5 m in front of whoever looks."""
 
     name = "hall"
-    robots = ("R1", "R2", "R3")
+    robots: tuple[str, ...] = ("R1", "R2", "R3")
     rate_hz = 10.0
     frame_count = 1000
     range_m = 30.0
@@ -145,7 +145,7 @@ def decision(*others: str, algorithm: str = "early") -> Decision:
         cycle=1,
         decided_ns=1,
         participants=("R1", *others),
-        algorithm=algorithm,  # type: ignore[arg-type]
+        algorithm=algorithm,
         reason="",
         source="policy",
         policy="test",

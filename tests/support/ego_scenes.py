@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ NOW_NS = 1_700_000_000_000_000_000
 BOTH: tuple[Algorithm, ...] = ("early", "late")
 
 
-def knowledge(algorithms: Sequence[str] = BOTH, **objective: float) -> Knowledge:
+def knowledge(algorithms: Sequence[str] = BOTH, **objective: Any) -> Knowledge:
     return Knowledge(Objective(**objective), algorithms)
 
 
@@ -50,7 +51,14 @@ def view(
     pose = (x, y, 1.5, 0.0, 0.0, 0.0)
     if visible_m is None:
         visible_m = pack(np.array(visible, dtype=np.float32).reshape(-1, 1))
-    head = {"robot": robot, "instance": 1, "seq": 1, "sent_ns": 0, "capture_ns": 0, "frame": 1}
+    head: dict[str, Any] = {
+        "robot": robot,
+        "instance": 1,
+        "seq": 1,
+        "sent_ns": 0,
+        "capture_ns": 0,
+        "frame": 1,
+    }
     announced = dict({"early": 12_000, "late": 600} if sizes is None else sizes)
     return RobotView(
         robot=robot,

@@ -15,7 +15,7 @@ import urllib.request
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from swarm import keyspace
 from swarm.messages import Decision, Detections, Message
@@ -104,11 +104,11 @@ class Swarm:
         until(lambda: _listens(self.port), "the router listens")
         return process
 
-    def robot(self, *ids: str, **env: str) -> subprocess.Popen[bytes]:
+    def robot(self, *ids: str, **env: Any) -> subprocess.Popen[bytes]:
         """Starts one process with the given robots."""
         return self.start("robot_agent", robots=",".join(ids), **env)
 
-    def ego(self, **env: str) -> subprocess.Popen[bytes]:
+    def ego(self, **env: Any) -> subprocess.Popen[bytes]:
         """Starts an ego."""
         return self.start("ego_agent", **env)
 

@@ -17,7 +17,7 @@ from swarm.geometry import Points
 
 RANGE = [-25.6, -12.8, -3, 25.6, 12.8, 1]
 SMALL = {"layer_nums": [1, 1, 1], "num_filters": [16, 32, 32]}
-PUBLISHED = {"layer_nums": [3, 5, 8], "num_filters": [64, 128, 256]}
+PUBLISHED: dict[str, Any] = {"layer_nums": [3, 5, 8], "num_filters": [64, 128, 256]}
 
 
 def settings(fusion: str = "Early", compression: int = 0, **backbone: Any) -> dict[str, Any]:

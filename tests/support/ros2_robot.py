@@ -152,7 +152,7 @@ class Robot:
         """Scans of now, taken by `lidar`."""
         return self.every(period_s, lambda now: self.scan(points))
 
-    def drive(self, pose: Pose, speed: float = 0.0, **names: str) -> threading.Event:
+    def drive(self, pose: Pose, speed: float = 0.0, **names: Any) -> threading.Event:
         """Odometry, every 10 ms: at `pose` when the robot began, driving along x."""
 
         def say(now: int) -> None:

@@ -169,9 +169,11 @@ def ask_all(plan: Plan) -> None:
 
         link = LinkEstimate(PRIOR_BPS)
         watch = LinkWatch("E1", link)
-        session.subscribe(
-            keyspace.net_tcp(SWARM), TcpState, lambda m, _: watch.take_tcp(m, time.monotonic())
-        )
+
+        def take(state: TcpState, _: str) -> None:
+            watch.take_tcp(state, time.monotonic())
+
+        session.subscribe(keyspace.net_tcp(SWARM), TcpState, take)
         session.watch_alive(lambda _: here.release(), left.append)
         session.subscribe(
             keyspace.beacon(SWARM, keyspace.ANY),

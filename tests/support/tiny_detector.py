@@ -40,6 +40,8 @@ def random_network(config: BevConfig = TINY, seed: int = 0) -> Network:
         network = Network(config)
         for module in network.modules():
             if isinstance(module, torch.nn.BatchNorm1d | torch.nn.BatchNorm2d):
+                assert module.running_mean is not None
+                assert module.running_var is not None
                 module.running_mean.normal_(0.0, 0.2)
                 module.running_var.uniform_(0.5, 2.0)
                 torch.nn.init.uniform_(module.weight, 0.5, 1.5)

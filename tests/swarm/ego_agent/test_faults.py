@@ -274,7 +274,7 @@ def test_garbage_and_oversized_messages_are_counted_and_change_nothing(
     for _ in range(4):
         decisions.until(together)
     assert_unbroken(decisions)
-    bad.close()  # type: ignore[no-untyped-call]
+    bad.close()
 
 
 def test_kill_9_loses_no_completed_cycle_and_the_journal_goes_on(
@@ -286,7 +286,7 @@ def test_kill_9_loses_no_completed_cycle_and_the_journal_goes_on(
     for _ in range(3):
         ego = swarm.ego(**settings)
         heard = len(decisions.all)
-        decisions.until(lambda _, n=heard: len(decisions.all) > n + 15 + secrets.randbelow(5))
+        decisions.until(lambda _, n=heard: len(decisions.all) > n + 15 + secrets.randbelow(5))  # type: ignore[misc]
         ego.kill()
         ego.wait()
         last = decisions.all[-1].cycle
@@ -321,7 +321,8 @@ def test_a_robot_that_stands_still_in_the_middle_does_not_hold_up_the_frames(
 def test_a_stop_while_a_line_is_written_loses_no_frame(
     journal: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stopping, write, count, fused = threading.Event(), Journal.commit, TallyKeeper.fused, []
+    stopping, write, count = threading.Event(), Journal.commit, TallyKeeper.fused
+    fused: list[Any] = []
 
     def slow_disk(self: Journal, record: CycleRecord) -> list[CycleRecord]:
         before = len(fused)

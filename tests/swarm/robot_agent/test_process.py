@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,13 +107,13 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
     for robot in ("302", "311"):
         # Frames of old beacons have left the robot's ring.
         beacons.skip()
-        beacon = beacons.next_where(lambda b, robot=robot: b.robot == robot and len(b.sizes) > 0)
+        beacon = beacons.next_where(lambda b, robot=robot: b.robot == robot and len(b.sizes) > 0)  # type: ignore[misc]
         key = keyspace.observation(ego.swarm, robot)
         early = request(capture_ns=beacon.capture_ns, max_error_m=0.05, keep_ground=True)
         late = request(capture_ns=beacon.capture_ns, algorithm="late")
         answers = [ego.ask(key, asked, Observation, timeout_s=5) for asked in (early, late)]
         assert beacon.pose == world.pose(robot, beacon.frame).as_tuple()
-        scene = scenes.next_where(lambda s, robot=robot: s.robot == robot)
+        scene = scenes.next_where(lambda s, robot=robot: s.robot == robot)  # type: ignore[misc]
         assert len(unpack_finite(scene.objects, "objects", 9)) > 5
 
         got = answers[0].result(WAIT_S).message
@@ -245,7 +246,7 @@ def test_a_robot_outlives_its_router(
         ({"ROBOTS": "302,999"}, "names 999, which world 'opv2v' does not have; allowed: 302, 311"),
         ({"ROBOTS": "302", "BEACON_RATE_HZ": "0"}, "COADAPT_BEACON_RATE_HZ = '0'"),
         ({"ROBOTS": "302", "WORLD_DATA": "/nonexistent"}, "/nonexistent"),
-        ({"ROBOTS": "302", "WORLD_DATA": ""}, "needs the directory"),
+        ({"ROBOTS": "302", "WORLD_DATA": ""}, "COADAPT_WORLD_DATA, the directory"),
         ({"ROBOTS": "302", "ROUTER": "here"}, "router 'here' is not valid"),
     ],
 )
@@ -296,7 +297,7 @@ def test_one_process_hosts_many_robots(
     thread = threading.Thread(target=run, args=(settings, world, stop))
     thread.start()
     try:
-        seen = set()
+        seen: set[Any] = set()
         while seen != set(names):
             seen.add(beacons.next().robot)
         until(lambda: len(ego.alive()) == len(names), "all robots are alive")

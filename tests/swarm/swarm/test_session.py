@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
+from typing import Any
 
 import msgspec
 import pytest
@@ -65,7 +66,7 @@ def serve(
     handler: Callable[[ObservationRequest], Observation],
     *,
     robot: str = "R1",
-    **options: int,
+    **options: Any,
 ) -> None:
     """The first session answers for a robot, and the second one knows."""
     key = keyspace.observation(pair[0].swarm, robot)
@@ -84,7 +85,7 @@ def ready(subscriber: Session, sender: Session, inbox: Inbox[Beacon]) -> None:
     for seq in range(9):
         sender.put(key, msgspec.structs.replace(BEACON, seq=seq))
         with suppress(queue.Empty):
-            inbox.next_where(lambda b, seq=seq: b.seq == seq, 0.1 * 2**seq)
+            inbox.next_where(lambda b, seq=seq: b.seq == seq, 0.1 * 2**seq)  # type: ignore[misc]
             return
     raise AssertionError("no message arrived")
 
@@ -417,7 +418,7 @@ def queued(pair: Pair, *numbers: int) -> list[Future[Answer[Observation]]]:
     for number in numbers:
         newest = queue[-1] if queue else None
         futures.append(ask(pair[1], numbered(number)))
-        until(lambda newest=newest: bool(queue) and queue[-1] is not newest, "it has come")
+        until(lambda newest=newest: bool(queue) and queue[-1] is not newest, "it has come")  # type: ignore[misc]
     return futures
 
 

@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import closing, suppress
+from typing import Any
 
 import pytest
 
@@ -150,5 +151,5 @@ def sent_to(own: set[str], states: Inbox[TcpState]) -> int:
     return max(sent)
 
 
-def as_fields(message: Observation) -> dict[str, object]:
+def as_fields(message: Observation) -> dict[str, Any]:
     return {name: getattr(message, name) for name in message.__struct_fields__}

@@ -110,7 +110,7 @@ def test_what_is_asked_in_a_class_travels_on_its_connection_there_and_back(
     # The server's answer goes up to the router, and the router's down to the asker.
     for client in (True, False):
         until(
-            lambda client=client: (
+            lambda client=client: (  # type: ignore[misc]
                 sent_by(own_router, ports[cls], client=client) - before[cls, client] >= SIZE
             ),
             f"{SIZE} bytes of {cls.name}",

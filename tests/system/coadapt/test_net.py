@@ -39,12 +39,11 @@ NOW_NS = time.time_ns()
 
 
 def link_class(rate_bps: int, **values: int) -> LinkClass:
-    counters = dict.fromkeys(
+    fields: dict[str, Any] = dict.fromkeys(
         ("throughput_bps", "sent_bytes", "backlog_bytes", "drops", "overlimits"), 0
     )
-    return LinkClass(
-        **{"rate_bps": rate_bps, "ceil_bps": 5_000_000, "priority": 1, **counters, **values}
-    )
+    fields |= {"rate_bps": rate_bps, "ceil_bps": 5_000_000, "priority": 1}
+    return LinkClass(**(fields | values))
 
 
 def state(seq: int) -> NetState:

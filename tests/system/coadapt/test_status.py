@@ -158,7 +158,7 @@ def test_off_duty_lost_silent_and_stalled_are_told_apart(state: State) -> None:
             robots.declare_alive(robot)
         for reply in (off, on):
             key = keyspace.robot_steering(SWARM, reply.robot)
-            robots.serve(key, RobotSteering, lambda _, reply=reply: reply)
+            robots.serve(key, RobotSteering, lambda _, reply=reply: reply)  # type: ignore[misc]
 
         def states() -> dict[str, str | None]:
             robots.put(keyspace.beacon(SWARM, "well"), beacon("well", 0.0, time.time_ns()))

@@ -48,7 +48,8 @@ def test_every_alert_fires_when_it_must_and_only_then() -> None:
 
 
 def test_every_alert_has_a_case_in_which_it_fires_and_one_in_which_it_must_not() -> None:
-    fires, quiet = set(), set()
+    fires: set[str] = set()
+    quiet: set[str] = set()
     for group in yaml.safe_load(CASES.read_text())["tests"]:
         for case in group["alert_rule_test"]:
             (fires if case["exp_alerts"] else quiet).add(case["alertname"])

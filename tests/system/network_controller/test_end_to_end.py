@@ -155,8 +155,8 @@ def test_a_busy_machine_is_not_taken_for_a_narrow_link(net: Net, watch: Watch) -
     """Robots, ego and this test share few processors, so that answers come late."""
     for rate, rate_bps in (("20mbit", 20e6), ("55mbit", 55e6)):
         net("shape", "--rate", rate)
-        await_(lambda bps=rate_bps: near(watch.view(), bps), "C(t) is what was configured")
-        cycles = set()
+        await_(lambda bps=rate_bps: near(watch.view(), bps), "C(t) is what was configured")  # type: ignore[misc]
+        cycles: set[int | None] = set()
         while len(cycles) < 8:
             view = watch.view()
             assert near(view, rate_bps), view

@@ -94,7 +94,9 @@ def test_on_a_link_that_is_wide_enough_no_queue_stands(net: Links, queues: Queue
     with closing(TcpWatch()) as watch:
         stream(net, 1_000_000)
         until(
-            lambda: queues.read(link)[TrafficClass.FUSION].sent_bytes > 0 or watch.total().seen_ms,
+            lambda: bool(
+                queues.read(link)[TrafficClass.FUSION].sent_bytes or watch.total().seen_ms
+            ),
             "it was sampled",
         )
         assert watch.total().stood_ms < 100

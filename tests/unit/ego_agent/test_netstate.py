@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from ego_agent.monitor.evidence import Sample
@@ -237,7 +239,7 @@ class Router:
     def stand(self, rate_bps: float, begun_s: float = 0.0, **other: float) -> float:
         """The socket towards the ego stands for three seconds; returns when that is over."""
         for i in range(7):
-            peers = {name: stood(i / 2, bps) for name, bps in other.items()}
+            peers: dict[str, Any] = {name: stood(i / 2, bps) for name, bps in other.items()}
             assert self.tell(begun_s + i / 2, h1=stood(i / 2, rate_bps), **peers)
         return begun_s + 3.0
 

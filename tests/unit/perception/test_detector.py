@@ -94,7 +94,8 @@ def test_a_whole_car_scores_higher_than_a_glimpse_of_one() -> None:
 
 
 def test_on_a_slope_the_ground_is_no_object() -> None:
-    cloud = np.concatenate([ground(0.05), solid(12, 3, 1.0, CAR, (0, 0)) + np.float32([0, 0, 0.6])])
+    car = solid(12, 3, 1.0, CAR, (0, 0)) + np.array([0, 0, 0.6], np.float32)
+    cloud = np.concatenate([ground(0.05), car])
     assert len(detect(cloud, ROAD)) == 1
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -234,7 +235,9 @@ def test_what_is_slower_or_wrong_is_not_taken(
     class Broken(TorchBackend):
         name = "broken"
 
-        def decode(self, fused: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        def decode(  # type: ignore[override]
+            self, fused: torch.Tensor
+        ) -> tuple[torch.Tensor, torch.Tensor]:
             heat, channels = super().decode(fused)
             wrong = {"slow": 0.0, "wrong": 0.5, "not a number": np.nan}[broken]
             return heat + wrong, channels
@@ -245,7 +248,7 @@ def test_what_is_slower_or_wrong_is_not_taken(
     )
     exact, other = TorchBackend(network, tiny), Broken(network, tiny)
     other.name = "broken"
-    assert backends._cheapest(exact, [other]) is exact
+    assert backends._cheapest(exact, [other]) is exact  # type: ignore[list-item]
 
 
 def test_bfloat16_is_tried_only_where_the_processor_has_it(
@@ -317,7 +320,7 @@ def test_a_robot_and_an_ego_of_other_numerics_fuse_as_two_of_one_kind(
 ) -> None:
     world = FactoryWorld(robots=4, seed=1_000_003)
     ego, robot = world.scan("R1", 120), world.scan("R2", 120)
-    kind = type(make_fusion(algorithm, "factory"))
+    kind: Any = type(make_fusion(algorithm, "factory"))
 
     def found(robot_backend: str, ego_backend: str) -> Boxes:
         sender, receiver = (

@@ -63,7 +63,7 @@ def test_what_is_saved_is_loaded(path: Path) -> None:
 
 
 def test_the_same_weights_are_the_same_file_and_version(path: Path) -> None:
-    facts = {"steps": "4", "seed": "1", "batch": "2"}
+    facts: dict[str, Any] = {"steps": "4", "seed": "1", "batch": "2"}
     assert len({write(path, **facts).read_bytes() for _ in range(5)}) == 1
     version = load_weights("tiny", path).version
     assert version == load_weights("tiny", write(path, **facts)).version

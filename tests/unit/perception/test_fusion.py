@@ -17,7 +17,7 @@ from perception.fusion.algorithms.late import LateFusion
 from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.errors import PerceptionError
-from swarm.geometry import Points, Pose, transform
+from swarm.geometry import Points, Pose, invert, transform
 from tests.unit.perception.test_boxes import make
 from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
 from worlds.cooperative.judging import evaluate
@@ -44,7 +44,7 @@ def street(sensor: Pose, sides: tuple[str, ...]) -> Points:
     }
     car = [faces[side] + np.append(CAR, 0.0) for side in sides]
     world = np.concatenate([ground, *car]).astype(np.float32)
-    return transform(np.linalg.inv(sensor.matrix()), world)
+    return transform(invert(sensor.matrix()), world)
 
 
 @pytest.mark.parametrize("name", ["early", "late"])

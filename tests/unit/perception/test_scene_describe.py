@@ -141,7 +141,7 @@ def test_a_stray_return_below_the_floor_leaves_the_floor_ground() -> None:
 
 
 def test_a_ceiling_does_not_join_what_stands_below_it() -> None:
-    ceiling = floor() + np.float32([0, 0, 6.0])
+    ceiling = floor() + np.array([0, 0, 6.0], np.float32)
     cloud = world_of_boxes()
     assert describe(np.concatenate([cloud, ceiling])).objects == describe(cloud).objects
 
@@ -181,7 +181,7 @@ def test_the_order_of_the_points_does_not_matter(seed: int) -> None:
 @given(x=st.floats(-6, 6, width=32), y=st.floats(-6, 6, width=32))
 def test_moving_the_scan_moves_the_centroids(x: float, y: float) -> None:
     cloud = world_of_boxes()
-    moved = as_rows(describe(cloud + np.float32([x, y, 0]), own_body_m=0.0))
+    moved = as_rows(describe(cloud + np.array([x, y, 0], np.float32), own_body_m=0.0))
     before = as_rows(describe(cloud, own_body_m=0.0))
     np.testing.assert_allclose(moved[:, :3] - before[:, :3], [[x, y, 0]] * 3, atol=1e-4)
     np.testing.assert_allclose(moved[:, 4:8], before[:, 4:8], atol=1e-4)

@@ -120,7 +120,9 @@ def test_what_was_kept_gives_the_same_precision(tmp_path: Path) -> None:
     kept = ResultStore(tmp_path, ["perception"])
     assert kept.get("late") is None
     kept.put("late", tally.packed())
-    again = Tally.unpacked(kept.get("late"))
+    late = kept.get("late")
+    assert late is not None
+    again = Tally.unpacked(late)
     for label in ("", *tally.labels()):
         assert again.precision(label) == tally.precision(label)
     (path,) = tmp_path.rglob("*.bin")

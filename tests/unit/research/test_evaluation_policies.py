@@ -16,6 +16,7 @@ import pytest
 from coadapt.main import main
 from ego_agent.knowledge.model import Proposal
 from ego_agent.knowledge.objective import Objective
+from network_controller.profiles import Fixed
 from perception.fusion.registry import fusion_names
 from research.evaluation.bootstrap import bootstrap_mean
 from research.evaluation.policies.claims import claims_of
@@ -52,7 +53,7 @@ def test_a_blind_policy_is_measured_as_it_is_and_others_as_an_ego_would_have_the
     window = Window(SCENARIO, 0)
     fusions = {name: window.fusion(name) for name in KNOWLEDGE.algorithms}
     messages = announcements.heard(window.world, 0, window.ego, dict(fusions))
-    narrow = replace(SCENARIO, link=links.Link("thin", links.Fixed(2_000_000)))
+    narrow = replace(SCENARIO, link=links.Link("thin", Fixed(2_000_000)))
     found = {
         name: decisions(narrow, [messages], KNOWLEDGE, policy_of(name, narrow, KNOWLEDGE))[0]
         for name in ("static-intermediate", "coverage", "random")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 import zenoh
@@ -13,7 +14,7 @@ from swarm import keyspace
 from swarm.errors import KeyspaceError
 
 names = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
-KEYS = {
+KEYS: dict[Any, str] = {
     keyspace.alive: "coadapt/S/robot/R/alive",
     keyspace.beacon: "coadapt/S/robot/R/beacon",
     keyspace.scene: "coadapt/S/robot/R/scene",

@@ -24,7 +24,8 @@ from swarm.messages import (
     decode,
     encode,
 )
-from tests.support.message_samples import GOLDEN, SAMPLES, golden_path
+from tests.support.message_samples import SAMPLES, golden_path
+from tests.support.paths import GOLDEN
 
 every_sample = pytest.mark.parametrize("sample", SAMPLES, ids=lambda m: type(m).__name__)
 robot_ids = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)

@@ -43,9 +43,9 @@ def test_a_damaged_file_is_computed_again_and_mended(tmp_path: Path, damage: str
     FactoryWorld(rings=16, cache=tmp_path).scan("R2", 8)
     (file,) = tmp_path.iterdir()
     whole = bytearray(file.read_bytes())
-    damaged = {
-        "cut": whole[:1000],
-        "flip": whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:],
+    damaged: bytes = {
+        "cut": bytes(whole[:1000]),
+        "flip": bytes(whole[:5000] + bytes([whole[5000] ^ 1]) + whole[5001:]),
         "empty": b"",
         "other": b"not a scan at all",
         "pickle": b"\x80\x04N." + bytes(8),

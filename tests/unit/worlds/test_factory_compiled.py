@@ -126,7 +126,8 @@ def test_bodies_all_around_above_below_and_near_the_sensor_are_hit_the_same(ring
         # From within the cylinder around a box to beyond its reach.
         away = rng.uniform(0.5, 1.0, count) * rng.choice([0.1, 1.0, 3.0, 15.0, 45.0], count)
         azimuth = rng.uniform(-np.pi, np.pi, count)
-        pose = Pose(*rng.uniform(-20, 20, 2), 1.2, yaw=rng.uniform(-9.0, 9.0))
+        x, y, yaw = *rng.uniform(-20, 20, 2), rng.uniform(-9.0, 9.0)
+        pose = Pose(x, y, 1.2, yaw=yaw)
         centers = np.column_stack(
             [
                 pose.x + away * np.cos(azimuth),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,7 +149,7 @@ def test_the_scans_of_one_frame_are_computed_once_in_the_largest_swarm() -> None
         ({"seed": -1}, r"seed -1"),
     ],
 )
-def test_values_that_are_not_allowed_are_named(setting: dict[str, int], named: str) -> None:
+def test_values_that_are_not_allowed_are_named(setting: dict[str, Any], named: str) -> None:
     with pytest.raises(WorldError, match=named):
         FactoryWorld(**setting)
 

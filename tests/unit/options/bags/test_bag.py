@@ -13,7 +13,7 @@ from coadapt.main import main
 from options.bags.mcap_file import McapFile
 from options.bags.world import BagWorld
 from swarm.errors import WorldError
-from swarm.geometry import Pose, pose_of, transform
+from swarm.geometry import Pose, invert, pose_of, transform
 from tests.support.bag_files import (
     CLOUD,
     LATENCY_NS,
@@ -55,7 +55,7 @@ def recorded(factory: FactoryWorld, tmp_path_factory: pytest.TempPathFactory) ->
             base = scan.pose.matrix() @ np.linalg.inv(MOUNT["base_link", "lidar"].matrix())
             if robot == "R1":
                 halfway = Pose(3, 4, 0, yaw=1.0)
-                rest = pose_of(np.linalg.inv(halfway.matrix()) @ base)
+                rest = pose_of(invert(halfway.matrix()) @ base)
                 edges = {("map", "odom"): halfway, ("odom", "base_link"): rest}
                 log.tf(frame / 10, edges)
             elif robot == "R2":

@@ -230,7 +230,7 @@ def test_a_bag_damaged_anywhere_is_read_or_refused(
         path = write_mcap(Recording(bag), folder / "R1.mcap", options)
         places = range(8, path.stat().st_size, 5)
     else:
-        path = shutil.copy(bag / "source.db3", folder / "R1.db3")
+        path = Path(shutil.copy(bag / "source.db3", folder / "R1.db3"))
         places = range(16, path.stat().st_size, 97)
     raw = path.read_bytes()
     refused = 0
