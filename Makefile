@@ -102,7 +102,7 @@ check: lint types test ## Everything that must be green before a commit
 
 bench: EXTRA = llm
 bench: setup ## Run all benchmarks (BENCHMARKS='sam codec': those); each writes build/bench/<name>.json
-	@$(PYTHON_ENV) -m benchmarks $(BENCHMARKS)
+	@$(PYTHON_ENV) -m research.benchmarks $(BENCHMARKS)
 
 train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes on
 	@$(COADAPT) train --config $(CONFIG) $(ARGS)
@@ -114,7 +114,7 @@ eval: setup ## Compare all policies (DATA=dir: on a recorded world; LIVE=1: in a
 	@$(COADAPT) eval $(if $(LIVE),live,policies $(if $(DATA),--data $(DATA))) $(ARGS)
 
 pictures: setup ## Make the documents' pictures anew (DATA=dir: that of OPV2V, too)
-	@$(PYTHON_ENV) -m benchmarks.pictures
+	@$(PYTHON_ENV) -m research.benchmarks.pictures
 	@$(COADAPT) picture factory --seed 1000008 --frame 700 --ego R3 --algorithm intermediate-sparse \
 		--output docs/pictures/factory.svg
 	@$(COADAPT) picture road --seed 1000001 --frame 10 --algorithm intermediate-codebook \

@@ -126,7 +126,7 @@ class Question(Generic[M]):
         """What an error reply means: a refusal of the asked process, or Zenoh's own `Timeout`."""
         data = reply.payload.to_bytes() if reply is not None else b""
         try:
-            return RefusedError(f"{self._key} refused: {decode(data, Refusal).reason}")
+            return RefusedError(decode(data, Refusal).reason, self._key)
         except MessageError:
             if data == b"Timeout":
                 return self._no_answer("none came in time")

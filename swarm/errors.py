@@ -55,7 +55,12 @@ class TransportError(CoAdaptError):
 
 
 class RefusedError(TransportError):
-    """A process answered a request with a refusal, whose reason the message gives."""
+    """A process answered a request with a refusal."""
+
+    def __init__(self, reason: str, key: str = "") -> None:
+        """`reason` is the process' own; `key`, where it was asked, is in the message only."""
+        super().__init__(f"{key} refused: {reason}" if key else reason)
+        self.reason = reason
 
 
 class WorldError(CoAdaptError):

@@ -105,7 +105,7 @@ def make_app(
         except RefusedError as error:
             metrics.requests.labels(what, "refused").inc()
             log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
-            return _refused(409, str(error).partition(" refused: ")[2])
+            return _refused(409, error.reason)
         except KeyspaceError as error:
             metrics.requests.labels(what, "refused").inc()
             return _refused(400, str(error))

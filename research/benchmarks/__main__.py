@@ -27,7 +27,7 @@ def run(name: str) -> dict[str, Any]:
     """Runs one benchmark to its end; how long it took, its exit status and what it left."""
     print(f"bench {name}", file=sys.stderr, flush=True)
     begun = time.monotonic()
-    process = subprocess.Popen([sys.executable, "-m", f"benchmarks.{name}"])
+    process = subprocess.Popen([sys.executable, "-m", f"research.benchmarks.{name}"])
     try:
         status = process.wait(LIMIT_S)
     except subprocess.TimeoutExpired:

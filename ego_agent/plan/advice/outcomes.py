@@ -31,8 +31,8 @@ def trouble(error: Exception, waited_s: float, deadline_s: float) -> tuple[Outco
     nobody serves a key, and only after the deadline that no answer came.
     """
     if isinstance(error, RefusedError):
-        said = str(error).partition(" refused: ")[2]
-        return _CODES.get(said.partition(":")[0], "failed"), f"refused: {plain(said)}"
+        code = error.reason.partition(":")[0]
+        return _CODES.get(code, "failed"), f"refused: {plain(error.reason)}"
     if isinstance(error, MessageError):
         return "unreadable", plain(str(error))
     return ("late" if waited_s >= deadline_s / 2 else "no_gateway"), plain(str(error))
