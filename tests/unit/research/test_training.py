@@ -22,7 +22,7 @@ from perception.detector.codebook import ENTRIES, PARTS
 from perception.detector.grid import bev_config
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
-from research.training.learn import losses, rate_at
+from research.training.learn import rate_at
 from research.training.plans import TEST_SEEDS, Plan, plan
 from research.training.run import Run
 from research.training.samples import ActorWorld
@@ -56,6 +56,7 @@ def small(steps: int = STEPS, **changes: Any) -> Plan:
 def shown(monkeypatch: pytest.MonkeyPatch) -> list[Batch]:
     """The batches that runs are shown."""
     seen: list[Batch] = []
+    losses = research.training.run.losses  # type: ignore[attr-defined]
 
     def spy(network: Any, config: Any, batch: Batch, seed: int) -> dict[str, torch.Tensor]:
         seen.append(batch)
@@ -170,6 +171,7 @@ def test_what_was_measured_after_the_last_state_is_measured_again(
 ) -> None:
     # A machine that loses its power: the state is of step 2, the curve reaches further.
     monkeypatch.setattr(research.training.run, "SAVE_EVERY", 2)
+    losses = research.training.run.losses  # type: ignore[attr-defined]
 
     def fail_late(network: Any, config: Any, batch: Batch, seed: int) -> dict[str, torch.Tensor]:
         if batch.step == 3:
@@ -227,6 +229,7 @@ def test_weights_are_no_state(tmp_path: Path) -> None:
 def test_a_loss_that_is_no_number_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    losses = research.training.run.losses  # type: ignore[attr-defined]
 
     def broken(network: Any, config: Any, batch: Batch, seed: int) -> dict[str, torch.Tensor]:
         parts = losses(network, config, batch, seed)
