@@ -21,7 +21,6 @@ from worlds.registry import swarm_worlds, world_kind
 RuntimeName = Literal["docker", "netns"]
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
-"""The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
 EMBEDDED = "embedded"
 _LLM = rf"^({EMBEDDED}|https?://[^\s/?#@]+(/[^\s?#]*)?)?(?!\n)$"
@@ -166,9 +165,10 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("robots", robots)
     if "infra" in robots:
         raise DeployError("robot id 'infra' is taken by the router's and Prometheus' host")
-    if values.get("world", "factory") not in swarm_worlds():
-        raise _invalid("world", values["world"], ", ".join(swarm_worlds()))
-    world = world_kind(values.get("world", "factory"))
+    name = values.get("world", "factory")
+    if name not in swarm_worlds():
+        raise _invalid("world", name, f"one of {', '.join(swarm_worlds())}")
+    world = world_kind(name)
     swarm = values.get("swarm", "local")
     values.setdefault("ego", robots[0])
     if values.get("comm_range_m") is None:

@@ -10,6 +10,9 @@ from typing import Any, Literal
 from swarm.errors import WorldError
 from worlds.base import World
 
+OPENCOOD_RANGE_M = 70.0
+"""The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Reader:
