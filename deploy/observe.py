@@ -300,7 +300,8 @@ class Watch:
             return f"by {duty.operator or 'an operator'}"
         if decision is None:
             return ""
-        return decision.silent.get(robot) or decision.excluded.get(robot, "")
+        told = (decision.silent, decision.excluded, decision.doubted)
+        return next((reasons[robot] for reasons in told if robot in reasons), "")
 
     def _on_join(self, robot: str) -> None:
         with self._changed:

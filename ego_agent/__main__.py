@@ -19,12 +19,14 @@ from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import SLOWER_HZ
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.metrics import EgoMetrics
+from ego_agent.monitor.known import KnownRobots
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.policies.base import Policy, Requiring
 from ego_agent.plan.policies.registry import make_policy
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.steering import Steering
+from perception.detector import configuration
 from perception.fusion.detectors import detector_backend
 from perception.fusion.registry import fusion_names, make_fusion
 from sensing.opening import open_world_of
@@ -127,6 +129,7 @@ def _agent(
     link = LinkEstimate(settings.link_prior_bps)
     monitor = Monitor(settings.ego, link, clock=clock)
     tally = TallyKeeper()
+    body = configuration(world.detector).usual_body
     sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
     asker = Asker(
         settings.ego,
@@ -147,6 +150,8 @@ def _agent(
         live_motion(world.detector, world.rate_hz),
         tally,
         log,
+        detector=world.detector,
+        known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
         rate_hz=settings.fusion_rate_hz,
         deadline_s=settings.deadline_s,
         on_result=on_result,
@@ -162,6 +167,7 @@ def _agent(
         metrics=metrics,
         clock=clock,
         log=log,
+        usual_body=body,
     )
 
 

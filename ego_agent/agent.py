@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.scene import analyze
 from ego_agent.execute.fusion_loop import FusionLoop
 from ego_agent.execute.sense import OwnSensor
@@ -33,6 +34,7 @@ from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.probe import Prober
 from ego_agent.steering import Steering
 from swarm import keyspace
+from swarm.body import Body
 from swarm.errors import JournalError, TransportError
 from swarm.log import Logger
 from swarm.messages import Decision, NetDemand, Probe
@@ -68,7 +70,9 @@ class EgoAgent:
         metrics: EgoMetrics,
         clock: Clock,
         log: Logger,
+        usual_body: Body,
     ) -> None:
+        """`usual_body`: of robots that announce none."""
         self._monitor = monitor
         self._knowledge = knowledge
         self._steering = steering
@@ -79,6 +83,7 @@ class EgoAgent:
         self._metrics = metrics
         self._clock = clock
         self._log = log
+        self._usual_body = usual_body
         self._session: Session | None = None
         self._ego = monitor.ego
         self._demand = DemandMeter()
@@ -154,7 +159,8 @@ class EgoAgent:
         try:
             scene = analyze(snapshot, self._knowledge)
             decision = plan(snapshot, scene, policy, self._knowledge, previous, number, now_ns)
-            decision = msgspec.structs.replace(decision, probe=self._probe)
+            doubts = doubted(snapshot, self._knowledge.objective, self._usual_body)
+            decision = msgspec.structs.replace(decision, probe=self._probe, doubted=doubts)
         except Exception as error:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)

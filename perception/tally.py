@@ -14,15 +14,27 @@ from perception.types import Boxes
 IOUS = (0.3, 0.5, 0.7)
 ALL = ""
 """In place of a class: all boxes, whatever they are called."""
+WITH_KNOWN = "with-known"
+"""In place of a class: all boxes, and the robots of which beacons tell."""
+OPERATING_IOU = 0.5
+"""From which a published box is right."""
 
 
 @dataclass(frozen=True, slots=True)
 class Precision:
-    """Scores of one algorithm over all frames."""
+    """Scores of one algorithm over all frames, of objects that no beacon tells."""
 
     ap_30: float
     ap_50: float
     ap_70: float
+    ap_70_per_frame: float
+    """Ranked within frames, as OpenCOOD's published tables are (perception.metrics)."""
+    ap_70_with_known: float
+    """Of known robots, too."""
+    precision: float
+    """Of the published boxes, at OPERATING_IOU; as are recall and false boxes."""
+    recall: float
+    false_per_frame: float
     bytes_per_robot_frame: float
     frames: int
     ground_truth: int
@@ -37,10 +49,20 @@ class Tally:
     """Bytes of each contribution."""
     _matches: dict[tuple[str, float], list[Match]] = field(default_factory=dict)
 
-    def add(self, found: Boxes, truth: Boxes, sizes: Iterable[int]) -> None:
-        """One frame: its detected boxes, its true ones, and the bytes of its contributions."""
+    def add(
+        self,
+        found: Boxes,
+        truth: Boxes,
+        sizes: Iterable[int],
+        with_known: tuple[Boxes, Boxes] | None = None,
+    ) -> None:
+        """One frame: its detected boxes, its true ones, and the bytes of its contributions.
+        `with_known`: the same boxes with those of known robots; as before where there are none."""
         self.frames += 1
         self.sizes += sizes
+        for iou in IOUS:
+            matched = match(*(with_known or (found, truth)), iou)
+            self._matches.setdefault((WITH_KNOWN, iou), []).append(matched)
         for label in (ALL, *sorted({*found.labels, *truth.labels})):
             mine, theirs = (_of_class(boxes, label) for boxes in (found, truth))
             for iou in IOUS:
@@ -81,16 +103,25 @@ class Tally:
         A box counts as found whatever class it was given, unless `label` asks for one.
         """
 
-        def ap(iou: float) -> float:
-            return precision_of(self._matches.get((label, iou), []), per_frame=per_frame)
+        def ap(iou: float, of: str = label, per_frame: bool = per_frame) -> float:
+            return precision_of(self._matches.get((of, iou), []), per_frame=per_frame)
 
+        judged = self._matches.get((label, OPERATING_IOU), [])
+        published = sum(len(one.hits) for one in judged)
+        right = sum(int(one.hits.sum()) for one in judged)
+        truths = sum(one.truths for one in judged)
         return Precision(
             ap_30=ap(0.3),
             ap_50=ap(0.5),
             ap_70=ap(0.7),
+            ap_70_per_frame=ap(0.7, per_frame=True),
+            ap_70_with_known=ap(0.7, WITH_KNOWN) if label == ALL else 0.0,
+            precision=right / published if published else 0.0,
+            recall=right / truths if truths else 0.0,
+            false_per_frame=(published - right) / self.frames if self.frames else 0.0,
             bytes_per_robot_frame=float(np.mean(self.sizes)) if self.sizes else 0.0,
             frames=self.frames,
-            ground_truth=sum(one.truths for one in self._matches.get((label, 0.5), [])),
+            ground_truth=truths,
         )
 
     def labels(self) -> tuple[str, ...]:
@@ -99,7 +130,9 @@ class Tally:
             sorted(
                 label
                 for (label, iou), matches in self._matches.items()
-                if label != ALL and iou == 0.5 and any(one.truths for one in matches)
+                if label not in (ALL, WITH_KNOWN)
+                and iou == OPERATING_IOU
+                and any(one.truths for one in matches)
             )
         )
 

@@ -13,7 +13,7 @@ from perception.scene import describe, to_array, visible_range
 from swarm.arrays import pack
 from swarm.geometry import Points, Pose
 from swarm.messages import Beacon, SceneDescription
-from worlds.base import World
+from worlds.base import World, body_of
 
 SECTORS = 72
 """Sectors of 5 degrees in a scene description."""
@@ -27,6 +27,7 @@ class Teller:
         self.robot = robot
         self.instance = instance
         self._range_m = world.range_m
+        self._body = body_of(world, robot)
         self._own_body_m = configuration(world.detector).own_body_m
         self._now_ns = now_ns
         self._beacons = itertools.count(1)
@@ -56,6 +57,7 @@ class Teller:
             pose=pose.as_tuple(),
             velocity=velocity,
             range_m=self._range_m,
+            body=self._body,
             sizes=dict(sizes),
         )
 

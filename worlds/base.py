@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.detector import configuration
 from perception.types import Boxes
+from swarm.body import Body
 from swarm.geometry import Points, Pose
 
 RANGES_M = {"factory": 40.0, "road": 120.0}
@@ -69,3 +71,20 @@ class World(Protocol):
     def ground_truth(self, frame: int) -> GroundTruth:
         """The true boxes of one frame."""
         ...
+
+
+@runtime_checkable
+class Embodied(Protocol):
+    """A world that knows what its robots look like."""
+
+    def body(self, robot: str) -> Body:
+        """The robot's body. Raises WorldError for an unknown robot."""
+        ...
+
+
+def body_of(world: World, robot: str) -> Body:
+    """What a robot of the world looks like: the usual body of its detector's robots where the world
+    does not say."""
+    if isinstance(world, Embodied):
+        return world.body(robot)
+    return configuration(world.detector).usual_body

@@ -38,6 +38,7 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Prints the fused boxes of one frame. Raises CoAdaptError for bad data or names."""
+    from perception.fusion.known import bodies
     from worlds.cooperative.fusing import Disturbance, fuse_frame
     from worlds.opv2v.world import Opv2vWorld
 
@@ -54,7 +55,14 @@ def run(args: argparse.Namespace) -> int:
     elapsed_ms = (time.perf_counter() - started) * 1e3
     if args.json:
         rows = [_row(fused.boxes, i) for i in range(len(fused.boxes))]
-        figures = {"boxes": rows, "bytes": fused.bytes, "elapsed_ms": round(elapsed_ms, 3)}
+        told = bodies(fused.known)
+        known = [{"robot": one.robot, **_row(told, at)} for at, one in enumerate(fused.known)]
+        figures = {
+            "boxes": rows,
+            "known": known,
+            "bytes": fused.bytes,
+            "elapsed_ms": round(elapsed_ms, 3),
+        }
         print(json.dumps(figures))
         return 0
     print(
@@ -66,7 +74,8 @@ def run(args: argparse.Namespace) -> int:
         heading, score = fused.boxes.headings[i], fused.boxes.scores[i]
         print(f"{label:10} {score:6.2f}  {center}  {size}    {heading:9.3f}")
     sent = ", ".join(f"{robot} {size}" for robot, size in fused.bytes.items()) or "nothing"
-    print(f"{len(fused.boxes)} boxes; bytes: {sent}; {elapsed_ms:.1f} ms")
+    names = ", ".join(one.robot for one in fused.known) or "none"
+    print(f"{len(fused.boxes)} boxes; known robots: {names}; bytes: {sent}; {elapsed_ms:.1f} ms")
     return 0
 
 

@@ -17,7 +17,8 @@ def register(commands: Any) -> None:
         help="train a detector",
         description="Trains a detector on simulated scans alone. Progress goes to standard error, "
         "the curve to FOLDER/curve.jsonl. Interrupt at any point; the same command goes on. At "
-        "the end FOLDER/weights.safetensors holds what can be installed.",
+        "the end FOLDER/weights.safetensors holds what can be installed. Once they are, "
+        "--calibrate measures what their scores mean, on worlds for nothing else.",
     )
     parser.add_argument("--config", required=True, metavar="NAME", help="factory or road")
     parser.add_argument(
@@ -34,12 +35,27 @@ def register(commands: Any) -> None:
         metavar="N",
         help="processes that make samples (default: 1; about 12 for a GPU)",
     )
+    parser.add_argument(
+        "--calibrate",
+        action="store_true",
+        help="calibrate the weights that are installed, instead of training",
+    )
+    parser.add_argument(
+        "--frames",
+        type=at_least_one,
+        default=400,
+        metavar="N",
+        help="of --calibrate (default: 400)",
+    )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Trains until the end (0) or until interrupted (130). Raises CoAdaptError for a wrong name,
     a folder with another run, or a device that is not there."""
+    if args.calibrate:
+        return _calibrate(args)
+
     import torch
 
     from perception.detector.weight_files import weight_file
@@ -58,4 +74,21 @@ def run(args: argparse.Namespace) -> int:
         return 130
     print(f"wrote {training.weights}; to use them:")
     print(f"  cp {training.weights} {weight_file(args.config)}")
+    print(f"  coadapt train --config {args.config} --calibrate")
+    return 0
+
+
+def _calibrate(args: argparse.Namespace) -> int:
+    from perception.detector.weight_files import calibration_file
+    from research.evaluation.calibration import calibrate
+    from research.training.plans import plan
+
+    made = calibrate(plan(args.config).config, args.frames, args.workers)
+    for name, curve in made.curves.items():
+        print(
+            f"{name:22} precision {curve.precision:.3f} recall {curve.recall:.3f} "
+            f"false {curve.false_per_frame:.2f} a frame, calibration error "
+            f"{curve.calibration_error:.3f}"
+        )
+    print(f"wrote {calibration_file(args.config)}")
     return 0

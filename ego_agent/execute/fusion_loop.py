@@ -21,14 +21,18 @@ from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
 from ego_agent.knowledge.pace import stride
 from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.monitor.known import KnownRobots
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
+from perception.fusion.known import KnownRobot
+from perception.fusion.publishing import publish
 from perception.types import Boxes
-from swarm import keyspace
+from swarm import keyspace, messages
 from swarm.arrays import pack
 from swarm.errors import PerceptionError, TransportError
 from swarm.log import Logger
 from swarm.messages import Decision, Detections
+from swarm.messages.ego import MAX_NAMED
 from swarm.session import Session
 
 MAX_WAIT_S = 0.5
@@ -51,6 +55,9 @@ class FrameResult:
     own: OwnFrame
     round: FrameRound
     boxes: Boxes
+    """Detections in the world frame."""
+    known: tuple[KnownRobot, ...]
+    """Robots of which fresh beacons tell, in the world frame."""
     participants: tuple[str, ...]
     missing: Mapping[str, str]
     latency_ms: float
@@ -76,11 +83,14 @@ class FusionLoop:
         tally: TallyKeeper,
         log: Logger,
         *,
+        detector: str,
+        known: KnownRobots,
         rate_hz: float,
         deadline_s: float,
         on_result: Callable[[FrameResult], None] | None = None,
     ) -> None:
-        """`on_result` hears of each published frame, on the fusing thread."""
+        """`detector`: the world's. `known`: of whom beacons tell. `on_result` hears of each
+        published frame, on the fusing thread."""
         self._ego = ego
         self._sensor = sensor
         self._asker = asker
@@ -88,6 +98,8 @@ class FusionLoop:
         self._motion = motion
         self._tally = tally
         self._log = log
+        self._detector = detector
+        self._known = known
         self._rate_hz = rate_hz
         self._probed: Decision | None = None
         """The decision whose probe has been sent."""
@@ -245,25 +257,28 @@ class FusionLoop:
             add_s += time.monotonic() - begun_at
         fuse_at = time.monotonic()
         try:
-            boxes = gathering.finish()
+            found = gathering.finish()
         except Exception as error:
             if not done.contributions:
                 raise
             why = self._fault(error, own)
             rejected = {c.robot: why for c in done.contributions}
-            boxes = frame.fusion.begin(own.points, own.world_from_sensor).finish()
+            found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
+        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
+        known = self._known.at(own.capture_ns)
+        boxes = publish(found, self._detector, frame.fusion, len(used), known)
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)
         self._asker.knowledge.own_costs.record(frame.decision.algorithm, count, fixed_s, add_s)
         missing = dict(done.missing)
         missing.update({robot: f"rejected: {why}" for robot, why in rejected.items()})
-        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
         assert done.closed_at is not None
         return FrameResult(
             own=own,
             round=done,
             boxes=boxes,
+            known=known,
             participants=(self._ego, *sorted(used)),
             missing=missing,
             latency_ms=(end_at - done.begun_at) * 1e3,
@@ -290,6 +305,7 @@ class FusionLoop:
             algorithm=decision.algorithm,
             participants=result.participants,
             missing=dict(result.missing),
+            known=tuple(_told(one, decision.doubted) for one in result.known[:MAX_NAMED]),
             boxes=pack(table),
             scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
             labels=boxes.labels,
@@ -303,3 +319,18 @@ class FusionLoop:
             session.put(keyspace.detections(session.swarm, self._ego), message)
         except TransportError:
             self.unpublished += 1
+
+
+def _told(known: KnownRobot, doubts: Mapping[str, str]) -> messages.KnownRobot:
+    """A known robot as the swarm hears of it."""
+    box = known.box()
+    x, y, z = box.centers[0].tolist()
+    return messages.KnownRobot(
+        robot=known.robot,
+        label=known.body.label,
+        center=(x, y, z),
+        size=known.body.size,
+        heading=float(box.headings[0]),
+        age_s=known.age_s,
+        doubt=doubts.get(known.robot, ""),
+    )

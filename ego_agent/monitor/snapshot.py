@@ -231,6 +231,20 @@ class Monitor:
             entry = self._robots.get(robot)
             return _offset_ns(entry, now_ns, wall_ns) if entry is not None else 0
 
+    def beacons(self) -> list[tuple[Beacon, int]]:
+        """The newest beacon of every robot but the ego, and how far its time of day is ahead of
+        the ego's, nanoseconds; of none whose id two processes use."""
+        now = self._monotonic()
+        now_ns, wall_ns = _ns(now), self._clock.now_ns()
+        with self._lock:
+            return [
+                (entry.beacon, _offset_ns(entry, now_ns, wall_ns))
+                for robot, entry in self._robots.items()
+                if robot != self.ego
+                and entry.beacon is not None
+                and now - entry.conflict_at > DUPLICATE_WINDOW_S
+            ]
+
     def counts(self) -> MonitorCounts:
         """Messages that were valid but not taken."""
         with self._lock:

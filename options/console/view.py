@@ -176,6 +176,13 @@ class View:
                 [round(float(row[i]), 2) for i in (0, 1, 3, 4, 6)] + [round(float(score), 2)]
                 for row, score in zip(boxes, scores, strict=False)
             ],
+            # Robot, x, y, length, width, heading, and why it may stand elsewhere.
+            "known": [
+                [one.robot]
+                + [round(v, 2) for v in (*one.center[:2], *one.size[:2], one.heading)]
+                + [one.doubt]
+                for one in detections.known[:MAX_ROBOTS]
+            ],
         }
         with self._lock:
             self._tally.add(detections)
@@ -204,6 +211,7 @@ class View:
             "blind": decision.blind,
             "excluded": decision.excluded,
             "silent": decision.silent,
+            "doubted": decision.doubted,
             "ages_s": decision.ages_s,
         }
         now = monotonic()

@@ -1,7 +1,6 @@
 """OpenCOOD models behind the interface of perception/fusion/base.py.
 
-Vehicles report what they see; unlike the project's own algorithms these add no box for the
-senders' own bodies, since the published figures have none.
+Their boxes keep the model's own scores: nobody has calibrated them.
 """
 
 from __future__ import annotations
@@ -28,7 +27,11 @@ def opencood_fusion(model: OpenCoodModel) -> Fusion:
     return kinds[model.config.fusion](model)
 
 
-class OpenCoodEarly(Fusion):
+class _OpenCood(Fusion):
+    scored_as = ""
+
+
+class OpenCoodEarly(_OpenCood):
     """`point_pillar` on the merged cloud of all vehicles."""
 
     name = "early"
@@ -63,7 +66,7 @@ class _Clouds(Gathering):
         return self._model.detect(self._scans).transformed(self._world_from_own)
 
 
-class OpenCoodLate(Fusion):
+class OpenCoodLate(_OpenCood):
     """`point_pillar` on each vehicle; the ego keeps the best of boxes that overlap."""
 
     name = "late"
@@ -99,7 +102,7 @@ class _Boxes(Gathering):
         return self._model.best(Boxes.concatenate(self._parts)).transformed(self._world_from_own)
 
 
-class OpenCoodIntermediate(Fusion):
+class OpenCoodIntermediate(_OpenCood):
     """`point_pillar_intermediate`: maps made in the ego's frame, fused by attention (AttFuse)."""
 
     name = "intermediate"

@@ -7,10 +7,14 @@ from collections.abc import Callable, Iterable
 import msgspec
 import numpy as np
 
-from options.recordings.format import FUSED, Box, Fused
+from options.recordings.format import FUSED, Box, Fused, KnownBox
 from options.recordings.world import RecordingWorld
+from perception.fusion.known import KnownRobot
+from perception.fusion.publishing import publish
 from perception.types import Boxes
+from swarm.body import Body
 from swarm.errors import PerceptionError, RecordingError, WorldError
+from swarm.geometry import Pose
 from worlds.cooperative.fusing import fuse_frame
 
 TOLERANCE = 1e-3
@@ -77,8 +81,13 @@ def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = N
 
 def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
     """The largest difference, or in words why they are not the same."""
+    if one.known is None:
+        return "it was recorded before known robots were told apart from boxes"
     try:
-        again = fuse_frame(world, frame, one.ego, one.participants, one.algorithm).boxes
+        fused = fuse_frame(world, frame, one.ego, one.participants, one.algorithm)
+        helpers = len(one.participants) - 1
+        known = [_known(box) for box in one.known]
+        again = publish(fused.found, world.detector, one.algorithm, helpers, known)
     except (PerceptionError, WorldError) as error:
         return str(error)
     if len(again) != len(one.boxes):
@@ -102,6 +111,13 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
     if labels != [box.label for box in one.boxes]:
         return "boxes have other labels"
     return largest
+
+
+def _known(box: KnownBox) -> KnownRobot:
+    """A robot as the ego knew it then."""
+    x, y, z = box.center
+    body = Body(label=box.label, size=box.size, center=(0.0, 0.0, 0.0))
+    return KnownRobot(box.robot, body, Pose(x, y, z, yaw=box.heading).matrix(), box.age_s)
 
 
 def _table(found: Iterable[Box]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

@@ -119,6 +119,16 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
     boxes: tuple[TrueBox, ...]
 
 
+class KnownBox(Box, frozen=True, kw_only=True):
+    """A robot that a beacon told of: its body."""
+
+    robot: str
+    age_s: float
+    """Since the pose that it told."""
+    doubt: str = ""
+    """Why it may have stood elsewhere."""
+
+
 class Fused(msgspec.Struct, frozen=True, kw_only=True):
     """What an ego found in one frame together with its participants."""
 
@@ -135,6 +145,9 @@ class Fused(msgspec.Struct, frozen=True, kw_only=True):
     """Payload bytes received, by robot."""
     latency_ms: float
     boxes: tuple[Box, ...]
+    known: tuple[KnownBox, ...] | None = None
+    """Robots that are not among the boxes; None in older recordings, whose boxes hold the bodies of
+    participants."""
 
 
 class Budget(msgspec.Struct, frozen=True, kw_only=True):

@@ -144,7 +144,8 @@ class Recorder:
         if self._scans is not None and self._scans.wants(message.frame):
             self._frame(self._scans, message, hurry)
         self._outlet.put_json(layout.FUSED, fused, time_ns)
-        drawn = shapes.boxes(fused.boxes, time_ns, shapes.FUSED_COLOR, 0.4)
+        shown = (*fused.boxes, *(fused.known or ()))
+        drawn = shapes.boxes(shown, time_ns, shapes.FUSED_COLOR, 0.4)
         self._outlet.put(layout.FUSED_BOXES, drawn, time_ns)
         self._budget(message)
         for robot, why in message.missing.items():
@@ -219,5 +220,17 @@ def _fused(message: Detections) -> layout.Fused:
                 score=score,
             )
             for row, score, label in zip(table, scores, message.labels, strict=True)
+        ),
+        known=tuple(
+            layout.KnownBox(
+                center=one.center,
+                size=one.size,
+                heading=one.heading,
+                label=one.label,
+                robot=one.robot,
+                age_s=one.age_s,
+                doubt=one.doubt,
+            )
+            for one in message.known
         ),
     )

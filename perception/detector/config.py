@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from swarm.body import Body
 from swarm.errors import PerceptionError
 
 
@@ -22,17 +23,6 @@ class ObjectClass:
 
 
 @dataclass(frozen=True, slots=True)
-class Carrier:
-    """What carries the sensor: all robots of a world are of one model."""
-
-    label: str
-    size: tuple[float, float, float]
-    """Length, width, height, metres."""
-    center: tuple[float, float, float]
-    """The middle of the body in the sensor's frame, metres."""
-
-
-@dataclass(frozen=True, slots=True)
 class DetectorConfig:
     """What `detect` looks for."""
 
@@ -44,7 +34,8 @@ class DetectorConfig:
     size_slack_m: float
     """A side up to this much longer than usual is taken as usual: range noise and the codec's error
     (0.1 m a point by default) widen what is seen. 0 where a class has many models."""
-    carrier: Carrier
+    usual_body: Body
+    """Of a robot that announces none."""
     own_body_m: float
     """Boxes with their centre this close to the sensor, seen from above, are the robot itself."""
     usual_speed_m_s: float
@@ -63,7 +54,7 @@ _ROAD = DetectorConfig(
     size_slack_m=0.0,
     # All recording vehicles of OPV2V are CARLA's Lincoln MKZ 2017, with the LiDAR 1.9 m above the
     # ground and 0.5 m behind the middle.
-    carrier=Carrier("vehicle", (4.9, 2.13, 1.51), (0.5, 0.0, -1.18)),
+    usual_body=Body(label="vehicle", size=(4.9, 2.13, 1.51), center=(0.5, 0.0, -1.18)),
     own_body_m=2.1,
     usual_speed_m_s=6.0,
 )
@@ -80,7 +71,7 @@ _FACTORY = DetectorConfig(
     sure_points=60,
     size_slack_m=0.2,
     # worlds/factory/actors.py: the LiDAR stands in the middle, 1.2 m above the floor.
-    carrier=Carrier("robot", (0.9, 0.6, 1.26), (0.0, 0.0, -0.57)),
+    usual_body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
     own_body_m=0.6,
     usual_speed_m_s=1.0,
 )

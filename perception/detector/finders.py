@@ -50,6 +50,6 @@ class Clustered:
         from perception.detector.bodies import without_bodies
         from perception.detector.detect import detect
 
-        cloud = without_bodies(points, here_from_others, self.config.carrier)
+        cloud = without_bodies(points, here_from_others, self.config.usual_body)
         origins = np.stack([np.zeros(3), *(sensor[:3, 3] for sensor in here_from_others)])
         return detect(cloud, self.config, origins)

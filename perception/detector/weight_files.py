@@ -12,6 +12,11 @@ def weight_file(name: str) -> Path:
     return _FOLDER / f"{name}.safetensors"
 
 
+def calibration_file(name: str) -> Path:
+    """What the scores of a configuration's weights mean, whether it is there or not."""
+    return _FOLDER / f"{name}.calibration.json"
+
+
 def has_weights(name: str) -> bool:
     """Whether weights of a configuration come with the project."""
     return weight_file(name).is_file()

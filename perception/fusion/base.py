@@ -94,6 +94,9 @@ class Fusion(ABC):
     name: str
     corrects = True
     """Whether the poses of senders are corrected before fusing."""
+    scored_as: str | None = None
+    """The algorithm whose calibration its boxes' scores have, where it is not its own name; empty:
+    they are of another detector than the world's, so nobody's."""
 
     @abstractmethod
     def encode(self, points: Points, options: EncodeOptions) -> bytes:

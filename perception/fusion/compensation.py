@@ -12,7 +12,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 
-from perception.boxes import weighted_fusion
+from perception.boxes import SHARPNESS, weighted_fusion
 from perception.detector.config import configuration
 from perception.fusion.base import Ask, Contribution, Fusion, Gathering
 from perception.fusion.tracks import Tracks
@@ -118,7 +118,8 @@ class _Compensated(Gathering):
             # The more robots have seen an object, the nearer they come; the longer ago, the less.
             ago_s = self._own.time_s - scan.time_s
             trust = math.sqrt(self._views[index] / most) * math.exp(-ago_s / FADES_S)
-            parts.append(replace(boxes, scores=boxes.scores * trust))
+            scores = boxes.scores * trust ** (1 / SHARPNESS)
+            parts.append(replace(boxes, scores=scores))
         # The ego's own eyes are in each of them.
         return weighted_fusion(Boxes.concatenate(parts), independent=False)
 

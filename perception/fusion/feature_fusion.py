@@ -21,7 +21,7 @@ from perception.detector.codebook import from_codes, to_codes
 from perception.detector.config import configuration
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
-from perception.fusion.aligner import Aligner, corrected
+from perception.fusion.aligner import Aligner
 from perception.fusion.base import (
     Ask,
     Contribution,
@@ -29,9 +29,9 @@ from perception.fusion.base import (
     Fusion,
     Gathering,
 )
+from perception.fusion.known import without_own
 from perception.fusion.maps import moved
 from perception.fusion.outline import outline, thinned
-from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, Pose, invert, pose_of
@@ -114,9 +114,7 @@ class _Maps(Gathering):
         self._own_map: Tensor | None = None
         self._maps: list[Tensor] = []
         self._present: list[Tensor] = []
-        self._senders: list[Matrix] = []
-        about = configuration(self._detector.config.name)
-        self._carrier, self._own_body_m = about.carrier, about.own_body_m
+        self._own_body_m = configuration(self._detector.config.name).own_body_m
 
     def ask(self) -> Ask:
         return Ask(self._reference, self._fusion.demand(self._own) if self._fusion.asks else b"")
@@ -157,11 +155,9 @@ class _Maps(Gathering):
             self._aligner.add(places, own_from_sender)
         self._maps.append(sent.permute(2, 0, 1))
         self._present.append(present)
-        self._senders.append(own_from_sender)
 
     def finish(self) -> Boxes:
         fused = self._own
-        senders = corrected(self._senders, self._aligner)
         if self._maps:
             everywhere = torch.ones(self._detector.config.cells, dtype=torch.bool)
             with torch.inference_mode():
@@ -169,7 +165,6 @@ class _Maps(Gathering):
                 here = torch.stack([everywhere, *present])
                 fused = self._fusion.fuse_maps(_stacked([fused, *maps]), here)
         found = without_own(self._detector.decode(fused), self._own_body_m, self.stood_at)
-        found = with_participants(found, senders, self._carrier)
         return found.transformed(self._world_from_own)
 
     def _corrected(self) -> tuple[list[Tensor], list[Tensor]]:

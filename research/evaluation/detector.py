@@ -25,7 +25,7 @@ from research.evaluation.workers import each
 from swarm.errors import PerceptionError, WorldError
 from swarm.files import write_whole
 from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
-from worlds.cooperative.judging import judge
+from worlds.cooperative.judging import add_frame
 from worlds.sample import opv2v_sample
 
 DETECTORS = {"factory": "factory", "road": "road", "opv2v": "road"}
@@ -97,7 +97,7 @@ def measure(part: Part, rows: Sequence[Case]) -> list[Tally]:
         for row, tally in order:
             fusion = fusions[row.algorithm, row.corrected]
             fused = fuse_frame(world, frame, ego, robots[: row.robots], fusion, row.disturbance)
-            tally.add(*judge(world, frame, ego, fused.boxes), fused.bytes.values())
+            add_frame(tally, world, frame, ego, fused)
     return tallies
 
 

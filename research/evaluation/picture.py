@@ -18,7 +18,6 @@ from worlds.cooperative.judging import EVALUATION_RANGES_M, judge
 
 PIXELS = 2400
 """Along the longer side."""
-MIN_SCORE = 0.3
 MAX_POINTS = 12_000
 """Of the picture; more are thinned evenly."""
 TRUE, FOUND, EGO = "#2a9d3a", "#d62828", "#1d3557"
@@ -39,12 +38,12 @@ def draw(
     """An SVG document of the area in which boxes count, in the ego's frame, ahead to the right.
 
     The ego as a triangle; points without ground, a colour a robot; the true boxes that count and,
-    over them, the boxes found with a score of MIN_SCORE at least, each with a line from its middle
-    to its front. `only_found` shows nothing of the recording itself: the boxes found and, in place
+    over them, the published boxes, each with a line from its middle to its
+    front. `only_found` shows nothing of the recording itself: the boxes found and, in place
     of points and true boxes, those that the ego finds alone. Raises as `fuse_frame` does.
     """
     fused = fuse_frame(world, frame, ego, participants, algorithm, disturbance)
-    found, truth = _sure(world, frame, ego, fused.boxes)
+    found, truth = judge(world, frame, ego, fused.boxes)
     own_from_world = invert(world.pose(ego, frame).matrix())
     half_x, half_y = EVALUATION_RANGES_M[world.detector]
     scale = PIXELS / (2 * half_x)
@@ -52,7 +51,7 @@ def draw(
     words = f"{len(senders) + 1} robots, {2 * half_x:g} x {2 * half_y:g} m; "
     if only_found:
         alone = fuse_frame(world, frame, ego, (), SINGLE).boxes
-        under, color = _sure(world, frame, ego, alone)[0], EGO
+        under, color = judge(world, frame, ego, alone)[0], EGO
         parts = [_robots(world, frame, senders, own_from_world, scale)]
         words += f'<tspan fill="{EGO}">{len(under)} boxes found alone</tspan>, '
         found_words = f"{len(found)} together"
@@ -81,12 +80,6 @@ def draw(
         f'<tspan fill="{FOUND}">{found_words}</tspan></text>'
     )
     return "\n".join([head, back, *parts, line, "</svg>\n"])
-
-
-def _sure(world: World, frame: int, ego: str, boxes: Boxes) -> tuple[Boxes, Boxes]:
-    """The detected boxes that count with a score of MIN_SCORE at least, and the true ones."""
-    found, truth = judge(world, frame, ego, boxes)
-    return found.take(found.scores >= MIN_SCORE), truth
 
 
 def _clouds(

@@ -69,6 +69,7 @@ class RememberingFusion(Fusion):
 
     def __init__(self, fusion: Fusion) -> None:
         self.name = fusion.name
+        self.scored_as = fusion.scored_as
         self._fusion = fusion
         self._payloads = Memory(MOST_PAYLOADS)
 

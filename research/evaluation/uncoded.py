@@ -7,7 +7,7 @@ import numpy as np
 from perception.detector.finders import Finder
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
-from perception.fusion.participants import with_participants, without_own
+from perception.fusion.known import without_own
 from perception.types import Boxes, clean_points
 from swarm.geometry import Matrix, Points, invert, transform
 
@@ -18,6 +18,7 @@ class UncodedEarly(Fusion):
     """Three float32 a point, ground included."""
 
     name = EARLY_UNCODED
+    scored_as = "early"
 
     def __init__(self, detector: str) -> None:
         self._finder = shared_finder(detector)
@@ -44,8 +45,6 @@ class _Clouds(Gathering):
         self._clouds.append(transform(self._senders[-1], points))
 
     def finish(self) -> Boxes:
-        config = self._finder.config
         found = self._finder.find(np.concatenate(self._clouds), self._senders)
-        found = without_own(found, config.own_body_m)
-        found = with_participants(found, self._senders, config.carrier)
+        found = without_own(found, self._finder.config.own_body_m)
         return found.transformed(self._world_from_own)

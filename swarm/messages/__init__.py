@@ -19,7 +19,15 @@ from swarm.messages.base import (
     RobotId,
     Source,
 )
-from swarm.messages.ego import AdviceReport, AdviceState, AnswerReport, Decision, Detections, Probe
+from swarm.messages.ego import (
+    AdviceReport,
+    AdviceState,
+    AnswerReport,
+    Decision,
+    Detections,
+    KnownRobot,
+    Probe,
+)
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
     ChatMessage,
@@ -74,6 +82,7 @@ __all__ = [
     "EgoSteered",
     "EgoSteering",
     "EgoWish",
+    "KnownRobot",
     "LinkClass",
     "LinkState",
     "LlmTimings",

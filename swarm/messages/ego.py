@@ -7,7 +7,18 @@ from typing import Annotated, Literal
 import msgspec
 
 from swarm.arrays import Array
-from swarm.messages.base import Algorithm, Count, Message, Ns, Positive, RobotId, Source
+from swarm.body import Label
+from swarm.messages.base import (
+    Algorithm,
+    Bounded,
+    Count,
+    Message,
+    Ns,
+    Positive,
+    RobotId,
+    Source,
+    Vector3,
+)
 from swarm.messages.llm import LlmTokens, NonNegative
 
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
@@ -114,14 +125,30 @@ class Decision(Message, frozen=True, kw_only=True):
     """Robots that could not be chosen, and why."""
     silent: Reasons = msgspec.field(default_factory=dict)
     """Robots that are chosen but of which nothing arrives, and why."""
+    doubted: Reasons = msgspec.field(default_factory=dict)
+    """Robots whose beacon contradicts what others see, and how."""
     ages_s: Annotated[dict[RobotId, NonNegative], msgspec.Meta(max_length=MAX_NAMED)] = (
         msgspec.field(default_factory=dict)
     )
     """How long ago each robot sensed what the ego knows of it."""
 
 
+class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot that a beacon tells of: its body at the time of a frame, in the world frame."""
+
+    robot: RobotId
+    label: Label
+    center: Vector3
+    size: Vector3
+    heading: Bounded
+    age_s: NonNegative
+    """Since the pose that it told."""
+    doubt: str = ""
+    """Why it may stand elsewhere; empty where nobody contradicts."""
+
+
 class Detections(Message, frozen=True, kw_only=True):
-    """Fused boxes of one frame in the world frame."""
+    """What was found in one frame in the world frame: objects, none of which is a known robot."""
 
     ego: RobotId
     cycle: Count
@@ -132,10 +159,13 @@ class Detections(Message, frozen=True, kw_only=True):
     """Whose observation arrived in time and was fused; the ego first."""
     missing: dict[str, str] = msgspec.field(default_factory=dict)
     """Participants that are not in the result, and why."""
+    known: Annotated[tuple[KnownRobot, ...], msgspec.Meta(max_length=MAX_NAMED)] = ()
+    """Every robot but the ego of which a fresh beacon tells, whether it takes part or not."""
     boxes: Array
     """float32 (N, 7): centre x, y, z, length, width, height, heading."""
     scores: Array
-    """float32 (N, 1) in [0, 1]."""
+    """float32 (N, 1) in [0, 1]: the chance that the box is right, where the detector is
+    calibrated."""
     labels: tuple[str, ...]
     bytes: dict[str, Count]
     """Payload bytes received, by robot."""

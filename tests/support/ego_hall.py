@@ -14,9 +14,11 @@ from ego_agent.execute.fusion_loop import FrameResult, FusionLoop
 from ego_agent.execute.sense import OwnFrame, OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.monitor.known import KnownRobots
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
 from perception.codec.points import decode_points, encode_points
+from perception.detector import configuration
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation
 from perception.types import Boxes, clean_points
@@ -124,6 +126,8 @@ class Ego:
             MotionCompensation("factory"),
             self.tally,
             log,
+            detector="factory",
+            known=KnownRobots(self.monitor, 1.0, configuration("factory").usual_body),
             rate_hz=10.0,
             deadline_s=DEADLINE_S,
         )

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from swarm.arrays import pack
+from swarm.body import Body
 from swarm.messages import (
     AdviceReport,
     AnswerReport,
@@ -24,6 +25,7 @@ from swarm.messages import (
     EgoSteered,
     EgoSteering,
     EgoWish,
+    KnownRobot,
     LinkClass,
     LinkState,
     LlmTimings,
@@ -61,6 +63,7 @@ SAMPLES: tuple[Message, ...] = (
         velocity=(1.0, 0.5, 0.0),
         range_m=30.0,
         sizes={"early": 26_123, "late": 208},
+        body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
         steady_ns=55_000_000_123,
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
     ),
@@ -140,6 +143,7 @@ SAMPLES: tuple[Message, ...] = (
         blind="nothing of what was chosen has arrived for 2 cycles (deadline)",
         excluded={"R3": "it is 60.0 m away, the range is 45.0 m"},
         silent={"R1": "nothing of it has arrived for 2 cycles (deadline)"},
+        doubted={"R1": "2 robots see free ground where it says to stand"},
         ages_s={"R1": 0.125, "R2": 0.0625},
     ),
     Detections(
@@ -150,6 +154,17 @@ SAMPLES: tuple[Message, ...] = (
         algorithm="late",
         participants=("R2", "R1"),
         missing={"R3": "no answer"},
+        known=(
+            KnownRobot(
+                robot="R1",
+                label="robot",
+                center=(1.5, -2.25, 0.625),
+                size=(0.9, 0.6, 1.26),
+                heading=3.0,
+                age_s=0.0625,
+                doubt="2 robots see free ground where it says to stand",
+            ),
+        ),
         boxes=pack(np.arange(7, dtype=np.float32).reshape(1, 7)),
         scores=pack(np.array([[0.5]], dtype=np.float32)),
         labels=("forklift",),

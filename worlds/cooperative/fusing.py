@@ -11,11 +11,13 @@ import numpy as np
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.detectors import shared_finder
+from perception.fusion.known import KnownRobot
+from perception.fusion.publishing import publish
 from perception.fusion.registry import make_fusion
 from perception.types import Boxes
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Pose
-from worlds.base import World
+from worlds.base import World, body_of
 
 SINGLE = "single"
 """Not a fusion: the ego's own scan alone."""
@@ -36,11 +38,17 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True)
 class Fused:
-    """One fused frame in the world frame, and the payload bytes of each contribution."""
+    """One fused frame in the world frame."""
 
     boxes: Boxes
+    """Detections: what the ego would publish, known robots apart."""
     bytes: dict[str, int]
+    """Payload of each contribution."""
     rejected: dict[str, str]
+    found: Boxes
+    """All that the detector found, with its own scores."""
+    known: tuple[KnownRobot, ...]
+    """All robots but the ego, where their beacons say that they are."""
 
 
 def fuse_frame(
@@ -67,16 +75,16 @@ def fuse_frame(
     if algorithm == SINGLE:
         scan = world.scan(ego, frame)
         boxes = shared_finder(world.detector).find(scan.points)
-        return Fused(boxes.transformed(scan.pose.matrix()), {}, {})
+        found = boxes.transformed(scan.pose.matrix())
+        return _published(world, frame, ego, SINGLE, found, {}, {}, disturbance)
     fusion = make_fusion(algorithm, world.detector) if isinstance(algorithm, str) else algorithm
     late = round(disturbance.delay_s * world.rate_hz)
     if not late:
         own = _own_scan(world, ego, frame)
         gathering = fusion.begin(own.points, own.world_from_own)
-        return _gathered(gathering, fusion, world, senders, frame, frame, disturbance)
+        return _gathered(gathering, fusion, world, senders, frame, frame, disturbance, ego)
     # The ego knows how things move from its frames before.
     motion = MotionCompensation(world.detector)
-    fused = Fused(Boxes.empty(), {}, {})
     times = [max(0, frame - HISTORY_FRAMES), frame]
     sent = [max(0, now - late) for now in times]
     for at in sorted({*times, *sent}):
@@ -86,7 +94,7 @@ def fuse_frame(
             continue
         gathering = motion.begin(fusion, own)
         captured = max(0, at - late)
-        fused = _gathered(gathering, fusion, world, senders, at, captured, disturbance)
+        fused = _gathered(gathering, fusion, world, senders, at, captured, disturbance, ego)
     return fused
 
 
@@ -98,6 +106,7 @@ def _gathered(
     frame: int,
     captured: int,
     disturbance: Disturbance,
+    ego: str,
 ) -> Fused:
     """The senders' contributions of the frame `captured`, fused by the ego in `frame`."""
     ask = gathering.ask()
@@ -113,7 +122,39 @@ def _gathered(
             gathering.add(Contribution(robot, payload, pose.matrix(), age_s))
         except PerceptionError as error:
             rejected[robot] = str(error)
-    return Fused(gathering.finish(), sizes, rejected)
+    found = gathering.finish()
+    return _published(world, frame, ego, fusion, found, sizes, rejected, disturbance)
+
+
+def _published(
+    world: World,
+    frame: int,
+    ego: str,
+    algorithm: str | Fusion,
+    found: Boxes,
+    sizes: dict[str, int],
+    rejected: dict[str, str],
+    disturbance: Disturbance,
+) -> Fused:
+    known = known_robots(world, frame, ego, disturbance.pose_noise_m)
+    helpers = len(sizes) - len(rejected)
+    boxes = publish(found, world.detector, algorithm, helpers, known)
+    return Fused(boxes, sizes, rejected, found, known)
+
+
+def known_robots(
+    world: World, frame: int, ego: str, pose_noise_m: float = 0.0
+) -> tuple[KnownRobot, ...]:
+    """All robots but the ego, where they believe to be in a frame: what fresh beacons tell."""
+    return tuple(
+        KnownRobot(
+            robot,
+            body_of(world, robot),
+            disturbed(world.pose(robot, frame), robot, frame, pose_noise_m).matrix(),
+        )
+        for robot in world.robots
+        if robot != ego
+    )
 
 
 def _own_scan(world: World, ego: str, frame: int) -> OwnScan:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from perception.boxes import iou_bev
 from perception.fusion.base import Fusion
+from perception.fusion.known import bodies
 from perception.fusion.registry import fusion_names
 from perception.tally import Precision, Tally
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, invert
 from worlds.base import GroundTruth, World
-from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
+from worlds.cooperative.fusing import SINGLE, Disturbance, Fused, fuse_frame
 
 EVALUATION_RANGES_M = {"road": (140.0, 40.0), "factory": (25.0, 25.0)}
 """Boxes count within this of the ego along its own x and y, by detector: OPV2V's evaluation range,
@@ -46,27 +47,41 @@ def evaluate(
     tally = Tally()
     for frame in range(world.frame_count) if frames is None else frames:
         fused = fuse_frame(world, frame, ego, world.robots, algorithm, disturbance)
-        tally.add(*judge(world, frame, ego, fused.boxes), fused.bytes.values())
+        add_frame(tally, world, frame, ego, fused)
     return tally.precision(per_frame=per_frame)
 
 
-def judge(world: World, frame: int, ego: str, boxes: Boxes) -> tuple[Boxes, Boxes]:
+def add_frame(tally: Tally, world: World, frame: int, ego: str, fused: Fused) -> None:
+    """Adds a fused frame: its objects, and beside them all that is known with the robots."""
+    told = Boxes.concatenate([bodies(fused.known), fused.boxes])
+    tally.add(
+        *judge(world, frame, ego, fused.boxes),
+        fused.bytes.values(),
+        with_known=judge(world, frame, ego, told, robots=True),
+    )
+
+
+def judge(
+    world: World, frame: int, ego: str, boxes: Boxes, *, robots: bool = False
+) -> tuple[Boxes, Boxes]:
     """The detected and the true boxes that count, in the world frame.
 
     Those within EVALUATION_RANGES_M of the ego, without the ego itself, and true boxes with at
-    least MIN_VISIBLE_POINTS points in all scans of the world together, whoever takes part. What is
-    found of the other true boxes is left out, as KITTI does with its "don't care" regions.
+    least MIN_VISIBLE_POINTS points in all scans of the world together, whoever takes part. Robots
+    do not count, as beacons tell where they are, unless `robots` says so. What is found of the
+    other true boxes is left out, as KITTI does with its "don't care" regions.
     """
     reach = EVALUATION_RANGES_M[world.detector]
     own_from_world = invert(world.pose(ego, frame).matrix())
-    found, counted = _judged(boxes, world.ground_truth(frame), ego)
+    told = {ego} if robots else {*world.robots}
+    found, counted = _judged(boxes, world.ground_truth(frame), told)
     return _in_range(found, own_from_world, reach), _in_range(counted, own_from_world, reach)
 
 
-def _judged(found: Boxes, truth: GroundTruth, ego: str) -> tuple[Boxes, Boxes]:
-    """The detected and the true boxes that count."""
+def _judged(found: Boxes, truth: GroundTruth, told: Collection[str]) -> tuple[Boxes, Boxes]:
+    """The detected and the true boxes that count; those of the names in `told` do not."""
     counts = truth.visible_points >= MIN_VISIBLE_POINTS
-    counts &= np.array([identity != ego for identity in truth.ids], dtype=np.bool_)
+    counts &= np.array([identity not in told for identity in truth.ids], dtype=np.bool_)
     overlap = iou_bev(found, truth.boxes)
     ignored = overlap[:, ~counts].max(axis=1, initial=0.0)
     wanted = overlap[:, counts].max(axis=1, initial=0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.types import Boxes
+from swarm.body import Body
 from swarm.geometry import wrap_heading
 from worlds.factory.paths import Motion, Path
 
@@ -39,6 +40,9 @@ ROBOT = Shape(
     ),
 )
 """A flat carrier; its LiDAR stands in the middle on a mast."""
+ROBOT_BODY = Body(
+    label=ROBOT.label, size=ROBOT.size, center=(0.0, 0.0, ROBOT.size[2] / 2 - SENSOR_HEIGHT_M)
+)
 FORKLIFT = Shape("forklift", (2.5, 1.2, 2.1), ((0.0, 0.0, 0.0, 2.5, 1.2, 2.1),))
 WORKER = Shape("person", (0.5, 0.5, 1.75), ((0.0, 0.0, 0.0, 0.5, 0.5, 1.75),))
 

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.types import Boxes
+from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Pose
 from worlds.base import GroundTruth, Scan
 from worlds.cache import ScanCache
-from worlds.factory.actors import SENSOR_HEIGHT_M, Solids, solids, true_boxes
+from worlds.factory.actors import ROBOT_BODY, SENSOR_HEIGHT_M, Solids, solids, true_boxes
 from worlds.factory.layout import build_floor
 from worlds.factory.lidar import RANGE_M, RINGS, Lidar
 from worlds.factory.paths import Motion
@@ -87,6 +88,11 @@ class FactoryWorld:
         """The robot's sensor in the world frame. Raises WorldError for an unknown robot."""
         motion = self._motion(self._index(robot), frame)
         return Pose(motion.x, motion.y, SENSOR_HEIGHT_M, yaw=motion.heading)
+
+    def body(self, robot: str) -> Body:
+        """The carrier with its mast. Raises WorldError for an unknown robot."""
+        self._index(robot)
+        return ROBOT_BODY
 
     def scan(self, robot: str, frame: int) -> Scan:
         """One scan: all rays at the frame's time. Raises WorldError for an unknown robot."""

@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from perception.detector import configuration
 from perception.types import Boxes, clean_points
+from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, invert, transform
 from worlds.base import GroundTruth, Scan
@@ -79,6 +81,18 @@ class Opv2vWorld:
                 f"{self._path(robot, frame, 'yaml')} has no valid lidar_pose: {error!r}"
             ) from error
 
+    def body(self, robot: str) -> Body:
+        """The vehicle as another one describes it in the first frame; the usual body where nobody
+        does."""
+        own_from_world = invert(self.pose(robot, 0).matrix())
+        identities, boxes = self._described(0)
+        if robot not in identities:
+            return configuration(self.detector).usual_body
+        at = identities.index(robot)
+        x, y, z = (own_from_world @ [*boxes.centers[at], 1.0])[:3].tolist()
+        length, width, height = boxes.sizes[at].tolist()
+        return Body(label=boxes.labels[at], size=(length, width, height), center=(x, y, z))
+
     def scan(self, robot: str, frame: int) -> Scan:
         """One recorded scan in the right-handed sensor frame."""
         frame %= self.frame_count
@@ -125,19 +139,23 @@ class Opv2vWorld:
         a, b = self.pose(robot, frame), self.pose(robot, frame + 1)
         return ((b.x - a.x) * RATE_HZ, (b.y - a.y) * RATE_HZ, (b.z - a.z) * RATE_HZ)
 
-    def _truth(self, frame: int) -> GroundTruth:
+    def _described(self, frame: int) -> tuple[tuple[str, ...], Boxes]:
+        """Names and boxes of all vehicles that any recording vehicle lists."""
         listed: dict[str, dict[str, Any]] = {}
         try:
             for robot in self.robots:
                 for identity, vehicle in (self._facts(robot, frame).get("vehicles") or {}).items():
                     listed.setdefault(str(identity), vehicle)
             identities = tuple(sorted(listed))
-            boxes = carla.boxes([listed[identity] for identity in identities])
+            return identities, carla.boxes([listed[identity] for identity in identities])
         except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
             raise WorldError(
                 f"frame {self.frame_names[frame]} of {self._directory} has a malformed vehicle: "
                 f"{error!r}"
             ) from error
+
+    def _truth(self, frame: int) -> GroundTruth:
+        identities, boxes = self._described(frame)
         visible = np.zeros(len(boxes), dtype=np.int64)
         for robot in self.robots:
             scan = self.scan(robot, frame)

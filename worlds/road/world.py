@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.types import Boxes
+from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Pose, wrap_heading
 from worlds.base import GroundTruth, Scan
@@ -72,6 +73,12 @@ class RoadWorld:
         car = self._pose(self._index(robot), frame)
         x, y, z = (car.matrix() @ [*SENSOR, 1.0])[:3]
         return Pose(float(x), float(y), float(z), car.roll, car.pitch, car.yaw)
+
+    def body(self, robot: str) -> Body:
+        """The recording car. Raises WorldError for an unknown robot."""
+        size = self._actors[self._index(robot)].vehicle.size
+        x, y, z = SENSOR
+        return Body(label=LABEL, size=size, center=(-x, -y, size[2] / 2 - z))
 
     def scan(self, robot: str, frame: int) -> Scan:
         """One scan: all rays at the frame's time. Raises WorldError for an unknown robot."""

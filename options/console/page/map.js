@@ -250,6 +250,17 @@ export class FloorMap {
   #drawBoxes(c, now, at, scale) {
     const found = this.stream.get("detections");
     if (!found || now - found.at > OLD_S.boxes) return;
+    for (const [, x, y, length, wide, heading, doubt] of found.known ?? []) {
+      const [px, py] = at(x, y);
+      c.save();
+      c.translate(px, py);
+      c.rotate(-heading);
+      c.lineWidth = 1;
+      c.strokeStyle = this.theme(doubt ? "--lost" : "--quiet");
+      if (doubt) c.setLineDash([3, 3]);
+      c.strokeRect((-length / 2) * scale, (-wide / 2) * scale, length * scale, wide * scale);
+      c.restore();
+    }
     c.strokeStyle = this.theme("--box");
     for (const [x, y, length, wide, heading, score] of found.boxes) {
       const [px, py] = at(x, y);

@@ -10,14 +10,16 @@ export function decided(stream) {
 }
 
 // {word, why}: word is "ego", "yes" or "no", "was in" or "was not" where the decision is old, or ""
-// before the first; why tells why it is not in, or that nothing of it arrives although it is.
+// before the first; why tells why it is not in, or that nothing of it arrives although it is, or that others see it
+// elsewhere.
 export function part(stream, robot) {
   const decision = stream.get("decision");
   if (!decision) return { word: "", why: "" };
   const inIt = decision.participants.includes(robot.robot);
   if (!decided(stream)) return { word: inIt ? "was in" : "was not", why: "" };
   if (robot.robot === stream.get("swarm")?.ego) return { word: "ego", why: "" };
-  if (inIt) return { word: "yes", why: decision.silent?.[robot.robot] ?? "" };
+  const doubt = decision.doubted?.[robot.robot];
+  if (inIt) return { word: "yes", why: decision.silent?.[robot.robot] ?? doubt ?? "" };
   return { word: "no", why: whyNot(stream, robot, decision) };
 }
 
@@ -30,7 +32,7 @@ export function state(robot, old) {
 
 function whyNot(stream, robot, decision) {
   if (!robot.alive) return robot.off_duty_by ? "off duty" : "lost";
-  const why = decision.excluded?.[robot.robot];
+  const why = decision.excluded?.[robot.robot] ?? decision.doubted?.[robot.robot];
   if (why) return why;
   if (!robot.at || stream.now() - robot.at > OLD_S.beacon) return "silent";
   const swarm = stream.get("swarm");

@@ -10,8 +10,8 @@ from perception.detector.finders import Finder
 from perception.fusion.aligner import Aligner, corrected
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
+from perception.fusion.known import without_own
 from perception.fusion.outline import outline, thinned
-from perception.fusion.participants import with_participants, without_own
 from perception.scene import ground_mask
 from perception.types import Boxes, clean_points
 from swarm.geometry import Matrix, Points, invert, transform
@@ -85,7 +85,6 @@ class _MergedCloud(Gathering):
         merged = np.concatenate([clean_points(self._own), *others])
         found = self._finder.find(merged, senders)
         found = without_own(found, self._finder.config.own_body_m, self.stood_at)
-        found = with_participants(found, senders, self._finder.config.carrier)
         return found.transformed(self._world_from_own)
 
 

@@ -11,8 +11,8 @@ from perception.detector.finders import Finder
 from perception.fusion.aligner import Aligner, corrected
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
+from perception.fusion.known import without_own
 from perception.fusion.outline import outline, thinned
-from perception.fusion.participants import with_participants, without_own
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, invert
@@ -89,7 +89,6 @@ class _MergedBoxes(Gathering):
         ]
         fused = weighted_fusion(Boxes.concatenate([self._own, *others]))
         fused = without_own(fused, self._config.own_body_m, self.stood_at)
-        fused = with_participants(fused, senders, self._config.carrier)
         return fused.transformed(self._world_from_own)
 
 

@@ -80,6 +80,7 @@ def test_a_demand_that_cannot_be_told_costs_the_cycle_nothing() -> None:
         metrics=EgoMetrics(registry),
         clock=Clock(),
         log=make_logger("test", level="critical"),
+        usual_body=unused,
     )
     decision = Decision(
         ego="E",

@@ -10,7 +10,15 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.boxes import footprints, iou_3d, iou_among, iou_bev, nms, weighted_fusion
+from perception.boxes import (
+    SHARPNESS,
+    footprints,
+    iou_3d,
+    iou_among,
+    iou_bev,
+    nms,
+    weighted_fusion,
+)
 from perception.types import Boxes
 
 
@@ -75,12 +83,16 @@ def test_nms_keeps_the_best_of_each_group() -> None:
 
 
 def test_weighted_fusion_averages_by_score_and_treats_headings_modulo_pi() -> None:
-    boxes = make((0, 0, 0, 4, 2, 1, 0.1), (1, 0, 0, 4, 2, 1, 0.1 + math.pi), scores=[0.75, 0.25])
+    boxes = make((0, 0, 0, 4, 2, 1, 0.1), (1, 0, 0, 4, 2, 1, 0.1 + math.pi), scores=[0.8, 0.7])
     fused = weighted_fusion(boxes)
     assert len(fused) == 1
-    assert fused.centers[0, 0] == pytest.approx(0.25)
+    other = 0.7**SHARPNESS / (0.7**SHARPNESS + 0.8**SHARPNESS)
+    assert fused.centers[0, 0] == pytest.approx(other)
     assert fused.headings[0] == pytest.approx(0.1)
-    assert fused.scores[0] == pytest.approx(1 - 0.25 * 0.75)
+    assert fused.scores[0] == pytest.approx(1 - 0.2 * 0.3)
+    # Nobody knows better.
+    same = weighted_fusion(make((0, 0, 0, 4, 2, 1, 0), (1, 0, 0, 4, 2, 1, 0), scores=[0.0, 0.0]))
+    assert same.centers[0, 0] == pytest.approx(0.5)
 
 
 def test_weighted_fusion_leaves_boxes_that_stand_apart() -> None:

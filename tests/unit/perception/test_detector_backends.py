@@ -337,7 +337,7 @@ def test_a_robot_and_an_ego_of_other_numerics_fuse_as_two_of_one_kind(
 
     alike, mixed = found("torch", "torch"), found(robots, egos)
     sure = alike.take(alike.scores > 0.3)
-    assert len(sure) > 3
+    assert len(sure)
     overlap = iou_bev(sure, mixed)
     assert (overlap.max(axis=1) > 0.8).all()
     scores = mixed.scores[overlap.argmax(axis=1)]

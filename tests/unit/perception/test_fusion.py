@@ -15,7 +15,9 @@ from perception.detector.finders import Clustered
 from perception.fusion.algorithms.early import MAX_POINTS, EarlyFusion
 from perception.fusion.algorithms.late import LateFusion
 from perception.fusion.base import Contribution, EncodeOptions
+from perception.fusion.known import KnownRobot, bodies, without_known
 from perception.fusion.registry import fusion_names, make_fusion
+from swarm.body import Body
 from swarm.errors import PerceptionError
 from swarm.geometry import Points, Pose, invert, transform
 from tests.unit.perception.test_boxes import make
@@ -91,21 +93,22 @@ def test_clouds_with_nothing_in_them_are_fused(name: str, count: int) -> None:
     payload = fusion.encode(cloud, EncodeOptions())
     result = fusion.fuse(cloud, EGO.matrix(), [Contribution("B", payload, OTHER.matrix())])
     assert result.rejected == {}
-    assert result.boxes.labels == ("robot",)  # the sender itself
-    assert np.allclose(result.boxes.centers[0, :2], (OTHER.x, OTHER.y))
+    assert len(result.boxes) == 0
 
 
 @pytest.mark.parametrize("name", ["early", "late"])
-def test_a_sender_is_one_box_whatever_is_seen_of_it(name: str) -> None:
+def test_what_is_seen_of_a_sender_is_no_detection(name: str) -> None:
     # The ego sees the back of the car that carries the other sensor.
     sender = Pose(CAR[0] - 0.5, CAR[1], 1.9)
     fusion = CLUSTERED[name]
     payload = fusion.encode(street(sender, ()), EncodeOptions())
     own = street(EGO, ("back",))
     result = fusion.fuse(own, EGO.matrix(), [Contribution("B", payload, sender.matrix())])
-    assert len(result.boxes) == 1
-    assert np.allclose(result.boxes.centers[0, :2], CAR)
-    assert result.boxes.scores[0] == 1.0
+    assert len(result.boxes) <= 1
+    body = Body(label="vehicle", size=(4.5, 1.9, 1.5), center=(0.5, 0.0, -1.1))
+    known = KnownRobot("B", body, sender.matrix())
+    assert len(without_known(result.boxes, [known])) == 0
+    assert bodies([known]).centers[0, :2] == pytest.approx(CAR)
 
 
 @pytest.mark.parametrize("name", ["early", "late"])
@@ -116,7 +119,7 @@ def test_the_ego_does_not_report_itself(name: str) -> None:
     result = fusion.fuse(
         street(ego, ()), ego.matrix(), [Contribution("B", payload, OTHER.matrix())]
     )
-    assert np.allclose(result.boxes.centers[:, :2], [(OTHER.x, OTHER.y)], atol=0.6)
+    assert len(result.boxes) == 0
 
 
 def test_a_payload_with_too_many_boxes_is_refused() -> None:

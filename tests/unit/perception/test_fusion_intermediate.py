@@ -29,6 +29,7 @@ from perception.fusion.algorithms.intermediate_sparse import (
 )
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.detectors import shared_detector
+from perception.fusion.known import bodies
 from perception.fusion.registry import fusion_names, make_fusion
 from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
@@ -95,11 +96,13 @@ def test_two_robots_are_fused(name: str, world: FactoryWorld) -> None:
     fused = fuse_frame(world, 120, "R1", ("R1", "R2"), name)
     assert fused.rejected == {}
     assert list(fused.bytes) == ["R2"]
-    # The sender is there, at its place, once; the ego is not.
+    # Neither the sender nor the ego is a detection; the sender is known, at its place.
     places = fused.boxes.centers[:, :2]
-    own, other = (world.pose(robot, 120) for robot in ("R1", "R2"))
-    assert np.hypot(*(places - (other.x, other.y)).T).min() < 0.01
-    assert np.hypot(*(places - (own.x, own.y)).T).min() > 0.3
+    for pose in (world.pose(robot, 120) for robot in ("R1", "R2")):
+        assert np.hypot(*(places - (pose.x, pose.y)).T).min() > 0.3
+    assert [one.robot for one in fused.known] == ["R2", "R3", "R4"]
+    other = world.pose("R2", 120)
+    assert bodies(fused.known).centers[0, :2] == pytest.approx([other.x, other.y])
     assert ((fused.boxes.scores >= 0) & (fused.boxes.scores <= 1)).all()
     assert np.isfinite(fused.boxes.centers).all()
 
@@ -338,9 +341,10 @@ def test_strange_clouds_of_robots_spoil_nothing(name: str, scans: dict[str, Scan
     result = fusion.fuse(scans["R1"].points, scans["R1"].pose.matrix(), [*items, good])
     assert result.rejected == {}
     assert finite(result.boxes)
-    for item in [*items, good]:
-        apart = result.boxes.centers[:, :2] - item.world_from_sensor[:2, 3]
-        assert np.hypot(*apart.T).min() < 0.01
+    without = fusion.fuse(scans["R1"].points, scans["R1"].pose.matrix(), [good])
+    sure = without.boxes.take(without.boxes.scores > 0.5)
+    assert len(sure)
+    assert (iou_bev(sure, result.boxes).max(axis=1) > 0.8).all()
 
 
 @EVERY
@@ -349,15 +353,13 @@ def test_strange_clouds_of_the_ego_leave_it_what_others_see(
 ) -> None:
     fusion = make_fusion(name, "factory")
     good = contribution(fusion, scans, "R3")
-    sender = scans["R3"].pose
     for cloud in ("empty", "one", "nan", "outside"):
         gathering = fusion.begin(strange_clouds()[cloud], scans["R1"].pose.matrix())
         gathering.ask()
         gathering.add(good)
         found = gathering.finish()
         assert finite(found)
-        apart = found.centers[:, :2] - (sender.x, sender.y)
-        assert np.hypot(*apart.T).min() < 0.01
+        assert (found.scores > 0.5).any()
 
 
 @EVERY

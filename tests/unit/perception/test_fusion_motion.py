@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
-from perception.fusion.participants import without_own
+from perception.fusion.known import without_own
 from perception.fusion.tracks import FORGOTTEN_S, Tracks
 from perception.metrics import average_precision
 from perception.types import Boxes
@@ -269,7 +269,7 @@ def test_what_past_and_present_show_is_one_object_no_surer_than_each() -> None:
     gathering.add(seen_at(8.0, 8.0, 0.0))
     found = gathering.finish()
     assert len(found) == 2
-    assert found.scores.max() == pytest.approx(0.9)
+    assert 0.8 < found.scores.max() <= 0.9
     # More robots saw it there, but half a second ago.
     assert 3.05 < found.centers[0, 0] < 3.15
     assert found.centers[1, :2] == pytest.approx([8, 8])
