@@ -132,6 +132,8 @@ class Detections(Message, frozen=True, kw_only=True):
     """Whose observation arrived in time and was fused; the ego first."""
     missing: dict[str, str] = msgspec.field(default_factory=dict)
     """Participants that are not in the result, and why."""
+    missing_kinds: dict[str, str] = msgspec.field(default_factory=dict)
+    """The kind of each reason in `missing`, one of a few words (docs/journal.md)."""
     boxes: Array
     """float32 (N, 7): centre x, y, z, length, width, height, heading."""
     scores: Array
