@@ -100,7 +100,7 @@ SAMPLES: tuple[Message, ...] = (
         encode_ms=4.25,
         uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
     ),
-    Refusal(robot="R1", request=9, reason="no frame yet: über"),
+    Refusal(robot="R1", request=9, reason="no frame yet: über", code="busy"),
     Decision(
         ego="R2",
         cycle=12,
