@@ -8,6 +8,8 @@ import pkgutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swarm.defaults import SWARM
+
 if TYPE_CHECKING:
     from perception.fusion.base import Fusion
 
@@ -33,6 +35,11 @@ def at_least_one(text: str) -> int:
 def comma_separated(text: str) -> list[str]:
     """The names between the commas, each once."""
     return list(dict.fromkeys(name for name in text.split(",") if name))
+
+
+def add_swarm(parser: argparse.ArgumentParser) -> None:
+    """Adds --swarm, by whose name every command finds a running one."""
+    parser.add_argument("--swarm", default=SWARM, help="name of the swarm (default: %(default)s)")
 
 
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:

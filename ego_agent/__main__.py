@@ -15,8 +15,6 @@ from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_motion
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import Journal
-from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import SLOWER_HZ
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.link import LinkEstimate
@@ -72,7 +70,7 @@ def run(
     available = fusion_names(world.detector)
     policy = make_policy(settings.policy, available)
     knowledge = Knowledge(
-        _objective(settings), _algorithms(settings, available, policy), learns=settings.learn
+        settings.objective(), _algorithms(settings, available, policy), learns=settings.learn
     )
     steering = Steering(settings, policy, knowledge.algorithms, log)
     journal = Journal(Path(settings.journal)) if settings.journal else None
@@ -176,18 +174,6 @@ def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy)
             f"in world {settings.world!r}; allowed: {', '.join(available)}"
         )
     return tuple(wanted)
-
-
-def _objective(settings: EgoSettings) -> Objective:
-    return Objective(
-        lambda_cost=settings.cost_weight,
-        q_min=settings.q_min,
-        rate_hz=settings.fusion_rate_hz,
-        deadline_s=settings.deadline_s,
-        slower_hz=SLOWER_HZ if settings.learn else (),
-        comm_range_m=settings.comm_range_m,
-        headroom=settings.headroom,
-    )
 
 
 def _check_ego(settings: EgoSettings, world: World) -> None:

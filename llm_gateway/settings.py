@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from swarm.defaults import LLM_PORT
 from swarm.errors import SettingError
 from swarm.process import SwarmSettings
 from swarm.settings import Port, Seconds, Secret, load, shown
@@ -46,7 +47,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_cache_ttl_s: Annotated[float, msgspec.Meta(gt=0, le=30 * 86_400)] = 300.0
     llm_cache_entries: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10_000
     llm_http_host: str = "127.0.0.1"
-    llm_http_port: Port = 9106
+    llm_http_port: Port = LLM_PORT
     """Where the OpenAI-compatible endpoint answers; 0 takes any free port."""
     llm_http_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from swarm.defaults import QOD_PORT
 from swarm.errors import SettingError
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
@@ -36,7 +37,7 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     windows: Annotated[int, msgspec.Meta(ge=1, le=100)] = 3
     """Windows of shortfall, or of ease, in a row before the controller acts."""
     qod_host: str = "127.0.0.1"
-    qod_port: Port = 9104
+    qod_port: Port = QOD_PORT
     """Where the Quality-on-Demand API answers; 0 takes any free port."""
     qod_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""
