@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
-import pkgutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from perception.fusion.algorithms import all_fusions
 from swarm.defaults import SWARM
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
     how.add_argument(
         "--algorithm",
         metavar="NAME",
-        help=f"{', '.join(algorithm_names())}; single is the ego alone",
+        help=f"{', '.join(all_fusions())}; single is the ego alone",
     )
     how.add_argument(
         "--opencood",
@@ -90,15 +90,6 @@ def recorded_directory(args: argparse.Namespace) -> Path:
     from worlds.sample import opv2v_sample
 
     return args.directory or opv2v_sample()
-
-
-def algorithm_names() -> list[str]:
-    """Every fusion algorithm, whether there are weights for it or not."""
-    from perception.fusion import algorithms
-
-    return sorted(
-        module.name.replace("_", "-") for module in pkgutil.iter_modules(algorithms.__path__)
-    )
 
 
 def chosen_fusion(args: argparse.Namespace) -> str | Fusion:

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 import msgspec
@@ -31,7 +31,6 @@ from swarm.settings import NAME_RULE, Name, allowed
 from worlds.kinds import WorldKind
 from worlds.registry import swarm_worlds, world_kind
 
-RuntimeName = Literal["docker", "netns"]
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532, description="a port")]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
 _ROBOTS = f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {NAME_RULE}"
@@ -50,7 +49,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     swarm: Name = _PROCESS.swarm
-    runtime: RuntimeName = "netns"
+    runtime: Name = "netns"
+    """One of `deploy.runtimes.names()`."""
     robots: Annotated[
         tuple[Name, ...],
         msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS, description=_ROBOTS),

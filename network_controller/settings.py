@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
@@ -19,7 +19,7 @@ Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
 class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """How the links of one host are controlled. Field `driver` is read from `COADAPT_DRIVER`."""
 
-    driver: Literal["netns", "docker"] = "netns"
+    driver: Name = "netns"
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
     link_bps: Rate | None = None

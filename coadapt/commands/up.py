@@ -12,7 +12,7 @@ from deploy.progress import say
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
-from deploy.spec import PROPERTIES, RuntimeName, SwarmSpec, factory_robots, make_spec
+from deploy.spec import PROPERTIES, SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError
@@ -66,7 +66,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--robots", type=int, default=_PROCESS.world_robots, help="how many (default: %(default)s)"
     )
-    parser.add_argument("--runtime", choices=("auto", *get_args(RuntimeName)), default="auto")
+    parser.add_argument("--runtime", choices=("auto", *runtimes.names()), default="auto")
     parser.add_argument(
         "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
     )

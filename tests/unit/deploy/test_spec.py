@@ -44,7 +44,6 @@ def spec_of(**values: Any) -> SwarmSpec:
         ({"robots": factory_robots(101)}, "100"),
         ({"ego": "R9"}, "'R9' is not one of the robots R1, R2, R3"),
         ({"swarm": "a b"}, "swarm = 'a b'"),
-        ({"runtime": "podman"}, "docker, netns"),
         ({"rings": 17}, "16, 32, 64"),
         ({"period_s": 0.0}, "seconds >= 0.05 and <= 3600"),
         ({"period_s": float("nan")}, "period_s = nan"),
