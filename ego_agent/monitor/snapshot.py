@@ -19,7 +19,7 @@ from ego_agent.knowledge.model import RobotView, Snapshot
 from ego_agent.monitor.clock_offset import ClockOffset
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import LinkWatch
-from swarm import keyspace
+from swarm.listening import Handlers, hear
 from swarm.messages import Beacon, NetState, SceneDescription, TcpState
 from swarm.process import Clock
 from swarm.session import Session
@@ -114,15 +114,13 @@ class Monitor:
 
     def attach(self, session: Session) -> None:
         """Subscribes to everything that the monitor listens to."""
-        swarm = session.swarm
-        session.subscribe(
-            keyspace.beacon(swarm, keyspace.ANY), Beacon, lambda m, _: self.on_beacon(m)
-        )
-        session.subscribe(
-            keyspace.scene(swarm, keyspace.ANY), SceneDescription, lambda m, _: self.on_scene(m)
-        )
-        session.subscribe(keyspace.net_state(swarm), NetState, lambda m, _: self.on_net_state(m))
-        session.subscribe(keyspace.net_tcp(swarm), TcpState, lambda m, _: self.on_tcp_state(m))
+        handlers: Handlers = {
+            Beacon: self.on_beacon,
+            SceneDescription: self.on_scene,
+            NetState: self.on_net_state,
+            TcpState: self.on_tcp_state,
+        }
+        hear(session, handlers)
         session.watch_alive(self.on_join, self.on_leave)
 
     def on_beacon(self, beacon: Beacon) -> None:
