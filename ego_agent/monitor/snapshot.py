@@ -91,7 +91,7 @@ class Monitor:
         max_robots: int = MAX_ROBOTS,
     ) -> None:
         self.ego = ego
-        self._link = link
+        self.link = link
         self._watch = LinkWatch(ego, link)
         self._clock = clock or Clock()
         self._monotonic = monotonic
@@ -237,9 +237,9 @@ class Monitor:
     def snapshot(self, cycle: int, now_ns: int) -> Snapshot:
         """What is known now; the ego is one of the robots, alive as long as it can ask."""
         now, wall_ns = self._monotonic(), self._clock.now_ns()
-        capacity_bps, source = self._link.capacity(now)
-        limits = self._link.robot_limits(now)
-        error = self._link.error_ratio(now)
+        capacity_bps, source = self.link.capacity(now)
+        limits = self.link.robot_limits(now)
+        error = self.link.error_ratio(now)
         with self._lock:
             views = {
                 robot: self._view(robot, entry, now, wall_ns, limits.get(robot, math.inf))
