@@ -6,7 +6,6 @@ import threading
 import time
 from concurrent.futures import wait
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Literal
 
 import msgspec
@@ -136,12 +135,7 @@ class Watch:
     def __enter__(self) -> Watch:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._session.close()
 
     def alive(self) -> frozenset[str]:

@@ -40,7 +40,7 @@ def hear(session: Session, handlers: Handlers, ego: str = keyspace.ANY) -> None:
     A message that does not validate is dropped, and logged once a sender (`Session.subscribe`).
     """
     for kind, handler in handlers.items():
-        session.subscribe(_KEYS[kind](session.swarm, ego), kind, _without_key(handler))
+        session.subscribe(_KEYS[kind](session.swarm, ego), kind, handler)
 
 
 def listen(
@@ -71,10 +71,3 @@ def listen(
         session.close()
         raise
     return session
-
-
-def _without_key(handler: Callable[[Any], object]) -> Callable[[Message, str], None]:
-    def take(message: Message, _: str) -> None:
-        handler(message)
-
-    return take

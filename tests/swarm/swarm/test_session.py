@@ -92,9 +92,7 @@ def ready(subscriber: Session, sender: Session, inbox: Inbox[Beacon]) -> None:
 
 def test_a_published_message_arrives_as_it_was(pair: Pair) -> None:
     inbox: Inbox[Beacon] = Inbox()
-    pair[1].subscribe(
-        keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m)
-    )
+    pair[1].subscribe(keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, inbox.put)
     ready(pair[1], pair[0], inbox)
     pair[0].put(keyspace.beacon(pair[0].swarm, "R1"), BEACON)
     assert inbox.next() == BEACON
@@ -107,7 +105,7 @@ def test_what_does_not_validate_is_dropped_and_counted_and_the_subscriber_goes_o
     subscriber = open_session(shared_router.address, registry=registry)
     inbox: Inbox[Beacon] = Inbox()
     swarm = subscriber.swarm
-    subscriber.subscribe(keyspace.beacon(swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m))
+    subscriber.subscribe(keyspace.beacon(swarm, keyspace.ANY), Beacon, inbox.put)
     key = keyspace.beacon(swarm, "R1")
     bad = [
         b"",
@@ -133,7 +131,7 @@ def test_what_does_not_validate_is_dropped_and_counted_and_the_subscriber_goes_o
 def test_a_handler_that_fails_gets_the_next_message_all_the_same(pair: Pair) -> None:
     inbox: Inbox[Beacon] = Inbox()
 
-    def handle(message: Beacon, key: str) -> None:
+    def handle(message: Beacon) -> None:
         inbox.put(message)
         raise RuntimeError("handler")
 
@@ -147,9 +145,7 @@ def test_a_message_that_misses_its_swarm_does_not_arrive(
     shared_router: RouterProcess, pair: Pair
 ) -> None:
     inbox: Inbox[Beacon] = Inbox()
-    pair[1].subscribe(
-        keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m)
-    )
+    pair[1].subscribe(keyspace.beacon(pair[1].swarm, keyspace.ANY), Beacon, inbox.put)
     ready(pair[1], pair[0], inbox)
     with Session(shared_router.address, "other", timeout_s=10) as stranger:
         stranger.put(keyspace.beacon("other", "R1"), BEACON)
