@@ -1,12 +1,12 @@
 # CoAdapt Edge. `make help` lists the targets; each is a short form of `coadapt ...`.
-ROBOTS ?= 6
-WORLD ?= factory
+ROBOTS ?=
+WORLD ?=
 DATA ?=
 DATA_URL ?=
 DATA_COMMIT ?=
 DATA_TREE ?=
 LIVE ?=
-RUNTIME ?= auto
+RUNTIME ?=
 POLICY ?=
 LLM ?=
 MODEL ?=
@@ -36,7 +36,7 @@ BENCHMARKS = sam codec detector peers roundtrip cycle shaping priority trace ada
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "  variables: ROBOTS=$(ROBOTS) WORLD=factory|road|opv2v|bag|recording DATA=path RUNTIME=auto|docker|netns"
+	@echo "  variables: ROBOTS=number WORLD=factory|road|opv2v|bag|recording DATA=path RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
@@ -51,7 +51,8 @@ data: setup ## Bring the public OPV2V sample to var/data (229 MB), for WORLD=opv
 		$(if $(DATA_TREE),--tree '$(DATA_TREE)') $(ARGS)
 
 up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prometheus
-	@$(COADAPT) up --swarm $(SWARM) --robots $(ROBOTS) --world $(WORLD) --runtime $(RUNTIME) \
+	@$(COADAPT) up --swarm $(SWARM) $(if $(ROBOTS),--robots $(ROBOTS)) $(if $(WORLD),--world $(WORLD)) \
+		$(if $(RUNTIME),--runtime $(RUNTIME)) \
 		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
 		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) \
 		$(if $(GRAFANA),--grafana) $(ARGS)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
-import pkgutil
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from perception.fusion.algorithms import all_fusions
+from swarm.defaults import SWARM
 
 if TYPE_CHECKING:
     from perception.fusion.base import Fusion
@@ -35,6 +37,11 @@ def comma_separated(text: str) -> list[str]:
     return list(dict.fromkeys(name for name in text.split(",") if name))
 
 
+def add_swarm(parser: argparse.ArgumentParser) -> None:
+    """Adds --swarm, by whose name every command finds a running one."""
+    parser.add_argument("--swarm", default=SWARM, help="name of the swarm (default: %(default)s)")
+
+
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
     """Adds what is fused and how: DIR, --algorithm or --opencood, --ego, --pose-noise, --delay and
     --json."""
@@ -49,7 +56,7 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
     how.add_argument(
         "--algorithm",
         metavar="NAME",
-        help=f"{', '.join(algorithm_names())}; single is the ego alone",
+        help=f"{', '.join(all_fusions())}; single is the ego alone",
     )
     how.add_argument(
         "--opencood",
@@ -83,15 +90,6 @@ def recorded_directory(args: argparse.Namespace) -> Path:
     from worlds.sample import opv2v_sample
 
     return args.directory or opv2v_sample()
-
-
-def algorithm_names() -> list[str]:
-    """Every fusion algorithm, whether there are weights for it or not."""
-    from perception.fusion import algorithms
-
-    return sorted(
-        module.name.replace("_", "-") for module in pkgutil.iter_modules(algorithms.__path__)
-    )
 
 
 def chosen_fusion(args: argparse.Namespace) -> str | Fusion:

@@ -28,7 +28,7 @@ def ask_patiently(session: Session, key: str, request: Message, kind: type[M]) -
         try:
             return future.result().message
         except RefusedError as error:
-            raise RefusedError(error.reason) from error
+            raise RefusedError(error.reason, code=error.code) from error
         except TransportError:
             # Not again after a long wait: it may have heard of it.
             if time.monotonic() > until:

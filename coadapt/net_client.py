@@ -9,6 +9,7 @@ from contextlib import suppress
 from coadapt.asking import ask_patiently
 from swarm import keyspace
 from swarm.errors import NetworkError, RefusedError, TransportError
+from swarm.listening import hear
 from swarm.messages import NetState, ShapeReply, ShapeRequest
 from swarm.session import Session
 
@@ -33,7 +34,7 @@ def watch_state(session: Session) -> Callable[[], NetState | None]:
     """Listens to `net/state` from now on. The function that it returns waits for the first one
     and gives the newest, or None when none comes."""
     states: queue.SimpleQueue[NetState] = queue.SimpleQueue()
-    session.subscribe(keyspace.net_state(session.swarm), NetState, lambda s, _: states.put(s))
+    hear(session, {NetState: states.put})
 
     def newest() -> NetState | None:
         found = None

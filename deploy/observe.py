@@ -6,7 +6,6 @@ import threading
 import time
 from concurrent.futures import wait
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Literal
 
 import msgspec
@@ -14,6 +13,7 @@ import msgspec
 from deploy.state import State
 from swarm import keyspace
 from swarm.errors import TransportError
+from swarm.listening import listen
 from swarm.messages import (
     AdviceReport,
     Beacon,
@@ -26,7 +26,6 @@ from swarm.messages import (
     ShapeReply,
     ShapeRequest,
 )
-from swarm.session import Session
 from swarm.traffic import TrafficClass
 
 CONNECT_S = 5.0
@@ -115,30 +114,28 @@ class Watch:
     def __init__(self, state: State, timeout_s: float = CONNECT_S) -> None:
         """Raises TransportError when the router cannot be reached in time."""
         self._state = state
-        swarm = state.spec.swarm
         self._heard = _Heard({}, set())
         self._changed = threading.Condition()
         self._since = time.monotonic()
-        self._session = Session(state.router, swarm, timeout_s=timeout_s)
-        self._session.watch_alive(self._on_join, self._on_leave)
-        self._session.subscribe(keyspace.beacon(swarm, keyspace.ANY), Beacon, self._on_beacon)
-        self._session.subscribe(
-            keyspace.decision(swarm, state.spec.ego), Decision, self._on_decision
+        self._session = listen(
+            state.router,
+            state.spec.swarm,
+            {
+                Beacon: self._on_beacon,
+                Decision: self._on_decision,
+                Detections: self._on_detections,
+                NetState: self._on_net_state,
+            },
+            state.spec.ego,
+            on_join=self._on_join,
+            on_leave=self._on_leave,
+            timeout_s=timeout_s,
         )
-        self._session.subscribe(
-            keyspace.detections(swarm, state.spec.ego), Detections, self._on_detections
-        )
-        self._session.subscribe(keyspace.net_state(swarm), NetState, self._on_net_state)
 
     def __enter__(self) -> Watch:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._session.close()
 
     def alive(self) -> frozenset[str]:
@@ -313,21 +310,21 @@ class Watch:
             self._heard.alive.discard(robot)
             self._changed.notify_all()
 
-    def _on_beacon(self, beacon: Beacon, _: str) -> None:
+    def _on_beacon(self, beacon: Beacon) -> None:
         with self._changed:
             self._heard.beacons[beacon.robot] = (beacon, time.monotonic())
 
-    def _on_decision(self, decision: Decision, _: str) -> None:
+    def _on_decision(self, decision: Decision) -> None:
         with self._changed:
             self._heard.decision = decision
             self._changed.notify_all()
 
-    def _on_net_state(self, state: NetState, _: str) -> None:
+    def _on_net_state(self, state: NetState) -> None:
         with self._changed:
             self._heard.cell = state.link(self._state.spec.ego, "down")
             self._changed.notify_all()
 
-    def _on_detections(self, detections: Detections, _: str) -> None:
+    def _on_detections(self, detections: Detections) -> None:
         with self._changed:
             self._heard.detections += 1
             received = self._heard.bytes = self._heard.bytes or {}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from deploy.spec import RuntimeName, SwarmSpec
+from deploy.spec import SwarmSpec
 
 ProcessState = Literal["running", "restarting", "stopped"]
 
@@ -32,7 +32,7 @@ class Runtime(Protocol):
     that every command finds the swarm by its name alone.
     """
 
-    name: RuntimeName
+    name: str
 
     def available(self) -> str | None:
         """None when this machine can run it, else the reason why not and what would help."""

@@ -6,51 +6,39 @@ import math
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 import msgspec
 
+from swarm.defaults import (
+    CONSOLE_PORT,
+    LLM_PORT,
+    PERIOD_S,
+    POLICY,
+    Q_MIN,
+    QOD_PORT,
+    ROUTER_PORT,
+    CommRange,
+    Period,
+)
 from swarm.errors import DeployError
 from swarm.keyspace import check_name
 from swarm.messages import MIN_RATE_BPS
-from swarm.settings import Name
+from swarm.messages.steer import QMin
+from swarm.process import ProcessSettings, Rings, Seed
+from swarm.settings import NAME_RULE, Name, allowed
 from worlds.kinds import WorldKind
 from worlds.registry import swarm_worlds, world_kind
 
-RuntimeName = Literal["docker", "netns"]
-HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532)]
+HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532, description="a port")]
 MIN_ROBOTS, MAX_ROBOTS = 2, 100
+_ROBOTS = f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {NAME_RULE}"
 
 EMBEDDED = "embedded"
+_LLM_RULE = "empty, embedded, or http(s)://host[:port][/path] of an OpenAI-compatible server"
 _LLM = rf"^({EMBEDDED}|https?://[^\s/?#@]+(/[^\s?#]*)?)?(?!\n)$"
-_NAME_RULE = "1 to 32 letters, digits, '_' or '-'"
-_PORT_RULE = "a port from 1 to 65532"
-_ALLOWED = {
-    "swarm": _NAME_RULE,
-    "runtime": "docker or netns",
-    "robots": f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {_NAME_RULE}",
-    "ego": "one of the robots",
-    "seed": "a whole number >= 0",
-    "rings": "16, 32 or 64",
-    "policy": "the name of a policy: lower-case letters, digits and '-'",
-    "period_s": "seconds > 0 and <= 60",
-    "q_min": "a number from 0 to 1",
-    "prometheus_port": _PORT_RULE,
-    "ego_metrics_port": _PORT_RULE,
-    "router_port": _PORT_RULE,
-    "qod_port": _PORT_RULE,
-    "controller_metrics_port": _PORT_RULE,
-    "comm_range_m": "metres > 0 and <= 10000, or unset",
-    "link_bps": f"bit/s >= {MIN_RATE_BPS}, or unset",
-    "llm": "empty, embedded, or http(s)://host[:port][/path] of an OpenAI-compatible server",
-    "llm_model": "the name of a model, at most 200 characters",
-    "llm_port": _PORT_RULE,
-    "gateway_metrics_port": _PORT_RULE,
-    "grafana_port": _PORT_RULE,
-    "console_port": _PORT_RULE,
-    "console_metrics_port": _PORT_RULE,
-}
+_PROCESS = ProcessSettings()
 
 
 class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,42 +48,46 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     container's volumes) says so in its `services.Place`.
     """
 
-    swarm: Name = "local"
-    runtime: RuntimeName = "netns"
-    robots: Annotated[tuple[Name, ...], msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS)]
+    swarm: Name = _PROCESS.swarm
+    runtime: Name = "netns"
+    """One of `deploy.runtimes.names()`."""
+    robots: Annotated[
+        tuple[Name, ...],
+        msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS, description=_ROBOTS),
+    ]
     ego: Name
-    world: str = "factory"
+    world: str = _PROCESS.world
     data: str = ""
-    seed: Annotated[int, msgspec.Meta(ge=0)] = 1
-    rings: Literal[16, 32, 64] = 32
-    scenario: str = "floor"
+    seed: Seed = _PROCESS.world_seed
+    rings: Rings = _PROCESS.world_rings
+    scenario: str = _PROCESS.world_scenario
     cache: str = ""
     """Directory for scans shared by the swarm's processes; empty keeps none."""
-    policy: Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9-]{1,32}$")] = "coverage"
-    period_s: Annotated[float, msgspec.Meta(gt=0, le=60)] = 1.0
-    q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
-    epoch_ns: int = 0
+    policy: Name = POLICY
+    period_s: Period = PERIOD_S
+    q_min: QMin = Q_MIN
+    epoch_ns: int = _PROCESS.epoch_ns
     """When frame 0 was captured, nanoseconds since the Unix epoch."""
     prometheus: bool = True
     prometheus_port: HostPort = 9090
     """Where Prometheus answers on the host's 127.0.0.1."""
     ego_metrics_port: HostPort = 9102
     """Where the ego's metrics answer on the host's 127.0.0.1."""
-    router_port: HostPort = 7447
+    router_port: HostPort = ROUTER_PORT
     """First of three ports of the router, one a traffic class."""
-    qod_port: HostPort = 9104
+    qod_port: HostPort = QOD_PORT
     """Where the Quality-on-Demand API answers on the host's 127.0.0.1."""
     controller_metrics_port: HostPort = 9103
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
-    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] | None = None
+    comm_range_m: CommRange | None = None
     """How far from the ego a robot may take part; None leaves it to the ego's settings."""
-    link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS)] | None = None
+    link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
-    llm: Annotated[str, msgspec.Meta(pattern=_LLM)] = ""
+    llm: Annotated[str, msgspec.Meta(pattern=_LLM, description=_LLM_RULE)] = ""
     """Where language models answer: `embedded`, or the URL of a server; empty runs no gateway."""
     llm_model: Annotated[str, msgspec.Meta(max_length=200)] = ""
     """Which model; empty takes the embedded one's or the server's first."""
-    llm_port: HostPort = 9106
+    llm_port: HostPort = LLM_PORT
     """Where the LLM gateway's HTTP endpoint answers on the host's 127.0.0.1."""
     gateway_metrics_port: HostPort = 9105
     """Where Prometheus scrapes the LLM gateway; in Docker, a port of the host's bridge."""
@@ -105,7 +97,7 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where Grafana answers on the host's 127.0.0.1."""
     console: bool = False
     """Whether the operator's console runs."""
-    console_port: HostPort = 8080
+    console_port: HostPort = CONSOLE_PORT
     """Where it answers on the host's 127.0.0.1."""
     console_metrics_port: HostPort = 9107
     """Where Prometheus scrapes the console; in Docker, a port of the host's bridge."""
@@ -117,10 +109,9 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     def differences(self, other: SwarmSpec) -> tuple[str, ...]:
         """The names of the properties in which two specifications differ, but for when they were
         started."""
-        names = (field.name for field in msgspec.structs.fields(SwarmSpec))
         return tuple(
             name
-            for name in names
+            for name in PROPERTIES
             if name != "epoch_ns" and getattr(self, name) != getattr(other, name)
         )
 
@@ -134,6 +125,9 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     def same_as(self, other: SwarmSpec) -> bool:
         """Whether both describe the same swarm, started at whatever time."""
         return not self.differences(other)
+
+
+PROPERTIES = {field.name: field for field in msgspec.structs.fields(SwarmSpec)}
 
 
 def factory_robots(count: int) -> tuple[str, ...]:
@@ -150,14 +144,13 @@ def make_spec(**values: Any) -> SwarmSpec:
 
     Raises DeployError that names the field, its value and what is allowed.
     """
-    fields = {field.name: field for field in msgspec.structs.fields(SwarmSpec)}
     for name, value in values.items():
-        if name not in fields:
-            raise DeployError(f"{name} is not a property of a swarm; allowed: {sorted(fields)}")
+        if name not in PROPERTIES:
+            raise DeployError(f"{name} is not a property of a swarm; allowed: {sorted(PROPERTIES)}")
         if isinstance(value, float) and not math.isfinite(value):
             raise _invalid(name, value)
         try:
-            msgspec.convert(value, fields[name].type)
+            msgspec.convert(value, PROPERTIES[name].type)
         except msgspec.ValidationError as error:
             raise _invalid(name, value) from error
     robots = tuple(values.get("robots", ()))
@@ -165,11 +158,11 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("robots", robots)
     if "infra" in robots:
         raise DeployError("robot id 'infra' is taken by the router's and Prometheus' host")
-    name = values.get("world", "factory")
+    name = values.get("world", _PROCESS.world)
     if name not in swarm_worlds():
         raise _invalid("world", name, f"one of {', '.join(swarm_worlds())}")
     world = world_kind(name)
-    swarm = values.get("swarm", "local")
+    swarm = values.get("swarm", _PROCESS.swarm)
     values.setdefault("ego", robots[0])
     if values.get("comm_range_m") is None:
         values["comm_range_m"] = world.comm_range_m
@@ -218,6 +211,6 @@ def run_dir_of(swarm: str) -> Path:
     return run_base() / check_name("swarm name", swarm)
 
 
-def _invalid(name: str, value: object, allowed: str = "") -> DeployError:
-    allowed = allowed or _ALLOWED.get(name, "a text without limits")
-    return DeployError(f"{name} = {value!r} is not valid; it must be {allowed}")
+def _invalid(name: str, value: object, rule: str = "") -> DeployError:
+    rule = rule or allowed(PROPERTIES[name].type)
+    return DeployError(f"{name} = {value!r} is not valid; it must be {rule}")

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.spec import RuntimeName, SwarmSpec, run_base, run_dir_of
+from deploy.spec import SwarmSpec, run_base, run_dir_of
 from swarm.errors import DeployError
 from swarm.files import write_whole
+from swarm.settings import Name
 from swarm.transport import MAX_UNIX_PATH
 
 STATE_FILE = "state.json"
@@ -31,7 +32,7 @@ class ProcessMark(msgspec.Struct, frozen=True):
 class State(msgspec.Struct, frozen=True, kw_only=True):
     """What `up` leaves for the other commands."""
 
-    runtime: RuntimeName
+    runtime: Name
     spec: SwarmSpec
     router: str
     """The router's address for tools on the host, as `swarm.transport.client_config` takes it."""

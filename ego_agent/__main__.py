@@ -4,38 +4,22 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry
 
 from ego_agent.agent import EgoAgent
-from ego_agent.execute.ask import Asker
-from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_motion
-from ego_agent.execute.sense import OwnSensor
-from ego_agent.knowledge.base import Knowledge
-from ego_agent.knowledge.journal import Journal
-from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import SLOWER_HZ
-from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.execute.fusion_loop import FrameResult
 from ego_agent.metrics import EgoMetrics
-from ego_agent.monitor.known import KnownRobots
-from ego_agent.monitor.link import LinkEstimate
-from ego_agent.monitor.snapshot import Monitor
-from ego_agent.plan.policies.base import Policy, Requiring
-from ego_agent.plan.policies.registry import make_policy
 from ego_agent.settings import EgoSettings, load_settings
-from ego_agent.steering import Steering
-from perception.detector import configuration
 from perception.fusion.detectors import detector_backend
-from perception.fusion.registry import fusion_names, make_fusion
 from sensing.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
-from swarm.log import Logger, make_logger
+from swarm.log import make_logger
 from swarm.memory import keep_freed_memory
 from swarm.metrics import MetricsServer
-from swarm.process import Clock, leave, stop_on_signals
+from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
 from worlds.base import World
@@ -70,26 +54,12 @@ def run(
     """
     log = make_logger("ego_agent", level=settings.log_level, swarm=settings.swarm, ego=settings.ego)
     registry = CollectorRegistry()
-    metrics = EgoMetrics(registry)
-    available = fusion_names(world.detector)
-    policy = make_policy(settings.policy, available)
-    knowledge = Knowledge(
-        _objective(settings), _algorithms(settings, available, policy), learns=settings.learn
-    )
-    steering = Steering(settings, policy, knowledge.algorithms, log)
-    journal = Journal(Path(settings.journal)) if settings.journal else None
-    if journal is not None:
-        # Before anybody can read them: a scrape never sees less than the journal holds.
-        metrics.restore(journal.totals)
-        if journal.torn_bytes:
-            log.warning("journal_torn", path=str(journal.path), bytes=journal.torn_bytes)
+    agent = EgoAgent.from_settings(settings, world, EgoMetrics(registry), log, on_result=on_result)
     try:
         server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
     except SettingError:
-        if journal is not None:
-            journal.close()
+        agent.close()
         raise
-    agent = _agent(settings, world, knowledge, steering, journal, metrics, log, on_result)
 
     def connect() -> Session | None:
         try:
@@ -99,7 +69,7 @@ def run(
 
     log.info(
         "ego_up",
-        policy=policy.name,
+        policy=settings.policy,
         period_s=settings.period_s,
         metrics_port=server.port,
         detector_backend=detector_backend(world.detector),
@@ -108,92 +78,8 @@ def run(
         agent.run(settings.period_s, stop, connect)
     finally:
         server.close()
-        if journal is not None:
-            journal.close()
         agent.close()
-        steering.close()
     log.info("ego_down")
-
-
-def _agent(
-    settings: EgoSettings,
-    world: World,
-    knowledge: Knowledge,
-    steering: Steering,
-    journal: Journal | None,
-    metrics: EgoMetrics,
-    log: Logger,
-    on_result: Callable[[FrameResult], None] | None,
-) -> EgoAgent:
-    clock = Clock()
-    link = LinkEstimate(settings.link_prior_bps)
-    monitor = Monitor(settings.ego, link, clock=clock)
-    tally = TallyKeeper()
-    body = configuration(world.detector).usual_body
-    sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
-    asker = Asker(
-        settings.ego,
-        monitor,
-        link,
-        knowledge,
-        tally,
-        clock,
-        1.0 / world.rate_hz,
-        max_error_m=settings.max_error_m,
-        keep_ground=settings.keep_ground,
-    )
-    fusion = FusionLoop(
-        settings.ego,
-        sensor,
-        asker,
-        {name: make_fusion(name, world.detector) for name in knowledge.algorithms},
-        live_motion(world.detector, world.rate_hz),
-        tally,
-        log,
-        detector=world.detector,
-        known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
-        rate_hz=settings.fusion_rate_hz,
-        deadline_s=settings.deadline_s,
-        on_result=on_result,
-    )
-    return EgoAgent(
-        monitor=monitor,
-        knowledge=knowledge,
-        steering=steering,
-        sensor=sensor,
-        fusion=fusion,
-        tally=tally,
-        journal=journal,
-        metrics=metrics,
-        clock=clock,
-        log=log,
-        usual_body=body,
-    )
-
-
-def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy) -> tuple[str, ...]:
-    """What is decided among: the settings' algorithms, and the one that the policy needs."""
-    wanted = [name for name in settings.algorithms if name in available]
-    if isinstance(policy, Requiring) and policy.requires not in wanted:
-        wanted.append(policy.requires)
-    if not wanted:
-        raise SettingError(
-            f"{PREFIX}ALGORITHMS = {','.join(settings.algorithms)!r} holds none that can be used "
-            f"in world {settings.world!r}; allowed: {', '.join(available)}"
-        )
-    return tuple(wanted)
-
-
-def _objective(settings: EgoSettings) -> Objective:
-    return Objective(
-        lambda_cost=settings.cost_weight,
-        q_min=settings.q_min,
-        rate_hz=settings.fusion_rate_hz,
-        deadline_s=settings.deadline_s,
-        slower_hz=SLOWER_HZ if settings.learn else (),
-        comm_range_m=settings.comm_range_m,
-        headroom=settings.headroom,
-    )
 
 
 def _check_ego(settings: EgoSettings, world: World) -> None:

@@ -10,36 +10,48 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
 from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.scene import analyze
-from ego_agent.execute.fusion_loop import FusionLoop
+from ego_agent.execute.ask import Asker
+from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_motion
 from ego_agent.execute.sense import OwnSensor
-from ego_agent.knowledge.base import CycleResult, Knowledge
+from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord, Journal
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
-from ego_agent.knowledge.record import cycle_record
-from ego_agent.knowledge.tally import Tally, TallyKeeper
+from ego_agent.knowledge.record import cycle_record, cycle_result
+from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.metrics import EgoMetrics
+from ego_agent.monitor.known import KnownRobots
+from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.arrivals import Arrivals
 from ego_agent.plan.control_budget import ControlBudget, Wish
 from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import DemandMeter
+from ego_agent.plan.policies.base import Policy, Requiring
+from ego_agent.plan.policies.registry import make_policy
 from ego_agent.plan.probe import Prober
+from ego_agent.settings import EgoSettings
 from ego_agent.steering import Steering
+from perception.detector import configuration
+from perception.fusion.base import Fusion
+from perception.fusion.registry import fusion_names, make_fusion
 from swarm import keyspace
 from swarm.body import Body
-from swarm.errors import JournalError, TransportError
+from swarm.errors import JournalError, SettingError, TransportError
 from swarm.log import Logger
 from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
+from swarm.settings import PREFIX
+from worlds.base import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +85,12 @@ class EgoAgent:
         usual_body: Body,
     ) -> None:
         """`usual_body`: of robots that announce none."""
-        self._monitor = monitor
-        self._knowledge = knowledge
+        self.monitor = monitor
+        self.knowledge = knowledge
         self._steering = steering
-        self._sensor = sensor
-        self._fusion = fusion
-        self._tally = tally
+        self.sensor = sensor
+        self.fusion = fusion
+        self.tally = tally
         self._journal = journal
         self._metrics = metrics
         self._clock = clock
@@ -96,6 +108,82 @@ class EgoAgent:
         self._ignored: dict[str, int] = defaultdict(int)
         self._detections_lost = 0
 
+    @classmethod
+    def from_settings(
+        cls,
+        settings: EgoSettings,
+        world: World,
+        metrics: EgoMetrics,
+        log: Logger,
+        *,
+        fusions: Mapping[str, Fusion] | None = None,
+        on_result: Callable[[FrameResult], None] | None = None,
+    ) -> EgoAgent:
+        """An ego in a world; `close` it. `metrics` show at once what its journal holds.
+
+        `fusions` by algorithm are those of the world's detector, where no others are given.
+        `on_result` hears of each published frame, on the fusing thread.
+
+        Raises SettingError where no algorithm can be used, DecisionError for a policy that is
+        unknown or cannot decide here, and JournalError for a journal that cannot be written.
+        """
+        available = fusion_names(world.detector) if fusions is None else tuple(fusions)
+        policy = make_policy(settings.policy, available)
+        algorithms = _algorithms(settings, available, policy)
+        if fusions is None:
+            fusions = {name: make_fusion(name, world.detector) for name in algorithms}
+        knowledge = Knowledge(settings.objective(), algorithms, learns=settings.learn)
+        clock = Clock()
+        link = LinkEstimate(settings.link_prior_bps)
+        monitor = Monitor(settings.ego, link, clock=clock)
+        tally = TallyKeeper()
+        body = configuration(world.detector).usual_body
+        sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
+        asker = Asker(
+            settings.ego,
+            monitor,
+            link,
+            knowledge,
+            tally,
+            clock,
+            1.0 / world.rate_hz,
+            max_error_m=settings.max_error_m,
+            keep_ground=settings.keep_ground,
+        )
+        fusion = FusionLoop(
+            settings.ego,
+            sensor,
+            asker,
+            fusions,
+            live_motion(world.detector, world.rate_hz),
+            tally,
+            log,
+            detector=world.detector,
+            known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
+            rate_hz=settings.fusion_rate_hz,
+            deadline_s=settings.deadline_s,
+            on_result=on_result,
+        )
+        steering = Steering(settings, policy, knowledge.algorithms, log)
+        journal = Journal(Path(settings.journal)) if settings.journal else None
+        if journal is not None:
+            metrics.restore(journal.totals)
+            if journal.torn_bytes:
+                log.warning("journal_torn", path=str(journal.path), bytes=journal.torn_bytes)
+        return cls(
+            monitor=monitor,
+            knowledge=knowledge,
+            steering=steering,
+            sensor=sensor,
+            fusion=fusion,
+            tally=tally,
+            journal=journal,
+            metrics=metrics,
+            clock=clock,
+            log=log,
+            usual_body=body,
+        )
+
     def run(
         self, period_s: float, stop: threading.Event, connect: Callable[[], Session | None]
     ) -> None:
@@ -104,7 +192,7 @@ class EgoAgent:
         connector.start()
         number = self._journal.next_cycle if self._journal else 1
         previous: Decision | None = None
-        self._fusion.start()
+        self.fusion.start()
         due = time.monotonic()
         stopping = False
         # A stop that comes while a line is written ends the cycle after it, whose line holds the
@@ -120,7 +208,7 @@ class EgoAgent:
                 due += late * period_s
             stopping = stop.wait(max(0.0, due - time.monotonic()))
             if stopping:
-                self._fusion.stop()  # the last line holds the last frame too
+                self.fusion.stop()  # the last line holds the last frame too
             try:
                 self._complete(running)
             except Exception:
@@ -128,18 +216,21 @@ class EgoAgent:
                 self._log.error("cycle_not_recorded", exc_info=True)
 
     def close(self) -> None:
-        """Closes the session, if there is one."""
+        """Closes journal and session, if there are any, and lets go of the policy."""
+        if self._journal is not None:
+            self._journal.close()
         if self._session is not None:
             self._session.close()
+        self._steering.close()
 
     def _connect(self, connect: Callable[[], Session | None]) -> None:
         try:
             session = connect()
             if session is None:
                 return
-            self._monitor.attach(session)
+            self.monitor.attach(session)
             self._own_duty.attach(session)
-            self._fusion.connect(session)
+            self.fusion.connect(session)
             self._session = session
             self._steering.attach(session)
             self._log.info("router_reached")
@@ -150,16 +241,16 @@ class EgoAgent:
     def _begin(self, number: int, previous: Decision | None) -> _Running:
         """One cycle up to its published decision."""
         begun = time.perf_counter()
-        self._sensor.locate()
+        self.sensor.locate()
         self._own_duty.look(self._session)
         now_ns = self._clock.now_ns()
-        snapshot = self._monitor.snapshot(number, now_ns)
+        snapshot = self.monitor.snapshot(number, now_ns)
         scene: UnifiedScene | None = None
-        policy = self._steering.take(self._knowledge)
+        policy = self._steering.take(self.knowledge)
         try:
-            scene = analyze(snapshot, self._knowledge)
-            decision = plan(snapshot, scene, policy, self._knowledge, previous, number, now_ns)
-            doubts = doubted(snapshot, self._knowledge.objective, self._usual_body)
+            scene = analyze(snapshot, self.knowledge)
+            decision = plan(snapshot, scene, policy, self.knowledge, previous, number, now_ns)
+            doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
             decision = msgspec.structs.replace(decision, probe=self._probe, doubted=doubts)
         except Exception as error:
             self._metrics.cycle_faults.inc()
@@ -168,7 +259,7 @@ class EgoAgent:
             decision = self._alone(snapshot, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
         decision = self._told(decision, snapshot, scene)
-        self._fusion.follow(decision)
+        self.fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(scene, decision, control)
@@ -181,7 +272,7 @@ class EgoAgent:
         """The decision with what keeps it from being carried out; no fault of that harms it."""
         narrow = self._control.too_narrow
         try:
-            return self._arrivals.told(decision, snapshot, scene, self._knowledge, narrow)
+            return self._arrivals.told(decision, snapshot, scene, self.knowledge, narrow)
         except Exception:
             self._metrics.cycle_faults.inc()
             self._log.error("arrivals_failed", cycle=decision.cycle, exc_info=True)
@@ -196,10 +287,10 @@ class EgoAgent:
         try:
             demand = self._demand.take(
                 scene,
-                self._knowledge,
+                self.knowledge,
                 decision,
                 sent_ns=self._clock.now_ns(),
-                steady_ns=self._monitor.stamp(),
+                steady_ns=self.monitor.stamp(),
                 control=control,
                 now_s=time.monotonic(),
             )
@@ -216,7 +307,7 @@ class EgoAgent:
         if scene is None:
             return None
         try:
-            return self._prober.take(scene, self._knowledge, decision, time.monotonic())
+            return self._prober.take(scene, self.knowledge, decision, time.monotonic())
         except Exception:
             self._metrics.cycle_faults.inc()
             self._log.error("probe_failed", cycle=decision.cycle, exc_info=True)
@@ -229,12 +320,12 @@ class EgoAgent:
             cycle=snapshot.cycle,
             decided_ns=snapshot.now_ns,
             participants=(self._ego,),
-            algorithm=self._knowledge.best_algorithm(),
+            algorithm=self.knowledge.best_algorithm(),
             reason=reason,
             source="fallback",
             policy=policy,
             valid=snapshot.robots[self._ego].beacon is not None,
-            rate_hz=self._knowledge.objective.rate_hz,
+            rate_hz=self.knowledge.objective.rate_hz,
             capacity_bps=max(1.0, snapshot.capacity_bps),
         )
 
@@ -253,7 +344,7 @@ class EgoAgent:
 
     def _complete(self, running: _Running) -> None:
         """Writes the cycle's line; only then does the cycle count as completed."""
-        tally = self._tally.take()
+        tally = self.tally.take()
         self._arrivals.take(running.decision, tally)
         record = cycle_record(
             running.snapshot,
@@ -264,15 +355,15 @@ class EgoAgent:
             cycle_ms=running.cycle_ms,
             demand=running.demand,
         )
-        self._knowledge.record_result(_result(running.decision, tally))
+        self.knowledge.record_result(cycle_result(running.decision, tally))
         if self._journal is None:
             self._metrics.committed(record)
         else:
             self._commit(self._journal, record)
-        lost = self._fusion.unpublished
+        lost = self.fusion.unpublished
         self._metrics.publish_failures.labels("detections").inc(lost - self._detections_lost)
         self._detections_lost = lost
-        counts = self._monitor.counts()
+        counts = self.monitor.counts()
         self._count_ignored("out_of_order", counts.out_of_order)
         self._count_ignored("no_room", counts.no_room)
         self._log.info(
@@ -300,15 +391,14 @@ class EgoAgent:
         self._ignored[reason] = total
 
 
-def _result(decision: Decision, tally: Tally) -> CycleResult:
-    return CycleResult(
-        cycle=decision.cycle,
-        algorithm=decision.algorithm,
-        participants=decision.participants,
-        source=decision.source,
-        quality=decision.quality,
-        predicted_bytes=decision.cost_bytes,
-        received_bytes=tally.received.total(),
-        frames=tally.fused,
-        latency_ms=tally.frame_p50_ms() or 0.0,
-    )
+def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy) -> tuple[str, ...]:
+    """What is decided among: the settings' algorithms, and the one that the policy needs."""
+    wanted = [name for name in settings.algorithms if name in available]
+    if isinstance(policy, Requiring) and policy.requires not in wanted:
+        wanted.append(policy.requires)
+    if not wanted:
+        raise SettingError(
+            f"{PREFIX}ALGORITHMS = {','.join(settings.algorithms)!r} holds none that can be used "
+            f"in world {settings.world!r}; allowed: {', '.join(available)}"
+        )
+    return tuple(wanted)

@@ -7,9 +7,15 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from ego_agent.knowledge.objective import Headroom, Objective, Weight
+from ego_agent.knowledge.pace import SLOWER_HZ
+from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
+from swarm.messages.steer import QMin
 from swarm.process import Algorithms, ProcessSettings
 from swarm.settings import Name, load
+
+_USUAL = Objective()
 
 
 class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
@@ -17,24 +23,22 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
 
     ego: Name = "R1"
     """The robot that fuses; its scans come from the world, never over the link."""
-    policy: Name = "coverage"
+    policy: Name = POLICY
     algorithms: Algorithms = ALGORITHMS
     """Fusion algorithms that policies may choose from; those that cannot be used are left out."""
-    period_s: Annotated[float, msgspec.Meta(ge=0.05, le=3600)] = 1.0
-    """Time between two decisions; the paper uses 5 s."""
-    fusion_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 10.0
-    deadline_s: Annotated[float, msgspec.Meta(gt=0, le=4)] = 0.25
+    period_s: Period = PERIOD_S
+    fusion_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = _USUAL.rate_hz
+    deadline_s: Annotated[float, msgspec.Meta(gt=0, le=4)] = _USUAL.deadline_s
     """How long a fused frame waits for the robots. Zenoh closes a transport that is blocked for
     5 s, so it must stay below that."""
     learn: bool = True
     """Whether decisions heed how long answers have taken, and may choose a lower rate; without,
     rate and deadline stay as they are set here."""
-    q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
-    cost_weight: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
+    q_min: QMin = Q_MIN
+    cost_weight: Weight = _USUAL.lambda_cost
     """lambda of the objective Q - lambda * C: quality that one megabyte a frame must bring."""
-    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] = 45.0
-    headroom: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
-    """Share of C(t) that a decision may fill."""
+    comm_range_m: CommRange = COMM_RANGE_M
+    headroom: Headroom = _USUAL.headroom
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
     """C(t) before anything was measured."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
@@ -56,6 +60,18 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     world that it has learnt in."""
     journal: str = ""
     """Path of the journal; empty keeps none."""
+
+    def objective(self) -> Objective:
+        """What the ego's decisions aim at."""
+        return Objective(
+            lambda_cost=self.cost_weight,
+            q_min=self.q_min,
+            rate_hz=self.fusion_rate_hz,
+            deadline_s=self.deadline_s,
+            slower_hz=SLOWER_HZ if self.learn else (),
+            comm_range_m=self.comm_range_m,
+            headroom=self.headroom,
+        )
 
 
 def load_settings(environment: Mapping[str, str] | None = None) -> EgoSettings:

@@ -127,7 +127,9 @@ def _connect(path: Path) -> sqlite3.Connection:
         database.execute("PRAGMA journal_size_limit = 4000000")
         (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
         if found != "ok":
-            raise sqlite3.DatabaseError(f"malformed: {found}")
+            damaged = sqlite3.DatabaseError(f"malformed: {found}")
+            damaged.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+            raise damaged
         database.executescript(_TABLE)
     except BaseException:
         database.close()
@@ -146,4 +148,6 @@ def _entry(row: tuple[Any, ...]) -> Entry | None:
 
 
 def _is_corrupt(error: sqlite3.DatabaseError) -> bool:
-    return "malformed" in str(error) or "not a database" in str(error)
+    # The low byte is the kind of an extended code; faults of Python's module have none.
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_OK) & 0xFF
+    return code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
+from swarm.defaults import LLM_PORT
 from swarm.errors import SettingError
 from swarm.process import SwarmSettings
-from swarm.settings import Port, Seconds, Secret, load, shown
+from swarm.settings import Name, Port, Seconds, Secret, load, shown
 
 _KEY = re.compile(r"[\x21-\x7e]{1,4096}")
 
@@ -19,7 +20,7 @@ _KEY = re.compile(r"[\x21-\x7e]{1,4096}")
 class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     """How a site's models are asked. Field `llm_url` is read from `COADAPT_LLM_URL`."""
 
-    llm_backend: Literal["none", "openai", "llamacpp"] = "none"
+    llm_backend: Name = "none"
     llm_url: str = ""
     """Of the OpenAI-compatible server, up to and including its version (`http://host:8000/v1`)."""
     llm_model: str = ""
@@ -46,7 +47,7 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_cache_ttl_s: Annotated[float, msgspec.Meta(gt=0, le=30 * 86_400)] = 300.0
     llm_cache_entries: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10_000
     llm_http_host: str = "127.0.0.1"
-    llm_http_port: Port = 9106
+    llm_http_port: Port = LLM_PORT
     """Where the OpenAI-compatible endpoint answers; 0 takes any free port."""
     llm_http_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""

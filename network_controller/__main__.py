@@ -20,6 +20,7 @@ from network_controller.telemetry.flows import Flows
 from network_controller.wishes import Wish, Wishes
 from swarm import keyspace, transport
 from swarm.errors import CoAdaptError, TransportError
+from swarm.listening import hear
 from swarm.log import Logger, make_logger
 from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
 from swarm.metrics import MetricsServer
@@ -153,11 +154,9 @@ class _Link:
             )
         except TransportError:
             return
-        swarm = session.swarm
-        session.subscribe(
-            keyspace.net_demand(swarm), NetDemand, lambda d, _: self._controller.on_demand(d)
-        )
-        session.serve(keyspace.net_shape(swarm), ShapeRequest, self._controller.request, workers=1)
+        hear(session, {NetDemand: self._controller.on_demand})
+        key = keyspace.net_shape(session.swarm)
+        session.serve(key, ShapeRequest, self._controller.request, workers=1)
         self._session = session
         self._log.info("router_reached")
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
+from swarm.defaults import QOD_PORT
 from swarm.errors import SettingError
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
@@ -18,7 +19,7 @@ Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
 class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """How the links of one host are controlled. Field `driver` is read from `COADAPT_DRIVER`."""
 
-    driver: Literal["netns", "docker"] = "netns"
+    driver: Name = "netns"
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
     link_bps: Rate | None = None
@@ -36,7 +37,7 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     windows: Annotated[int, msgspec.Meta(ge=1, le=100)] = 3
     """Windows of shortfall, or of ease, in a row before the controller acts."""
     qod_host: str = "127.0.0.1"
-    qod_port: Port = 9104
+    qod_port: Port = QOD_PORT
     """Where the Quality-on-Demand API answers; 0 takes any free port."""
     qod_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""

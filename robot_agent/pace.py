@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from swarm import keyspace
+from swarm.listening import hear
 from swarm.messages import NetDemand
 from swarm.session import Session
 
@@ -42,8 +42,7 @@ class Pace:
 
     def attach(self, session: Session) -> None:
         """Listens to every ego."""
-        key = keyspace.net_demand(session.swarm)
-        session.subscribe(key, NetDemand, lambda demand, _: self.on_demand(demand))
+        hear(session, {NetDemand: self.on_demand})
 
     def on_demand(self, demand: NetDemand) -> None:
         """Takes an ego's word."""

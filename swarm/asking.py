@@ -126,7 +126,8 @@ class Question(Generic[M]):
         """What an error reply means: a refusal of the asked process, or Zenoh's own `Timeout`."""
         data = reply.payload.to_bytes() if reply is not None else b""
         try:
-            return RefusedError(decode(data, Refusal).reason, self._key)
+            refusal = decode(data, Refusal)
+            return RefusedError(refusal.reason, self._key, refusal.code)
         except MessageError:
             if data == b"Timeout":
                 return self._no_answer("none came in time")

@@ -37,6 +37,9 @@ is open; the back end failed; the model's answer does not follow the schema."""
 class CoAdaptError(Exception):
     """Base of all errors raised on purpose."""
 
+    code: str = ""
+    """The kind of trouble, where an error names one; a `Refusal` carries it to who asked."""
+
 
 class SettingError(CoAdaptError):
     """A setting is missing, malformed or out of range."""
@@ -57,10 +60,12 @@ class TransportError(CoAdaptError):
 class RefusedError(TransportError):
     """A process answered a request with a refusal."""
 
-    def __init__(self, reason: str, key: str = "") -> None:
-        """`reason` is the process' own; `key`, where it was asked, is in the message only."""
+    def __init__(self, reason: str, key: str = "", code: str = "") -> None:
+        """`reason` and `code` are the process' own; `key`, where it was asked, is in the message
+        only."""
         super().__init__(f"{key} refused: {reason}" if key else reason)
         self.reason = reason
+        self.code = code
 
 
 class WorldError(CoAdaptError):
@@ -108,15 +113,14 @@ class LinkGoneError(NetworkError):
 
 
 class GatewayError(CoAdaptError):
-    """A request to a language model got no answer that can be used.
+    """A request to a language model got no answer that can be used."""
 
-    `code` says what kind of trouble it was; the text begins with it, so that it survives a
-    `Refusal` on the wire.
-    """
+    code: GatewayCode
 
     def __init__(self, code: GatewayCode, why: str) -> None:
         super().__init__(f"{code}: {why}")
-        self.code: GatewayCode = code
+        self.code = code
+        self.why = why
 
 
 class RecordingError(CoAdaptError):

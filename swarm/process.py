@@ -13,6 +13,7 @@ from typing import Annotated, Literal, NoReturn
 
 import msgspec
 
+from swarm.defaults import ROUTER_PORT, SWARM
 from swarm.messages.base import Algorithm
 from swarm.settings import Name, Port
 
@@ -22,13 +23,15 @@ _NS = 1_000_000_000
 class SwarmSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Settings that all processes of one swarm have in common."""
 
-    swarm: Name = "local"
-    router: str = "tcp/127.0.0.1:7447"
+    swarm: Name = SWARM
+    router: str = f"tcp/127.0.0.1:{ROUTER_PORT}"
     metrics_host: str = "127.0.0.1"
     metrics_port: Port = 9100
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 
+Seed = Annotated[int, msgspec.Meta(ge=0)]
+Rings = Literal[16, 32, 64]
 Algorithms = Annotated[tuple[Algorithm, ...], msgspec.Meta(min_length=1, max_length=16)]
 
 
@@ -40,8 +43,8 @@ class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     world_data: str = ""
     """What the world needs: recorded data (a directory or a file), or a live robot's address."""
     world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6
-    world_seed: Annotated[int, msgspec.Meta(ge=0)] = 1
-    world_rings: Literal[16, 32, 64] = 32
+    world_seed: Seed = 1
+    world_rings: Rings = 32
     world_scenario: str = "floor"
     world_cache: str = ""
     """Directory for simulated or parsed scans; empty keeps none."""

@@ -20,6 +20,7 @@ import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
 from swarm import keyspace, transport
+from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.messages import Backlog, TcpState, encode
@@ -105,7 +106,9 @@ def main() -> int:
     """Runs a router until SIGTERM or SIGINT."""
     parser = argparse.ArgumentParser(prog="python -m swarm.router", description=__doc__)
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on")
-    parser.add_argument("--port", type=int, default=7447, help="first of three ports, one a class")
+    parser.add_argument(
+        "--port", type=int, default=ROUTER_PORT, help="first of three ports, one a class"
+    )
     parser.add_argument("--unix-socket", help="also listen on this Unix socket")
     parser.add_argument(
         "--metrics-port", type=int, help="serve /metrics on this port of the same address"

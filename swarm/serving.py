@@ -114,7 +114,8 @@ class Server(Generic[M]):
             self._queries.append(newest)
             loser = self._queries.popleft()
         with loser.query:
-            self._refuse(loser.query, f"busy: {self._max_waiting} requests are waiting already")
+            why = f"busy: {self._max_waiting} requests are waiting already"
+            self._refuse(loser.query, why, code="busy")
 
     def _answer_next(self) -> None:
         query, asked, until = self._queries.pop() if self._newest_first else self._queries.popleft()
@@ -138,7 +139,7 @@ class Server(Generic[M]):
         try:
             data = encode(self._handler(request))
         except CoAdaptError as error:
-            self._refuse(query, str(error), number)
+            self._refuse(query, str(error), number, error.code)
         except Exception as error:
             self._log.error("handler_failed", key=self._key, exc_info=True)
             self._refuse(query, f"internal error: {type(error).__name__}", number)
@@ -163,5 +164,6 @@ class Server(Generic[M]):
         finally:
             self._credits.close(asked.token)
 
-    def _refuse(self, query: zenoh.Query, reason: str, request: int = 0) -> None:
-        query.reply_err(encode(Refusal(robot=self._robot, request=request, reason=reason)))
+    def _refuse(self, query: zenoh.Query, reason: str, request: int = 0, code: str = "") -> None:
+        refusal = Refusal(robot=self._robot, request=request, reason=reason, code=code)
+        query.reply_err(encode(refusal))

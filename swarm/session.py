@@ -91,8 +91,8 @@ class Session:
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {error}") from error
 
-    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M, str], None]) -> None:
-        """Calls `on_message(message, key)` for every valid message on a key expression.
+    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M], object]) -> None:
+        """Calls `on_message(message)` for every valid message on a key expression.
 
         Messages that do not validate are counted, logged once a sender, and dropped. While a
         session that lost links is replaced, a message may come twice.
@@ -113,7 +113,7 @@ class Session:
                 self._drop(kind, sender, error)
                 return
             try:
-                on_message(message, sender)
+                on_message(message)
             except Exception:
                 # A handler's fault must not end Zenoh's thread, which serves other messages too.
                 self._log.error("handler_failed", key=sender, exc_info=True)

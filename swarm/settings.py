@@ -12,7 +12,8 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from types import NoneType
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
 
@@ -20,11 +21,19 @@ from swarm.errors import SettingError
 
 PREFIX = "COADAPT_"
 
-Port = Annotated[int, msgspec.Meta(ge=0, le=65535)]
-Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
+NAME_RULE = "1 to 32 letters, digits, '_' or '-'"
+
+Port = Annotated[int, msgspec.Meta(ge=0, le=65535, description="a port")]
+Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600, description="seconds")]
 Secret = Annotated[str, msgspec.Meta(extra={"secret": True})]
 """A key or token: neither errors nor `shown` tell its value."""
-Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]
+Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$", description=NAME_RULE)]
+
+_BASES = {
+    float: "a number", int: "a whole number", str: "text", bool: "true or false", NoneType: "unset"
+}  # fmt: skip
+_RANGES = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+_FORMS = {"pattern": "like", "min_length": "of length >=", "max_length": "of length <="}
 
 S = TypeVar("S", bound=msgspec.Struct)
 
@@ -44,7 +53,7 @@ def load(kind: type[S], environment: Mapping[str, str] | None = None) -> S:
         elif field.name in file_values:
             source, raw = field.name, file_values[field.name]
         elif field.required:
-            raise SettingError(f"{variable} is not set; it must be {_allowed(field.type)}")
+            raise SettingError(f"{variable} is not set; it must be {allowed(field.type)}")
         else:
             continue
         try:
@@ -53,12 +62,37 @@ def load(kind: type[S], environment: Mapping[str, str] | None = None) -> S:
             if field.type == Secret:
                 raise SettingError(f"{variable} is not valid; it must be text") from None
             raise SettingError(
-                f"{source} = {raw!r} is not valid: {error}; it must be {_allowed(field.type)}"
+                f"{source} = {raw!r} is not valid: {error}; it must be {allowed(field.type)}"
             ) from error
         # Comparisons with NaN are false, so it passes any limit.
         if isinstance(values[field.name], float) and not math.isfinite(values[field.name]):
             raise SettingError(f"{source} = {raw!r} is not valid; it must be a finite number")
     return kind(**values)
+
+
+def allowed(kind: Any) -> str:
+    """What a field of that type may be, in words: its limits, behind its `description` if it has
+    one."""
+    if get_origin(kind) is Annotated:
+        base, *others = get_args(kind)
+        metas = [meta for meta in others if isinstance(meta, msgspec.Meta)]
+        named = next((meta.description for meta in metas if meta.description), None)
+        words = _RANGES if named else _RANGES | _FORMS
+        limits = [
+            f"{word} {getattr(meta, name)}"
+            for meta in metas
+            for name, word in words.items()
+            if getattr(meta, name) is not None
+        ]
+        return f"{named or allowed(base)} {' and '.join(limits)}".strip()
+    arguments = [argument for argument in get_args(kind) if argument is not Ellipsis]
+    if get_origin(kind) in (tuple, list):
+        return f"a list of {allowed(arguments[0])}"
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(map(str, arguments))}"
+    if arguments:
+        return " or ".join(map(allowed, arguments))
+    return _BASES.get(kind, str(getattr(kind, "__name__", kind)))
 
 
 def shown(settings: msgspec.Struct) -> str:
@@ -87,24 +121,3 @@ def _split(raw: str, kind: Any) -> Any:
     if get_origin(kind) in (tuple, list):
         return [part.strip() for part in raw.split(",") if part.strip()]
     return raw
-
-
-def _allowed(kind: Any) -> str:
-    """The limits of a field in words, for the error message."""
-    if get_origin(kind) is Annotated:
-        base, *metas = get_args(kind)
-        limits = [
-            f"{name} {getattr(meta, name)}"
-            for meta in metas
-            for name in ("gt", "ge", "lt", "le", "pattern", "min_length", "max_length")
-            if isinstance(meta, msgspec.Meta) and getattr(meta, name) is not None
-        ]
-        return " ".join([_allowed(base), *limits])
-    arguments = get_args(kind)
-    if arguments and all(isinstance(a, str) for a in arguments):
-        return "one of " + ", ".join(arguments)
-    if arguments:
-        inner = [a for a in arguments if a is not Ellipsis]
-        joined = " or ".join(_allowed(a) for a in inner)
-        return joined if get_origin(kind) not in (tuple, list) else f"a list of {joined}"
-    return "unset" if kind is type(None) else str(getattr(kind, "__name__", kind))

@@ -6,13 +6,11 @@ changed. Options are looked for where they are installed, and loaded when they a
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import pkgutil
 from functools import cache
 from pathlib import Path
 
 from swarm.errors import WorldError
+from swarm.registry import by_name, registered
 from worlds.base import World
 from worlds.kinds import Reader, WorldKind, WorldRequest
 
@@ -22,17 +20,7 @@ ROOMS = ("worlds", "options")
 @cache
 def world_kinds() -> dict[str, WorldKind]:
     """All kinds by name, sorted. Raises WorldError where two have the same name."""
-    found: dict[str, WorldKind] = {}
-    for room in ROOMS:
-        spec = importlib.util.find_spec(room)
-        places = spec.submodule_search_locations if spec else None
-        for module in pkgutil.iter_modules(places or ()):
-            loaded = importlib.import_module(f"{room}.{module.name}")
-            for kind in getattr(loaded, "WORLDS", ()):
-                if kind.name in found:
-                    raise WorldError(f"two worlds are called {kind.name!r}")
-                found[kind.name] = kind
-    return dict(sorted(found.items()))
+    return by_name(registered("WORLDS", *ROOMS), "worlds", WorldError)
 
 
 def world_kind(name: str) -> WorldKind:

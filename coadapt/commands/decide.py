@@ -8,6 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from swarm.defaults import POLICY
+
 
 def register(commands: Any) -> None:
     """Adds `decide` to the subparsers of `coadapt`."""
@@ -25,9 +27,9 @@ def register(commands: Any) -> None:
     )
     parser.add_argument(
         "--policy",
-        default="coverage",
+        default=POLICY,
         metavar="NAME",
-        help="coverage, rules, static-early, ... (default: coverage); an unknown name lists all",
+        help="coverage, rules, static-early, ... (default: %(default)s); an unknown name lists all",
     )
     parser.add_argument(
         "--explain", action="store_true", help="add what each robot offers, and who is left out"

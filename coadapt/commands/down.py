@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from coadapt.arguments import add_swarm
 from deploy import runtimes
 from deploy.state import read_state
 from swarm.errors import DeployError
@@ -12,7 +13,7 @@ from swarm.errors import DeployError
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Adds `down` to the command line."""
     parser = subparsers.add_parser("down", help="stop a swarm", description=__doc__)
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    add_swarm(parser)
     parser.set_defaults(run=run)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import deque
 
+from coadapt.arguments import add_swarm
 from deploy import runtimes
 from deploy.state import need_state
 
@@ -18,7 +19,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "service", nargs="?", help="such as ego-R1 or router; without, the last lines of each"
     )
     parser.add_argument("--follow", "-f", action="store_true", help="go on with what comes")
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    add_swarm(parser)
     parser.set_defaults(run=run)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from coadapt.arguments import add_swarm
 from deploy.prometheus import Alert, Prometheus, Sample, Target
 from deploy.state import need_state
 from swarm.errors import DeployError
@@ -49,7 +50,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "metrics", help="show alerts and key figures", description=__doc__
     )
     parser.add_argument("--json", action="store_true", help="one object on standard output")
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    add_swarm(parser)
     parser.set_defaults(run=run)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from coadapt.arguments import add_swarm
 from coadapt.net_client import ask, watch_state
 from coadapt.net_view import render
 from coadapt.operator import operator
@@ -70,7 +71,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         # A negative rate is a wrong rate, which its own message explains; not an option.
         one._negative_number_matcher = _NEGATIVE
     for one in (shape, congest, show):
-        one.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+        add_swarm(one)
         one.add_argument("--json", action="store_true", help="one object on standard output")
         one.set_defaults(run=run, parser=one)
 

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from coadapt.arguments import algorithm_names, at_least_zero, comma_separated
+from coadapt.arguments import at_least_zero, comma_separated
+from perception.fusion.algorithms import all_fusions
 
 
 def register(commands: Any) -> None:
@@ -36,7 +37,7 @@ def register(commands: Any) -> None:
         "--algorithm",
         default="early",
         metavar="NAME",
-        help=f"{', '.join(algorithm_names())}; single is the ego alone (default: early)",
+        help=f"{', '.join(all_fusions())}; single is the ego alone (default: early)",
     )
     parser.add_argument("--pose-noise", type=at_least_zero, default=0.0, metavar="M")
     parser.add_argument("--delay", type=at_least_zero, default=0.0, metavar="S")

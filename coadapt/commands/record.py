@@ -7,6 +7,7 @@ import time
 from importlib import resources
 from pathlib import Path
 
+from coadapt.arguments import add_swarm
 from deploy.progress import say
 from deploy.state import State, need_state, read_state
 from swarm.errors import CoAdaptError, RecordingError
@@ -25,7 +26,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="FILE.mcap",
         help="a new file (default: var/<swarm>/recordings/<time>.mcap)",
     )
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    add_swarm(parser)
     parser.add_argument("--seconds", type=float, help="how long (default: until Ctrl-C)")
     parser.add_argument(
         "--points",

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from coadapt.arguments import add_swarm
 from deploy import runtimes
 from deploy.observe import SwarmView, Watch
 from deploy.rates import format_rate
@@ -26,7 +27,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("status", help="show a swarm", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.add_argument("--watch", action="store_true", help="draw again every second")
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    add_swarm(parser)
     parser.set_defaults(run=run)
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from coadapt.arguments import add_swarm
 from coadapt.asking import ask_patiently
 from coadapt.operator import operator
 from deploy.state import need_state
@@ -36,7 +37,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--yes", action="store_true", help="stop the ego's own robot, too: it sees nothing then"
     )
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
+    add_swarm(parser)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.set_defaults(run=run)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args, get_origin
 
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
@@ -12,9 +12,11 @@ from deploy.progress import say
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
-from deploy.spec import SwarmSpec, factory_robots, make_spec
+from deploy.spec import PROPERTIES, SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
+from swarm.defaults import POLICY
 from swarm.errors import DeployError
+from swarm.process import ProcessSettings
 from worlds.registry import swarm_worlds, world_kind
 from worlds.sample import is_checkout
 
@@ -25,57 +27,71 @@ WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
 """Importing Open3D takes seconds, and a small machine starts many robots at once."""
 
+HERE = "on 127.0.0.1"
+ON_BRIDGE = "on Docker's bridge, in Docker"
+OPTIONS = {
+    "--swarm": ("swarm", "name of the swarm"),
+    "--world": ("world", "where the robots are"),
+    "--data": (
+        "data",
+        "recorded data: directory of opv2v (default: the sample that `coadapt data` brings) "
+        "or bag, file of recording",
+    ),
+    "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
+    "--llm-model": ("llm_model", "which model"),
+    "--period": ("period_s", "seconds between decisions"),
+    "--q-min": ("q_min", "least quality, 0 to 1"),
+    "--rings": ("rings", "of the LiDARs"),
+    "--scenario": ("scenario", "of the factory"),
+    "--seed": ("seed", "of the factory"),
+    "--router-port": ("router_port", "first of three"),
+    "--prometheus-port": ("prometheus_port", HERE),
+    "--ego-metrics-port": ("ego_metrics_port", HERE),
+    "--qod-port": ("qod_port", HERE),
+    "--controller-metrics-port": ("controller_metrics_port", ON_BRIDGE),
+    "--llm-port": ("llm_port", HERE),
+    "--gateway-metrics-port": ("gateway_metrics_port", ON_BRIDGE),
+    "--grafana-port": ("grafana_port", HERE),
+    "--console-port": ("console_port", HERE),
+    "--console-metrics-port": ("console_metrics_port", ON_BRIDGE),
+}
+"""Options for properties of a swarm, which say type, choices and default."""
+
+_PROCESS = ProcessSettings()
+
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Adds `up` to the command line."""
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
-    parser.add_argument("--swarm", default="local", help="name of the swarm (default: local)")
-    parser.add_argument("--robots", type=int, default=6, help="how many (default: 6)")
-    parser.add_argument("--world", choices=swarm_worlds(), default="factory")
     parser.add_argument(
-        "--data",
-        default="",
-        help="recorded data: directory of opv2v (default: the sample that `coadapt data` brings) "
-        "or bag, file of recording",
+        "--robots", type=int, default=_PROCESS.world_robots, help="how many (default: %(default)s)"
     )
-    parser.add_argument("--runtime", choices=("auto", "docker", "netns"), default="auto")
+    parser.add_argument("--runtime", choices=("auto", *runtimes.names()), default="auto")
     parser.add_argument(
-        "--policy", help="how the ego decides (default: coverage; llm where --llm is given)"
+        "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
     )
-    parser.add_argument(
-        "--llm",
-        default="",
-        metavar="WHERE",
-        help="language models: embedded, or the URL of an OpenAI-compatible server",
-    )
-    parser.add_argument("--llm-model", default="", metavar="NAME", help="which model")
-    parser.add_argument("--period", type=float, default=1.0, help="seconds between decisions")
-    parser.add_argument("--q-min", type=float, default=0.7, help="least quality, 0 to 1")
-    parser.add_argument("--rings", type=int, choices=(16, 32, 64), default=32, help="of the LiDARs")
-    parser.add_argument("--scenario", default="floor", help="of the factory")
-    parser.add_argument("--seed", type=int, default=1, help="of the factory")
     parser.add_argument("--ego", help="which robot fuses (default: the first)")
-    parser.add_argument("--comm-range", type=float, metavar="M", help="metres around the ego")
+    parser.add_argument(
+        "--comm-range", dest="comm_range_m", type=float, metavar="M", help="metres around the ego"
+    )
     parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
-    parser.add_argument("--no-prometheus", action="store_true", help="go without Prometheus")
-    parser.add_argument("--prometheus-port", type=int, default=9090, help="on 127.0.0.1")
-    parser.add_argument("--ego-metrics-port", type=int, default=9102, help="on 127.0.0.1")
-    parser.add_argument("--router-port", type=int, default=7447, help="first of three")
-    parser.add_argument("--qod-port", type=int, default=9104, help="on 127.0.0.1")
-    parser.add_argument(
-        "--controller-metrics-port", type=int, default=9103, help="on Docker's bridge, in Docker"
-    )
-    parser.add_argument("--llm-port", type=int, default=9106, help="on 127.0.0.1")
-    parser.add_argument(
-        "--gateway-metrics-port", type=int, default=9105, help="on Docker's bridge, in Docker"
-    )
     parser.add_argument("--grafana", action="store_true", help="start Grafana, too (in Docker)")
-    parser.add_argument("--grafana-port", type=int, default=3000, help="on 127.0.0.1")
-    parser.add_argument("--no-console", action="store_true", help="go without the console")
-    parser.add_argument("--console-port", type=int, default=8080, help="on 127.0.0.1")
-    parser.add_argument(
-        "--console-metrics-port", type=int, default=9107, help="on Docker's bridge, in Docker"
-    )
+    for name, what in (("prometheus", "Prometheus"), ("console", "the console")):
+        parser.add_argument(
+            f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
+        )
+    for option, (name, words) in OPTIONS.items():
+        field = PROPERTIES[name]
+        choices = get_args(field.type) if get_origin(field.type) is Literal else None
+        parser.add_argument(
+            option,
+            dest=name,
+            type=type(field.default),
+            default=field.default,
+            choices=swarm_worlds() if name == "world" else choices,
+            metavar=None if choices or name == "world" else option.lstrip("-").upper(),
+            help=f"{words} (default: {field.default})" if field.default else words,
+        )
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
 
@@ -114,7 +130,7 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
-    comm_range_m, data = args.comm_range, args.data
+    comm_range_m, data = args.comm_range_m, args.data
     kind = world_kind(args.world)
     if kind.data:
         if not data and kind.sample:
@@ -128,38 +144,18 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         robots = world.robots[: args.robots]
         comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
         say(f"{data} has the robots {', '.join(robots)}")
-    optional = {} if args.ego is None else {"ego": args.ego}
-    return make_spec(
-        swarm=args.swarm,
-        runtime=runtime.name,
-        robots=robots,
-        world=args.world,
-        data=str(Path(data).absolute()) if data else "",
-        seed=args.seed,
-        rings=args.rings,
-        scenario=args.scenario,
-        policy=args.policy or ("llm" if args.llm else "coverage"),
-        llm=args.llm,
-        llm_model=args.llm_model,
-        llm_port=args.llm_port,
-        gateway_metrics_port=args.gateway_metrics_port,
-        period_s=args.period,
-        q_min=args.q_min,
-        prometheus=not args.no_prometheus,
-        prometheus_port=args.prometheus_port,
-        ego_metrics_port=args.ego_metrics_port,
-        router_port=args.router_port,
-        qod_port=args.qod_port,
-        controller_metrics_port=args.controller_metrics_port,
-        grafana=args.grafana,
-        grafana_port=args.grafana_port,
-        console=not args.no_console,
-        console_port=args.console_port,
-        console_metrics_port=args.console_metrics_port,
-        comm_range_m=comm_range_m,
-        link_bps=parse_link_rate(args.link) if args.link else None,
-        **optional,
-    )
+    values = {name: value for name, value in vars(args).items() if name in PROPERTIES}
+    values |= {
+        "runtime": runtime.name,
+        "robots": robots,
+        "data": str(Path(data).absolute()) if data else "",
+        "policy": args.policy or ("llm" if args.llm else POLICY),
+        "comm_range_m": comm_range_m,
+        "link_bps": parse_link_rate(args.link) if args.link else None,
+    }
+    if args.ego is None:
+        del values["ego"]
+    return make_spec(**values)
 
 
 def _recorded(name: str, data: Path) -> World:

@@ -21,7 +21,7 @@ from deploy.docker.llm_image import ensure_llm_image
 from deploy.ports import check_free
 from deploy.progress import say
 from deploy.runtime import ProcessState, ProcessStatus
-from deploy.spec import EMBEDDED, RuntimeName, SwarmSpec, run_dir_of
+from deploy.spec import EMBEDDED, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 
 STOP_S = 5
@@ -37,7 +37,7 @@ GOING_ALREADY = 409
 class DockerRuntime:
     """Runs a swarm's processes as containers of one compose project."""
 
-    name: RuntimeName = "docker"
+    name = "docker"
 
     def available(self) -> str | None:
         """None when an engine answers and compose is there, else what is missing."""
@@ -254,3 +254,6 @@ def _status(service: str, container: Any | None) -> ProcessStatus:
     detail = f"exit code {state.get('ExitCode')} {state.get('Error', '')}".strip()
     kind: ProcessState = "restarting" if state["Status"] == "restarting" else "stopped"
     return ProcessStatus(service, kind, restarts, 0.0, detail)
+
+
+RUNTIMES = (DockerRuntime,)

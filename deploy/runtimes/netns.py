@@ -13,7 +13,7 @@ from deploy.netns.supervisor import ROUTER_SOCKET, place_of
 from deploy.ports import listen_endpoints
 from deploy.runtime import ProcessStatus
 from deploy.services import FOLDERS, services
-from deploy.spec import RuntimeName, SwarmSpec, run_dir_of
+from deploy.spec import SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,
     State,
@@ -36,7 +36,7 @@ class NetnsRuntime:
     """One supervisor a swarm, which is PID 1 of the swarm's namespaces; see
     `deploy.netns.supervisor`. Holds no state of its own."""
 
-    name: RuntimeName = "netns"
+    name = "netns"
 
     def available(self) -> str | None:
         """None when namespaces can be made here, else the reason why not."""
@@ -199,3 +199,6 @@ def _lines(path: Path, spec: SwarmSpec, follow: bool) -> Iterator[str]:
             if ended:
                 return
             time.sleep(FOLLOW_S)
+
+
+RUNTIMES = (NetnsRuntime,)

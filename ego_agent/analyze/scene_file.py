@@ -13,7 +13,7 @@ import numpy as np
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import RobotView, Snapshot
 from ego_agent.knowledge.objective import Objective
-from perception.fusion.registry import all_fusions
+from perception.fusion.algorithms import all_fusions
 from swarm.arrays import pack
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, Algorithm, Beacon, Count, Decision, RobotId, SceneDescription

@@ -15,7 +15,7 @@ import time
 from concurrent.futures import Future
 from dataclasses import dataclass
 
-from ego_agent.execute.frame_round import LATE_S, FrameRound
+from ego_agent.execute.frame_round import LATE_S, FrameRound, Missing
 from ego_agent.execute.lessons import Lessons
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.tally import TallyKeeper
@@ -124,13 +124,13 @@ class Asker:
         asked: list[str] = []
         for robot in robots:
             if session is None:
-                done.missing[robot] = "offline: no router"
+                done.missing[robot] = Missing("offline", "no router")
             elif not self._monitor.is_alive(robot):
-                done.missing[robot] = "left: its liveliness token is gone"
+                done.missing[robot] = Missing("left", "its liveliness token is gone")
             elif any(owed.round.probe for owed in self._owing.get(robot, ())):
-                done.missing[robot] = "probe: asked for another algorithm instead"
+                done.missing[robot] = Missing("probe", "asked for another algorithm instead")
             elif self._is_busy(robot, now):
-                done.missing[robot] = "busy: still owes the answer for an earlier frame"
+                done.missing[robot] = Missing("busy", "still owes the answer for an earlier frame")
             else:
                 asked.append(robot)
         if session is None or not asked:
@@ -277,7 +277,7 @@ class Asker:
         pose = seen.sensor_pose().matrix()
         done.take(Contribution(ask.robot, seen.payload, pose, age_s))
 
-    def _mismatch(self, ask: _Ask, seen: Observation) -> str | None:
+    def _mismatch(self, ask: _Ask, seen: Observation) -> Missing | None:
         """Why an answer is not what was asked for."""
         asked = ask.request
         if (seen.robot, seen.request, seen.algorithm) != (
@@ -285,13 +285,14 @@ class Asker:
             asked.request,
             asked.algorithm,
         ):
-            return (
-                f"invalid: answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
-                f"{asked.request} to {ask.robot} ({asked.algorithm})"
+            return Missing(
+                "invalid",
+                f"answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
+                f"{asked.request} to {ask.robot} ({asked.algorithm})",
             )
         skew_ns = seen.capture_ns - asked.capture_ns
         if abs(skew_ns) > self._max_skew_ns:
-            return f"skew: its frame is {skew_ns * 1e-9:+.3f} s off"
+            return Missing("skew", f"its frame is {skew_ns * 1e-9:+.3f} s off")
         return None
 
     def _clock_offset_ns(self, robot: str) -> int:
@@ -299,9 +300,7 @@ class Asker:
         return offset_ns if abs(offset_ns) >= SMALL_OFFSET_NS else 0
 
 
-def _why(error: CoAdaptError) -> str:
+def _why(error: CoAdaptError) -> Missing:
     if isinstance(error, RefusedError):
-        return f"refused: {error}"
-    if isinstance(error, MessageError):
-        return f"invalid: {error}"
-    return f"unanswered: {error}"
+        return Missing("refused", error.reason)
+    return Missing("invalid" if isinstance(error, MessageError) else "unanswered", str(error))

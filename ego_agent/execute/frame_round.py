@@ -5,17 +5,28 @@ from __future__ import annotations
 import queue
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple, get_args
 
 from perception.fusion.base import Contribution
 from swarm.messages import Algorithm
 
 LATE_S = 1.25
 """How long after the deadline an answer may still come; its bytes are counted then."""
-MISSING_KINDS = (
+MissingKind = Literal[
     "offline", "left", "busy", "deadline", "refused", "invalid", "unanswered", "skew", "rejected",
     "probe",
-)  # fmt: skip
-"""Why a chosen robot is not in a fused frame: the part of a reason before its colon."""
+]  # fmt: skip
+MISSING_KINDS: tuple[MissingKind, ...] = get_args(MissingKind)
+
+
+class Missing(NamedTuple):
+    """Why a chosen robot is not in a fused frame."""
+
+    kind: MissingKind
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.detail}"
 
 
 @dataclass(slots=True, eq=False)
@@ -29,8 +40,8 @@ class FrameRound:
     contributions: list[Contribution] = field(default_factory=list)
     bytes: dict[str, int] = field(default_factory=dict)
     """Payload bytes of the contributions that arrived in time, by robot."""
-    missing: dict[str, str] = field(default_factory=dict)
-    """Robots without a contribution: `kind: detail`."""
+    missing: dict[str, Missing] = field(default_factory=dict)
+    """Robots without a contribution."""
     waiting: set[str] = field(default_factory=set)
     asked_at: dict[str, float] = field(default_factory=dict)
     """When each robot was asked, `time.monotonic()` seconds like all times here."""
@@ -60,7 +71,7 @@ class FrameRound:
 
     def outcome(self, robot: str) -> str:
         """What came of a robot in a closed round: `in_time`, or one of MISSING_KINDS."""
-        return kind_of(self.missing[robot]) if robot in self.missing else "in_time"
+        return self.missing[robot].kind if robot in self.missing else "in_time"
 
     def contributions_in_turn(self) -> Iterator[Contribution]:
         """Each contribution when it arrives, until the round is closed. For one caller."""
@@ -75,12 +86,7 @@ class FrameRound:
     def close(self, now: float) -> None:
         """Ends the waiting."""
         for robot in sorted(self.waiting):
-            self.missing[robot] = f"deadline: no answer within {self.deadline_s:g} s"
+            self.missing[robot] = Missing("deadline", f"no answer within {self.deadline_s:g} s")
         self.waiting.clear()
         self.closed_at = now
         self._arrived.put(None)
-
-
-def kind_of(reason: str) -> str:
-    """The kind of a reason in `FrameRound.missing`: one of MISSING_KINDS."""
-    return reason.split(":", 1)[0]

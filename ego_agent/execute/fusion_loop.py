@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ego_agent.execute.ask import Asker
-from ego_agent.execute.frame_round import FrameRound, kind_of
+from ego_agent.execute.frame_round import FrameRound, Missing
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
 from ego_agent.knowledge.pace import stride
@@ -59,7 +59,7 @@ class FrameResult:
     known: tuple[KnownRobot, ...]
     """Robots of which fresh beacons tell, in the world frame."""
     participants: tuple[str, ...]
-    missing: Mapping[str, str]
+    missing: Mapping[str, Missing]
     latency_ms: float
     """From the first query to the fused boxes."""
     wait_ms: float
@@ -68,6 +68,10 @@ class FrameResult:
     """Taking up what arrived, while others still encode."""
     fuse_ms: float
     """From all that was taken up to the fused boxes."""
+
+    def missing_kinds(self) -> dict[str, str]:
+        """The kind of why each missing robot is not in it."""
+        return {robot: why.kind for robot, why in self.missing.items()}
 
 
 class FusionLoop:
@@ -185,8 +189,7 @@ class FusionLoop:
         while (frame := self._pipeline.take()) is not None:
             try:
                 result = self._fused(frame, time.monotonic())
-                kinds = {robot: kind_of(reason) for robot, reason in result.missing.items()}
-                self._tally.fused(result.latency_ms, len(result.boxes), kinds)
+                self._tally.fused(result.latency_ms, len(result.boxes), result.missing_kinds())
                 self._publish(frame.decision, result)
                 if self._on_result is not None:
                     self._on_result(result)
@@ -245,7 +248,7 @@ class FusionLoop:
         prepare_at = time.monotonic()
         gathering.prepare()
         prepare_s = time.monotonic() - prepare_at
-        rejected: dict[str, str] = {}
+        rejected: dict[str, Missing] = {}
         add_s = 0.0
         for contribution in done.contributions_in_turn():
             begun_at = time.monotonic()
@@ -271,8 +274,6 @@ class FusionLoop:
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)
         self._asker.knowledge.own_costs.record(frame.decision.algorithm, count, fixed_s, add_s)
-        missing = dict(done.missing)
-        missing.update({robot: f"rejected: {why}" for robot, why in rejected.items()})
         assert done.closed_at is not None
         return FrameResult(
             own=own,
@@ -280,19 +281,19 @@ class FusionLoop:
             boxes=boxes,
             known=known,
             participants=(self._ego, *sorted(used)),
-            missing=missing,
+            missing=done.missing | rejected,
             latency_ms=(end_at - done.begun_at) * 1e3,
             wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
             add_ms=add_s * 1e3,
             fuse_ms=(end_at - fuse_at) * 1e3,
         )
 
-    def _fault(self, error: Exception, own: OwnFrame) -> str:
+    def _fault(self, error: Exception, own: OwnFrame) -> Missing:
         """Why a contribution is rejected; a fault that is not the payload's is logged."""
         if isinstance(error, PerceptionError):
-            return str(error)
+            return Missing("rejected", str(error))
         self._log.error("fusion_failed", frame=own.frame, exc_info=True)
-        return f"fusion failed: {type(error).__name__}"
+        return Missing("rejected", f"fusion failed: {type(error).__name__}")
 
     def _publish(self, decision: Decision, result: FrameResult) -> None:
         session, boxes = self._session, result.boxes
@@ -304,7 +305,8 @@ class FusionLoop:
             capture_ns=result.own.capture_ns,
             algorithm=decision.algorithm,
             participants=result.participants,
-            missing=dict(result.missing),
+            missing={robot: str(why) for robot, why in result.missing.items()},
+            missing_kinds=result.missing_kinds(),
             known=tuple(_told(one, decision.doubted) for one in result.known[:MAX_NAMED]),
             boxes=pack(table),
             scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),

@@ -10,15 +10,20 @@ from typing import Annotated
 
 import msgspec
 
+from swarm.defaults import COMM_RANGE_M, Q_MIN
+from swarm.messages.steer import QMin
+
 BYTES_A_MEGABYTE = 1e6
+Weight = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
+Headroom = Annotated[float, msgspec.Meta(gt=0, le=1)]
 
 
 class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Weights and limits of a decision."""
 
-    lambda_cost: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 1.0
+    lambda_cost: Weight = 1.0
     """lambda: quality that one megabyte a fused frame must bring."""
-    q_min: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.7
+    q_min: QMin = Q_MIN
     """Smallest predicted quality that is good enough."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
     """Fused frames a second, each of which costs C(P, a)."""
@@ -26,9 +31,9 @@ class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """How long a frame waits for the robots at that rate."""
     slower_hz: tuple[Annotated[float, msgspec.Meta(gt=0, le=1000)], ...] = ()
     """Lower rates that a decision may choose instead."""
-    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=1e5)] = 45.0
-    """Farthest participant, in the ground plane; the paper's com_range_m in most scenes."""
-    headroom: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
+    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=1e5)] = COMM_RANGE_M
+    """Farthest participant, in the ground plane."""
+    headroom: Headroom = 0.8
     """Share of C(t) that observations may fill: the rest is for beacons, scenes and errors."""
     alpha: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
     """Weight of area in Q; the rest weighs objects."""

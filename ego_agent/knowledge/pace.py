@@ -23,8 +23,8 @@ SLOWER_HZ = (5.0, 2.5, 2.0, 1.0)
 class Pace:
     """A fusion rate and its deadline."""
 
-    rate_hz: float = 10.0
-    deadline_s: float = 0.25
+    rate_hz: float
+    deadline_s: float
 
     def freshness(self, fastest: Pace, frame_s: float) -> float:
         """What results are worth that come at this pace, against the fastest, in (0, 1].
@@ -37,7 +37,7 @@ class Pace:
         return math.exp(-(interval_s - 1.0 / fastest.rate_hz) / (2.0 * FADES_S))
 
 
-USUAL = Pace()
+USUAL = Pace(Objective().rate_hz, Objective().deadline_s)
 
 
 def paces(objective: Objective) -> tuple[Pace, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ego_agent.knowledge.base import CycleResult
 from ego_agent.knowledge.journal import (
     CycleRecord,
     Decided,
@@ -134,3 +135,18 @@ def _nested(counts: Mapping[tuple[str, str], int]) -> dict[str, dict[str, int]]:
     for (robot, name), count in sorted(counts.items()):
         nested.setdefault(robot, {})[name] = count
     return nested
+
+
+def cycle_result(decision: Decision, tally: Tally) -> CycleResult:
+    """What knowledge keeps of a cycle."""
+    return CycleResult(
+        cycle=decision.cycle,
+        algorithm=decision.algorithm,
+        participants=decision.participants,
+        source=decision.source,
+        quality=decision.quality,
+        predicted_bytes=decision.cost_bytes,
+        received_bytes=tally.received.total(),
+        frames=tally.fused,
+        latency_ms=tally.frame_p50_ms() or 0.0,
+    )

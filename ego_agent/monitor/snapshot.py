@@ -19,7 +19,7 @@ from ego_agent.knowledge.model import RobotView, Snapshot
 from ego_agent.monitor.clock_offset import ClockOffset
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import LinkWatch
-from swarm import keyspace
+from swarm.listening import Handlers, hear
 from swarm.messages import Beacon, NetState, SceneDescription, TcpState
 from swarm.process import Clock
 from swarm.session import Session
@@ -91,7 +91,7 @@ class Monitor:
         max_robots: int = MAX_ROBOTS,
     ) -> None:
         self.ego = ego
-        self._link = link
+        self.link = link
         self._watch = LinkWatch(ego, link)
         self._clock = clock or Clock()
         self._monotonic = monotonic
@@ -114,15 +114,13 @@ class Monitor:
 
     def attach(self, session: Session) -> None:
         """Subscribes to everything that the monitor listens to."""
-        swarm = session.swarm
-        session.subscribe(
-            keyspace.beacon(swarm, keyspace.ANY), Beacon, lambda m, _: self.on_beacon(m)
-        )
-        session.subscribe(
-            keyspace.scene(swarm, keyspace.ANY), SceneDescription, lambda m, _: self.on_scene(m)
-        )
-        session.subscribe(keyspace.net_state(swarm), NetState, lambda m, _: self.on_net_state(m))
-        session.subscribe(keyspace.net_tcp(swarm), TcpState, lambda m, _: self.on_tcp_state(m))
+        handlers: Handlers = {
+            Beacon: self.on_beacon,
+            SceneDescription: self.on_scene,
+            NetState: self.on_net_state,
+            TcpState: self.on_tcp_state,
+        }
+        hear(session, handlers)
         session.watch_alive(self.on_join, self.on_leave)
 
     def on_beacon(self, beacon: Beacon) -> None:
@@ -253,9 +251,9 @@ class Monitor:
     def snapshot(self, cycle: int, now_ns: int) -> Snapshot:
         """What is known now; the ego is one of the robots, alive as long as it can ask."""
         now, wall_ns = self._monotonic(), self._clock.now_ns()
-        capacity_bps, source = self._link.capacity(now)
-        limits = self._link.robot_limits(now)
-        error = self._link.error_ratio(now)
+        capacity_bps, source = self.link.capacity(now)
+        limits = self.link.robot_limits(now)
+        error = self.link.error_ratio(now)
         with self._lock:
             views = {
                 robot: self._view(robot, entry, now, wall_ns, limits.get(robot, math.inf))

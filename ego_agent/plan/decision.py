@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import msgspec
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.scoring import Scorer
-from ego_agent.plan.choices.validation import bounded, make_decision, validate
+from ego_agent.plan.choices.validation import Unusable, bounded, make_decision, validate
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision
@@ -24,14 +26,15 @@ def plan(
     previous: Decision | None,
     cycle: int,
     now_ns: int,
+    on_fault: Callable[[str], None] = lambda why: None,
 ) -> Decision:
     """The decision of this cycle; always a valid one, whatever the policy does.
 
     The policy's proposal where it can be used or repaired; else what `coverage` proposes, with
     source `fallback`; else the ego alone. `Decision.policy` names the policy that was asked, and
-    `repairs` tells the whole story.
+    `repairs` tells the whole story. `on_fault` hears of a policy that raises an exception.
     """
-    decision = _decided(scene, policy, knowledge, previous, cycle, now_ns)
+    decision = _decided(scene, policy, knowledge, previous, cycle, now_ns, on_fault)
     return held(decision, previous, now_ns)
 
 
@@ -42,17 +45,25 @@ def _decided(
     previous: Decision | None,
     cycle: int,
     now_ns: int,
+    on_fault: Callable[[str], None],
 ) -> Decision:
     repairs: tuple[str, ...] = ()
     for proposer in (policy, _FALLBACK):
-        decision, found = _ask(proposer, scene, knowledge, previous, policy.name, cycle, now_ns)
-        if decision is None:
-            repairs = (*repairs, *found)
+        try:
+            proposal = proposer.propose(scene, knowledge, previous)
+            found = validate(
+                proposal, scene, knowledge, policy=policy.name, cycle=cycle, now_ns=now_ns
+            )
+        except Exception as error:  # a policy may be anyone's: no fault of it ends the loop
+            found = Unusable(f"{proposer.name} failed with {type(error).__name__}: {error}")
+            on_fault(found.why)
+        if isinstance(found, Unusable):
+            repairs = (*repairs, *found.repairs)
         elif proposer is policy:
-            return decision
+            return found
         else:
             return msgspec.structs.replace(
-                decision, source="fallback", repairs=bounded((*repairs, *found))
+                found, source="fallback", repairs=bounded((*repairs, *found.repairs))
             )
     scorer = Scorer(scene, knowledge)
     return make_decision(
@@ -65,22 +76,3 @@ def _decided(
         cycle=cycle,
         now_ns=now_ns,
     )
-
-
-def _ask(
-    proposer: Policy,
-    scene: UnifiedScene,
-    knowledge: Knowledge,
-    previous: Decision | None,
-    asked: str,
-    cycle: int,
-    now_ns: int,
-) -> tuple[Decision | None, tuple[str, ...]]:
-    """One policy's proposal, validated; an exception refuses it like any other fault."""
-    try:
-        proposal = proposer.propose(scene, knowledge, previous)
-        return validate(proposal, scene, knowledge, policy=asked, cycle=cycle, now_ns=now_ns)
-    except Exception as error:  # a policy may be anyone's: no fault of it ends the loop
-        return None, bounded(
-            [f"refused: {proposer.name} failed with {type(error).__name__}: {error}"]
-        )

@@ -1,13 +1,17 @@
 """The interface of a back end: it answers prompts, several at a time.
 
-A new back end is a new file beside this one and a line in `registry.py`.
+A new one is a file beside this one with `BACKENDS = (BackendKind("name", make),)`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from llm_gateway.model import Prompt, Reply
+from llm_gateway.settings import GatewaySettings
+from swarm.log import Logger
 
 
 class Backend(Protocol):
@@ -43,3 +47,12 @@ class Backend(Protocol):
     async def close(self) -> None:
         """Ends what was started; prompts under way fail with `unavailable`."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class BackendKind:
+    """One kind of back end."""
+
+    name: str
+    make: Callable[[GatewaySettings, Logger], Backend]
+    """Imports what is heavy when it is called; raises SettingError for what it cannot work with."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from llm_gateway.backends.base import BackendKind
 from llm_gateway.model import Prompt, Reply
 from swarm.errors import GatewayError
 
@@ -22,3 +23,6 @@ class NoBackend:
 
     async def close(self) -> None:
         """Has nothing to end."""
+
+
+BACKENDS = (BackendKind("none", lambda settings, log: NoBackend()),)

@@ -8,6 +8,7 @@ import time
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from llm_gateway.backends.base import BackendKind
 from llm_gateway.backends.openai_wire import (
     Dialect,
     Form,
@@ -19,6 +20,7 @@ from llm_gateway.backends.openai_wire import (
     request_body,
 )
 from llm_gateway.model import Prompt, Reply
+from llm_gateway.settings import GatewaySettings
 from swarm.errors import GatewayError, SettingError
 from swarm.log import Logger
 
@@ -210,3 +212,15 @@ def _checked(url: str) -> str:
             f"{url!r} is no address of a model server; it must be like http://127.0.0.1:8000/v1"
         )
     return url.rstrip("/") if parts.path.strip("/") else f"{parts.scheme}://{parts.netloc}/v1"
+
+
+def _make(settings: GatewaySettings, log: Logger) -> OpenAi:
+    try:
+        return OpenAi(
+            settings.llm_url, settings.llm_model, settings.llm_api_key, settings.llm_parallel, log
+        )
+    except SettingError as error:
+        raise SettingError(f"COADAPT_LLM_URL: {error}") from error
+
+
+BACKENDS = (BackendKind("openai", _make),)

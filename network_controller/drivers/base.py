@@ -1,6 +1,6 @@
 """The interface of a driver: finds a swarm's links, shapes them, reads them back.
 
-A new runtime is a new file beside this one and a line in `registry.py`.
+A new one is a file beside this one with `DRIVERS = (MyDriver,)`, made with the swarm's name.
 """
 
 from __future__ import annotations

@@ -251,3 +251,6 @@ def _faults() -> Iterator[None]:
         raise LinkGoneError(f"a container is gone: {error}") from error
     except (docker.errors.DockerException, requests.RequestException, OSError) as error:
         raise NetworkError(f"no Docker engine answers as it should: {error}") from error
+
+
+DRIVERS = (DockerDriver,)

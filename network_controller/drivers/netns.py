@@ -155,3 +155,6 @@ def _look(robot: str, host_ends: Mapping[tuple[str, int], tuple[str, int]]) -> _
     if not device or inside.get("link_index") != index or not addresses:
         return None
     return _Port(device, index, addresses[0]["local"])
+
+
+DRIVERS = (NetnsDriver,)

@@ -1,21 +1,16 @@
-"""Drivers by name."""
+"""Drivers by name: every module of this package that has `DRIVERS` adds them."""
 
 from __future__ import annotations
 
 from network_controller.drivers.base import Driver
 from swarm.errors import SettingError
-
-DRIVERS = ("netns", "docker")
+from swarm.registry import by_name, registered
 
 
 def make_driver(name: str, swarm: str) -> Driver:
     """The driver of that name for a swarm. Raises SettingError for an unknown name."""
-    if name == "netns":
-        from network_controller.drivers.netns import NetnsDriver
-
-        return NetnsDriver(swarm)
-    if name == "docker":
-        from network_controller.drivers.docker import DockerDriver
-
-        return DockerDriver(swarm)
-    raise SettingError(f"COADAPT_DRIVER = {name!r} is not valid; allowed: {', '.join(DRIVERS)}")
+    found = by_name(registered("DRIVERS", "network_controller.drivers"), "drivers", SettingError)
+    if name not in found:
+        raise SettingError(f"COADAPT_DRIVER = {name!r} is not valid; allowed: {', '.join(found)}")
+    driver: Driver = found[name](swarm)
+    return driver

@@ -113,7 +113,7 @@ class _Lane(threading.Thread):
     def _deliver(self, post: _Post) -> str:
         """What became of an event: delivered, refused by the sink, failed, or too late for its
         token."""
-        reason = ""
+        outcome = reason = "failed"
         for attempt in range(ATTEMPTS):
             if attempt and self._closing_within(PAUSE_S * attempt):
                 break
@@ -122,14 +122,13 @@ class _Lane(threading.Thread):
             try:
                 status = _send(post)
             except (OSError, http.client.HTTPException, ValueError) as error:
-                reason = str(error) or type(error).__name__
+                outcome, reason = "failed", str(error) or type(error).__name__
                 continue
             if 200 <= status < 300:
                 return "delivered"
-            reason = f"status {status}"
+            outcome, reason = "refused", f"status {status}"
             if status != 429 and status < 500:
                 break
-        outcome = "refused" if reason.startswith("status") else "failed"
         self._log.warning(
             "qod_event_undelivered", sink=repr(post.sink), outcome=outcome, reason=reason
         )

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import msgspec
 
+from swarm.defaults import COMM_RANGE_M, CONSOLE_PORT, CommRange
 from swarm.process import ProcessSettings
 from swarm.settings import Name, Port, Secret, load, shown
 
@@ -21,10 +22,10 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
 
     ego: Name
     """Whose decisions are shown."""
-    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] = 45.0
+    comm_range_m: CommRange = COMM_RANGE_M
     """How far from the ego a robot may take part: the ego's own setting, shown as a reason."""
     console_host: str = "127.0.0.1"
-    console_port: Port = 8080
+    console_port: Port = CONSOLE_PORT
     """0 takes any free port."""
     console_token: Secret = ""
     """What viewers must show; needed to answer off this host."""

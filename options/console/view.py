@@ -114,7 +114,7 @@ class View:
             self._tell(gateway={"alive": alive, "since": now_s()})
             self._faults.gateway(alive)
 
-    def on_beacon(self, beacon: Beacon, _: str) -> None:
+    def on_beacon(self, beacon: Beacon) -> None:
         """Where a robot is."""
         x, y, _z, _roll, _pitch, yaw = beacon.pose
         vx, vy, _vz = beacon.velocity
@@ -132,7 +132,7 @@ class View:
                 self._heard_at[beacon.robot] = monotonic()
                 self._faults.beacon(beacon.robot)
 
-    def on_scene(self, scene: SceneDescription, _: str) -> None:
+    def on_scene(self, scene: SceneDescription) -> None:
         """What a robot sees."""
         try:
             objects = unpack_finite(scene.objects, "objects", 9)[:MAX_OBJECTS]
@@ -154,7 +154,7 @@ class View:
             if self._known(scene.robot):
                 self._board.put(f"scene/{scene.robot}", value)
 
-    def on_detections(self, detections: Detections, _: str) -> None:
+    def on_detections(self, detections: Detections) -> None:
         """What the ego and its participants see together."""
         try:
             boxes = unpack_finite(detections.boxes, "boxes", 7)[:MAX_BOXES]
@@ -189,7 +189,7 @@ class View:
             self._traffic.add(detections)
             self._board.put("detections", value)
 
-    def on_decision(self, decision: Decision, _: str) -> None:
+    def on_decision(self, decision: Decision) -> None:
         """Who takes part, how and why."""
         advice = decision.advice
         value = {
@@ -224,7 +224,7 @@ class View:
             self._tally = _Tally(now)
             self._faults.decision(now, decision)
 
-    def on_demand(self, demand: NetDemand, _: str) -> None:
+    def on_demand(self, demand: NetDemand) -> None:
         """What the ego needs of its cell."""
         if demand.ego != self._swarm["ego"]:
             return
@@ -239,7 +239,7 @@ class View:
             self._board.put("demand", value)
             self._faults.demand(demand)
 
-    def on_net_state(self, state: NetState, _: str) -> None:
+    def on_net_state(self, state: NetState) -> None:
         """What links carry."""
         with self._lock:
             links = [_link(link) for link in state.links]

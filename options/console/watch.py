@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
@@ -15,6 +14,7 @@ from options.console.view import MAX_ROBOTS, View
 from swarm import keyspace
 from swarm.asking import Answer
 from swarm.errors import TransportError
+from swarm.listening import listen
 from swarm.log import Logger
 from swarm.messages import (
     Beacon,
@@ -130,7 +130,7 @@ class Watch:
         """The first session, once the router is there; None when told to stop before."""
         while not self._stop.is_set():
             try:
-                return self._open(None, self._hear_rare)
+                return self._open_rare()
             except TransportError as error:
                 self._log.debug("not_listening", error=str(error)[:300])
                 self._stop.wait(TICK_S)
@@ -140,7 +140,7 @@ class Watch:
         wanted = self._wanted()
         if wanted and self._second is None and connected:
             try:
-                self._second = self._open(OPEN_S, self._hear_all)
+                self._second = self._open_all()
             except TransportError:
                 return  # The router went away just now: again at the next turn.
             self._view.sees()
@@ -186,28 +186,38 @@ class Watch:
         self._view.on_leave(robot)
         self._left.append(robot)
 
-    def _open(self, timeout_s: float | None, hear: Callable[[Session], None]) -> Session:
-        """A session that hears. Raises TransportError, also where it was lost at once."""
-        session = Session(
-            self._router, self._swarm, log=self._log, timeout_s=timeout_s, stop=self._stop
+    def _open_rare(self) -> Session:
+        """Raises TransportError where it was lost at once."""
+        view = self._view
+        return listen(
+            self._router,
+            self._swarm,
+            {
+                Decision: view.on_decision,
+                NetDemand: view.on_demand,
+                NetState: view.on_net_state,
+            },
+            self._ego,
+            on_join=view.on_join,
+            on_leave=self._on_leave,
+            on_gateway=view.on_gateway,
+            log=self._log,
+            stop=self._stop,
         )
-        try:
-            hear(session)
-        except TransportError:
-            session.close()
-            raise
-        return session
 
-    def _hear_rare(self, session: Session) -> None:
-        view, swarm = self._view, self._swarm
-        session.watch_alive(view.on_join, self._on_leave)
-        session.watch_gateway(view.on_gateway)
-        session.subscribe(keyspace.decision(swarm, self._ego), Decision, view.on_decision)
-        session.subscribe(keyspace.net_demand(swarm), NetDemand, view.on_demand)
-        session.subscribe(keyspace.net_state(swarm), NetState, view.on_net_state)
-
-    def _hear_all(self, session: Session) -> None:
-        view, swarm = self._view, self._swarm
-        session.subscribe(keyspace.beacon(swarm, keyspace.ANY), Beacon, view.on_beacon)
-        session.subscribe(keyspace.scene(swarm, keyspace.ANY), SceneDescription, view.on_scene)
-        session.subscribe(keyspace.detections(swarm, self._ego), Detections, view.on_detections)
+    def _open_all(self) -> Session:
+        """Raises TransportError where the router is not there."""
+        view = self._view
+        return listen(
+            self._router,
+            self._swarm,
+            {
+                Beacon: view.on_beacon,
+                SceneDescription: view.on_scene,
+                Detections: view.on_detections,
+            },
+            self._ego,
+            timeout_s=OPEN_S,
+            log=self._log,
+            stop=self._stop,
+        )

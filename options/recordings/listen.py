@@ -5,11 +5,9 @@ from __future__ import annotations
 import queue
 import time
 from dataclasses import dataclass
-from types import TracebackType
-from typing import TypeVar
 
 from deploy.state import State
-from swarm import keyspace
+from swarm.listening import listen
 from swarm.messages import (
     Beacon,
     Decision,
@@ -18,13 +16,12 @@ from swarm.messages import (
     NetState,
     SceneDescription,
 )
-from swarm.session import Session
 
 AWAY_S = 8.0
 """The router may restart; longer than this it is gone."""
 MAX_WAITING = 20_000
 """Messages; a hundred robots send 1,200 a second."""
-M = TypeVar("M", bound=Message)
+RECORDED = (Beacon, SceneDescription, Decision, Detections, NetState)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,31 +45,24 @@ class Listener:
 
     def __init__(self, state: State, timeout_s: float) -> None:
         """Raises TransportError when the router cannot be reached in time."""
-        swarm, ego = state.spec.swarm, state.spec.ego
         self._queue: queue.SimpleQueue[Received] = queue.SimpleQueue()
         self.lost = 0
         """Messages that found too many waiting."""
         self._away_since: float | None = None
-        self._session = Session(state.router, swarm, timeout_s=timeout_s)
-        self._session.watch_alive(
-            lambda robot: self._put(Presence(robot, True)),
-            lambda robot: self._put(Presence(robot, False)),
+        self._session = listen(
+            state.router,
+            state.spec.swarm,
+            dict.fromkeys(RECORDED, self._put),
+            state.spec.ego,
+            on_join=lambda robot: self._put(Presence(robot, True)),
+            on_leave=lambda robot: self._put(Presence(robot, False)),
+            timeout_s=timeout_s,
         )
-        self._hear(keyspace.beacon(swarm, keyspace.ANY), Beacon)
-        self._hear(keyspace.scene(swarm, keyspace.ANY), SceneDescription)
-        self._hear(keyspace.decision(swarm, ego), Decision)
-        self._hear(keyspace.detections(swarm, ego), Detections)
-        self._hear(keyspace.net_state(swarm), NetState)
 
     def __enter__(self) -> Listener:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._session.close()
 
     def next(self, timeout_s: float) -> Received | None:
@@ -94,9 +84,6 @@ class Listener:
         now = time.monotonic()
         self._away_since = self._away_since or now
         return now - self._away_since
-
-    def _hear(self, key: str, kind: type[M]) -> None:
-        self._session.subscribe(key, kind, lambda message, _: self._put(message))
 
     def _put(self, message: Message | Presence) -> None:
         if self._queue.qsize() >= MAX_WAITING:

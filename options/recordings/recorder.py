@@ -148,12 +148,12 @@ class Recorder:
         drawn = shapes.boxes(shown, time_ns, shapes.FUSED_COLOR, 0.4)
         self._outlet.put(layout.FUSED_BOXES, drawn, time_ns)
         self._budget(message)
+        # The words may hold other figures in every frame; egos of older programs tell no kinds.
+        kinds = {**message.missing, **message.missing_kinds}
         for robot, why in message.missing.items():
-            # A reason begins with its kind; what follows may be other figures in every frame.
-            kind = why.split(":", 1)[0]
-            if self._missing.get(robot) != kind:
+            if self._missing.get(robot) != kinds[robot]:
                 self._log(f"{robot} is missing: {why}", "warning", f"ego {message.ego}", time_ns)
-        self._missing = {robot: why.split(":", 1)[0] for robot, why in message.missing.items()}
+        self._missing = kinds
 
     def _frame(self, scans: Scans, message: Detections, hurry: bool) -> None:
         if hurry:

@@ -6,7 +6,6 @@ import struct
 import threading
 import time
 from dataclasses import dataclass, replace
-from types import TracebackType
 
 import numpy as np
 
@@ -81,12 +80,7 @@ class LiveWorld:
     def __enter__(self) -> LiveWorld:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

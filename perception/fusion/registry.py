@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import importlib
-import pkgutil
 
 from perception.detector.config import configuration
 from perception.detector.weight_files import has_weights
 from perception.fusion import algorithms
+from perception.fusion.algorithms import all_fusions
 from perception.fusion.base import Fusion
 from swarm.errors import PerceptionError
 
 WITHOUT_WEIGHTS = ("early", "late")
 """What works with a detector that has not learnt anything."""
-
-
-def all_fusions() -> tuple[str, ...]:
-    """All algorithms, whether they can be used or not, sorted."""
-    files = (module.name for module in pkgutil.iter_modules(algorithms.__path__))
-    return tuple(sorted(name.replace("_", "-") for name in files))
 
 
 def fusion_names(detector: str) -> tuple[str, ...]:

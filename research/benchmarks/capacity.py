@@ -37,6 +37,7 @@ from research.benchmarks.live import live_swarm, process_id, why_not
 from research.benchmarks.report import write_report
 from research.benchmarks.stage import FIRST_PORT
 from swarm import keyspace
+from swarm.listening import Handlers, hear
 from swarm.messages import Decision, EgoSteered, EgoSteering, EgoWish, NetState, ShapeRequest
 from swarm.session import Session
 from swarm.traffic import TrafficClass
@@ -84,16 +85,11 @@ class Rig:
     def __init__(self, state: State, session: Session) -> None:
         self.state, self.session, self.heard = state, session, Heard()
         self._port = FIRST_PORT
-        session.subscribe(
-            keyspace.decision(SWARM, EGO),
-            Decision,
-            lambda d, _: self.heard.decisions.append((time.time_ns(), d)),
-        )
-        session.subscribe(
-            keyspace.net_state(SWARM),
-            NetState,
-            lambda s, _: self.heard.states.append((time.time_ns(), s)),
-        )
+        handlers: Handlers = {
+            Decision: lambda d: self.heard.decisions.append((time.time_ns(), d)),
+            NetState: lambda s: self.heard.states.append((time.time_ns(), s)),
+        }
+        hear(session, handlers, EGO)
 
     def shape(self, rate_bps: int | None) -> None:
         """Has the controller shape the cell; None: not at all."""

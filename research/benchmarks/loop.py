@@ -39,10 +39,9 @@ from perception.types import Boxes
 from research.benchmarks.live import ROBOTS, live_swarm, why_not
 from research.benchmarks.report import write_report
 from research.evaluation.bootstrap import bootstrap_mean
-from swarm import keyspace
 from swarm.arrays import unpack_finite
+from swarm.listening import listen
 from swarm.messages import Detections
-from swarm.session import Session
 from worlds.base import World
 from worlds.cooperative.judging import judge
 from worlds.registry import open_world
@@ -133,13 +132,9 @@ def perform(learn: bool, seconds: float) -> Run:
 @contextmanager
 def listening(state: State, run: Run) -> Iterator[None]:
     """Keeps what the ego publishes."""
-    session = Session(state.router, state.spec.swarm, timeout_s=10.0)
-    try:
-        key = keyspace.detections(state.spec.swarm, state.spec.ego)
-        session.subscribe(key, Detections, lambda frame, _: run.frames.append(frame))
+    swarm, ego = state.spec.swarm, state.spec.ego
+    with listen(state.router, swarm, {Detections: run.frames.append}, ego, timeout_s=10.0):
         yield
-    finally:
-        session.close()
 
 
 def cycles_to_arrive(run: Run) -> int | None:

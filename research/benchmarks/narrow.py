@@ -29,6 +29,7 @@ from deploy.state import State
 from research.benchmarks.live import live_swarm, why_not
 from research.benchmarks.report import write_report
 from swarm import keyspace
+from swarm.listening import Handlers, listen
 from swarm.messages import Decision, Detections, ShapeReply, ShapeRequest
 from swarm.session import Session
 
@@ -52,12 +53,12 @@ class Heard:
     """With the age of what was fused."""
     lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def on_decision(self, decision: Decision, _: str) -> None:
+    def on_decision(self, decision: Decision) -> None:
         """A cycle was decided."""
         with self.lock:
             self.decisions.append((time.monotonic(), decision))
 
-    def on_frame(self, frame: Detections, _: str) -> None:
+    def on_frame(self, frame: Detections) -> None:
         """A frame was fused."""
         age_s = (time.time_ns() - frame.capture_ns) * 1e-9
         with self.lock:
@@ -187,10 +188,10 @@ def main() -> None:
     for robots in args.robots:
         with live_swarm(f"narrow{robots}", {}, robots=factory_robots(robots)) as state:
             heard = Heard()
-            with Session(state.router, state.spec.swarm, timeout_s=CONNECT_S) as session:
-                swarm, ego = session.swarm, state.spec.ego
-                session.subscribe(keyspace.decision(swarm, ego), Decision, heard.on_decision)
-                session.subscribe(keyspace.detections(swarm, ego), Detections, heard.on_frame)
+            handlers: Handlers = {Decision: heard.on_decision, Detections: heard.on_frame}
+            with listen(
+                state.router, state.spec.swarm, handlers, state.spec.ego, timeout_s=CONNECT_S
+            ) as session:
                 for rate_bps in args.rates:
                     rows.append(row(state, session, heard, rate_bps, args.seconds))
                     print(f"narrow: {rows[-1]}", file=sys.stderr)

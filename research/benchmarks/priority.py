@@ -72,7 +72,7 @@ def listen() -> None:
         session.subscribe(
             keyspace.beacon("bench", keyspace.ANY),
             Beacon,
-            lambda b, _: ages.append((time.time_ns() - b.sent_ns) / 1e9),
+            lambda b: ages.append((time.time_ns() - b.sent_ns) / 1e9),
         )
         time.sleep(1.0)
         print("ready", flush=True)

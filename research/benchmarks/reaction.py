@@ -35,7 +35,7 @@ from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.plan.advice.judge import judge
 from ego_agent.plan.choices.scoring import Score, Scorer
-from ego_agent.plan.choices.validation import validate
+from ego_agent.plan.choices.validation import Unusable, validate
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting import LlmPrompt, make_prompt, read_answer
 from ego_agent.settings import EgoSettings
@@ -140,11 +140,13 @@ def judged(case: Case, text: str) -> Heard:
         if all(scorer.known(robot, algorithm) for robot in others):
             own = scorer.score(others, algorithm)
     proposal = Proposal(advice.participants, advice.algorithm, advice.reason, "llm")
-    decision, repairs = validate(proposal, scorer.scene, KNOWN, policy="llm", cycle=0, now_ns=0)
-    decided = scorer.score(decision.participants, decision.algorithm) if decision else None
+    found = validate(proposal, scorer.scene, KNOWN, policy="llm", cycle=0, now_ns=0)
+    decided = None
+    if not isinstance(found, Unusable):
+        decided = scorer.score(found.participants, found.algorithm)
     margin = EgoSettings().llm_value_margin
     verdict = judge(advice.participants, advice.algorithm, scorer, case.fallback, margin=margin)
-    return Heard(text, follows, own, decided, bool(repairs), verdict.refused is None)
+    return Heard(text, follows, own, decided, bool(found.repairs), verdict.refused is None)
 
 
 def at_random(prompt: LlmPrompt, rng: random.Random) -> str:

@@ -37,9 +37,8 @@ from deploy.spec import SwarmSpec, factory_robots, make_spec
 from research.benchmarks.ending import signals_raise
 from research.benchmarks.processes import free_ports
 from research.benchmarks.report import write_report
-from swarm import keyspace
+from swarm.listening import Handlers, listen
 from swarm.messages import Decision
-from swarm.session import Session
 
 ROBOTS = 6
 SECONDS = 22.0
@@ -221,9 +220,9 @@ def run(swarm: Swarm, directory: Path) -> tuple[list[dict[str, Any]], Frames]:
     rows: list[dict[str, Any]] = []
     first: Frames = []
     decisions: list[Decision] = []
-    with swarm.running(), Session(swarm.address, swarm.spec.swarm, timeout_s=30.0) as session:
-        key = keyspace.decision(swarm.spec.swarm, swarm.spec.ego)
-        session.subscribe(key, Decision, lambda decision, _: decisions.append(decision))
+    handlers: Handlers = {Decision: decisions.append}
+    spec = swarm.spec
+    with swarm.running(), listen(swarm.address, spec.swarm, handlers, spec.ego, timeout_s=30.0):
         for algorithm, load in [*((name, 0) for name in ALGORITHMS), (ALGORITHMS[0], 1)]:
             decisions.clear()
             busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(load)]

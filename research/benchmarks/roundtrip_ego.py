@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from ego_agent.__main__ import run
-from ego_agent.execute.frame_round import kind_of
 from ego_agent.execute.fusion_loop import FrameResult
 from ego_agent.settings import load_settings
 from perception.codec.outlined import take_outline
@@ -61,7 +60,7 @@ class Notes:
                 "fuse_ms": result.fuse_ms,
                 "age_ms": (time.time_ns() - result.own.capture_ns) * 1e-6,
                 "participants": result.participants[1:],
-                "missing": {robot: kind_of(why) for robot, why in result.missing.items()},
+                "missing": result.missing_kinds(),
                 "bytes": sum(done.bytes.values()),
                 "encode_ms": dict(done.encode_ms),
             }

@@ -161,6 +161,8 @@ class Detections(Message, frozen=True, kw_only=True):
     """Participants that are not in the result, and why."""
     known: Annotated[tuple[KnownRobot, ...], msgspec.Meta(max_length=MAX_NAMED)] = ()
     """Every robot but the ego of which a fresh beacon tells, whether it takes part or not."""
+    missing_kinds: dict[str, str] = msgspec.field(default_factory=dict)
+    """The kind of each reason in `missing`, one of a few words (docs/journal.md)."""
     boxes: Array
     """float32 (N, 7): centre x, y, z, length, width, height, heading."""
     scores: Array

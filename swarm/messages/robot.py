@@ -129,3 +129,5 @@ class Refusal(Message, frozen=True, kw_only=True):
     robot: str
     request: Count
     reason: str
+    code: Annotated[str, msgspec.Meta(max_length=32)] = ""
+    """The kind of the reason, where the process names one (`swarm.errors.CoAdaptError.code`)."""

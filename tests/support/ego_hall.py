@@ -8,26 +8,21 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from prometheus_client import CollectorRegistry
 
-from ego_agent.execute.ask import Asker
-from ego_agent.execute.fusion_loop import FrameResult, FusionLoop
-from ego_agent.execute.sense import OwnFrame, OwnSensor
-from ego_agent.knowledge.base import Knowledge
-from ego_agent.knowledge.tally import TallyKeeper
-from ego_agent.monitor.known import KnownRobots
-from ego_agent.monitor.link import LinkEstimate
-from ego_agent.monitor.snapshot import Monitor
+from ego_agent.agent import EgoAgent
+from ego_agent.execute.fusion_loop import FrameResult
+from ego_agent.execute.sense import OwnFrame
+from ego_agent.metrics import EgoMetrics
+from ego_agent.settings import EgoSettings
 from perception.codec.points import decode_points, encode_points
-from perception.detector import configuration
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
-from perception.fusion.compensation import MotionCompensation
 from perception.types import Boxes, clean_points
 from swarm import keyspace
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Points, Pose, transform
 from swarm.log import make_logger
 from swarm.messages import Decision, Observation, ObservationRequest
-from swarm.process import Clock
 from swarm.session import Session
 from tests.support.ego_swarm import Swarm, swarm_of, until
 from worlds.base import GroundTruth, Scan
@@ -100,37 +95,13 @@ class Ego:
     """The ego's executing half on a real session."""
 
     def __init__(self, session: Session, world: Hall) -> None:
-        log = make_logger("test")
-        clock = Clock()
-        self.link = LinkEstimate(55e6)
-        self.monitor = Monitor("R1", self.link)
-        self.tally = TallyKeeper()
-        self.sensor = OwnSensor(world, "R1", time.time_ns(), self.monitor, clock, log)
-        self.known = Knowledge()
-        asker = Asker(
-            "R1",
-            self.monitor,
-            self.link,
-            self.known,
-            self.tally,
-            clock,
-            0.1,
-            max_error_m=0.1,
-            keep_ground=False,
-        )
-        self.loop = FusionLoop(
-            "R1",
-            self.sensor,
-            asker,
-            {name: Crates(name) for name in ("early", "late")},
-            MotionCompensation("factory"),
-            self.tally,
-            log,
-            detector="factory",
-            known=KnownRobots(self.monitor, 1.0, configuration("factory").usual_body),
-            rate_hz=10.0,
-            deadline_s=DEADLINE_S,
-        )
+        crates = {name: Crates(name) for name in ("early", "late")}
+        settings = EgoSettings(deadline_s=DEADLINE_S, epoch_ns=time.time_ns())
+        metrics, log = EgoMetrics(CollectorRegistry()), make_logger("test")
+        agent = EgoAgent.from_settings(settings, world, metrics, log, fusions=crates)
+        self.monitor, self.loop = agent.monitor, agent.fusion
+        self.tally, self.sensor, self.known = agent.tally, agent.sensor, agent.knowledge
+        self.link = self.monitor.link
         self.monitor.attach(session)
         self.loop.connect(session)
 

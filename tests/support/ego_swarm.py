@@ -172,7 +172,7 @@ M = TypeVar("M", bound=Message)
 def hear(session: Session, key: str, kind: type[M]) -> Heard[M]:
     """The messages on a key from now on."""
     heard: Heard[M] = Heard()
-    session.subscribe(key, kind, lambda message, _: heard.put(message))
+    session.subscribe(key, kind, heard.put)
     return heard
 
 

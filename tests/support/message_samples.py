@@ -103,7 +103,7 @@ SAMPLES: tuple[Message, ...] = (
         encode_ms=4.25,
         uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
     ),
-    Refusal(robot="R1", request=9, reason="no frame yet: über"),
+    Refusal(robot="R1", request=9, reason="no frame yet: über", code="busy"),
     Decision(
         ego="R2",
         cycle=12,
@@ -153,7 +153,8 @@ SAMPLES: tuple[Message, ...] = (
         capture_ns=NOW,
         algorithm="late",
         participants=("R2", "R1"),
-        missing={"R3": "no answer"},
+        missing={"R3": "deadline: no answer within 0.25 s"},
+        missing_kinds={"R3": "deadline"},
         known=(
             KnownRobot(
                 robot="R1",

@@ -170,7 +170,7 @@ def ask_all(plan: Plan) -> None:
         link = LinkEstimate(PRIOR_BPS)
         watch = LinkWatch("E1", link)
 
-        def take(state: TcpState, _: str) -> None:
+        def take(state: TcpState) -> None:
             watch.take_tcp(state, time.monotonic())
 
         session.subscribe(keyspace.net_tcp(SWARM), TcpState, take)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ego_agent.knowledge.model import Proposal
 from ego_agent.plan.advice.outcomes import Refused
 from ego_agent.plan.choices.scoring import Score, Scorer
-from ego_agent.plan.choices.validation import MAX_PARTICIPANTS, validate
+from ego_agent.plan.choices.validation import MAX_PARTICIPANTS, Unusable, validate
 from ego_agent.plan.surrogate.estimate import Estimate
 from ego_agent.plan.surrogate.model import Surrogate
 from swarm.messages import Decision
@@ -54,26 +54,24 @@ def judge(
     named = set(participants) - {scene.ego.robot}
     known = {name for name in named if name in scorer.row_of}
     proposal = Proposal(tuple(participants), algorithm, "", "llm")
-    decision, sentences = validate(
-        proposal, scene, scorer.knowledge, policy="llm", cycle=0, now_ns=0
-    )
-    if decision is None:
+    found = validate(proposal, scene, scorer.knowledge, policy="llm", cycle=0, now_ns=0)
+    if isinstance(found, Unusable):
         if len(participants) > MAX_PARTICIPANTS:
             kind: Refused = "too_many"
         else:
             kind = "infeasible" if known else "unknown_robot"
-        return Verdict(kind, sentences[-1], notes=sentences)
-    at = scorer.at_rate(decision.rate_hz)
-    ours, theirs = at.score(decision.participants, decision.algorithm), fallback
+        return Verdict(kind, found.why, notes=found.repairs)
+    at = scorer.at_rate(found.rate_hz)
+    ours, theirs = at.score(found.participants, found.algorithm), fallback
     if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
         estimate = Estimate(scorer, surrogate)
         ours = estimate.score(ours.participants, ours.algorithm)
         theirs = estimate.score(theirs.participants, theirs.algorithm)
     if why := _worse(scorer, ours, theirs, margin):
-        return Verdict("worse", why, notes=sentences)
+        return Verdict("worse", why, notes=found.repairs)
     repaired: list[Refused] = ["unknown_robot"] if named - known else []
-    repaired += _repaired(at, known, algorithm, decision)
-    return Verdict(None, "", decision.participants, decision.algorithm, tuple(repaired), sentences)
+    repaired += _repaired(at, known, algorithm, found)
+    return Verdict(None, "", found.participants, found.algorithm, tuple(repaired), found.repairs)
 
 
 def _repaired(scorer: Scorer, known: set[str], algorithm: str, decision: Decision) -> list[Refused]:
@@ -96,7 +94,7 @@ def _worse(scorer: Scorer, ours: Score, fallback: Score, margin: float) -> str:
         return ""
     if not good and scorer.good_enough(fallback):
         return (
-            f"refused: predicted quality {ours.quality:.3f}, the fallback has "
+            f"predicted quality {ours.quality:.3f}, the fallback has "
             f"{fallback.quality:.3f} and reaches {scorer.objective.q_min:.3f}"
         )
     what, mine, theirs = "quality", ours.quality, fallback.quality
@@ -104,4 +102,4 @@ def _worse(scorer: Scorer, ours: Score, fallback: Score, margin: float) -> str:
         what, mine, theirs = "value", ours.value, fallback.value
     if mine >= theirs - margin - _ROUNDING:
         return ""
-    return f"refused: predicted {what} {mine:.3f}, the fallback has {theirs:.3f}"
+    return f"predicted {what} {mine:.3f}, the fallback has {theirs:.3f}"

@@ -27,12 +27,11 @@ _CODES: dict[str, GatewayCode] = {code: code for code in get_args(GatewayCode)}
 def trouble(error: Exception, waited_s: float, deadline_s: float) -> tuple[Outcome, str]:
     """What it means that a question ended with an error, and the error in words.
 
-    A refusal's text holds the gateway's code (`swarm.errors.GatewayError`). Zenoh says at once that
-    nobody serves a key, and only after the deadline that no answer came.
+    A refusal carries the gateway's code. Zenoh says at once that nobody serves a key, and only
+    after the deadline that no answer came.
     """
     if isinstance(error, RefusedError):
-        code = error.reason.partition(":")[0]
-        return _CODES.get(code, "failed"), f"refused: {plain(error.reason)}"
+        return _CODES.get(error.code, "failed"), f"refused: {plain(error.reason)}"
     if isinstance(error, MessageError):
         return "unreadable", plain(str(error))
     return ("late" if waited_s >= deadline_s / 2 else "no_gateway"), plain(str(error))

@@ -8,6 +8,7 @@ a sentence. What cannot be repaired is refused.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import get_args
 
 from ego_agent.knowledge.base import Knowledge
@@ -25,6 +26,20 @@ MAX_PARTICIPANTS = 1024
 """Names read from one proposal: more than any swarm has, so that a flood costs little."""
 
 
+@dataclass(frozen=True, slots=True)
+class Unusable:
+    """A proposal that cannot be repaired."""
+
+    why: str
+    changed: tuple[str, ...] = ()
+    """What was tried, one sentence each."""
+
+    @property
+    def repairs(self) -> tuple[str, ...]:
+        """The whole story, for `Decision.repairs`."""
+        return bounded([*self.changed, f"refused: {self.why}"])
+
+
 def validate(
     proposal: Proposal,
     scene: UnifiedScene,
@@ -33,10 +48,9 @@ def validate(
     policy: str,
     cycle: int,
     now_ns: int,
-) -> tuple[Decision | None, tuple[str, ...]]:
-    """A valid decision made from the proposal, and what was changed in it.
+) -> Decision | Unusable:
+    """A valid decision made from the proposal; its `repairs` say what was changed.
 
-    None instead of a decision means that the proposal cannot be used; the last sentence says why.
     A decision is valid when its participants are the ego, first, and candidates of the scene, each
     once; its algorithm is available and everyone's size for it is known; and
     C(P, a) * 8 * rate <= headroom * C(t), at the rate that is decided, and the same for each one's
@@ -44,22 +58,22 @@ def validate(
     """
     repairs: list[str] = []
     if trouble := _unusable(proposal, knowledge, now_ns):
-        return None, (trouble,)
+        return Unusable(trouble)
     repairs.extend(proposal.notes)
     fastest = Scorer(scene, knowledge)
     asked = _known_once(proposal.participants, scene, repairs)
     if not asked and any(name != scene.ego.robot for name in proposal.participants):
-        return None, bounded([*repairs, "refused: nobody of those it names can take part"])
+        return Unusable("nobody of those it names can take part", tuple(repairs))
     scorer = _paced(fastest, asked, proposal)
     score = _carried(scorer, asked, proposal.algorithm, repairs)
     if asked and not score.participants:
-        why = "refused: nobody of those it names fits the link and adds anything"
-        return None, bounded([*repairs, why])
+        why = "nobody of those it names fits the link and adds anything"
+        return Unusable(why, tuple(repairs))
     source = proposal.source
     if source not in SOURCES:
         repairs.append(f"source {shown(source)} is unknown: taken as policy")
         source = "policy"
-    decision = make_decision(
+    return make_decision(
         scorer,
         score,
         reason=proposal.reason,
@@ -71,7 +85,6 @@ def validate(
         model=proposal.model,
         advice=proposal.advice,
     )
-    return decision, decision.repairs
 
 
 def make_decision(
@@ -139,15 +152,15 @@ def _unusable(proposal: Proposal, knowledge: Knowledge, now_ns: int) -> str | No
     """Why a proposal is refused unread, or None. Its types are checked: it may be anything."""
     limit_s = knowledge.objective.proposal_max_age_s
     if not isinstance(proposal, Proposal):
-        return f"refused: a proposal {shown(proposal)}"
+        return f"a proposal {shown(proposal)}"
     if not isinstance(proposal.participants, tuple | list):
-        return f"refused: participants {shown(proposal.participants)}, not a list of robot ids"
+        return f"participants {shown(proposal.participants)}, not a list of robot ids"
     if len(proposal.participants) > MAX_PARTICIPANTS:
         number = len(proposal.participants)
-        return f"refused: {number} participants, at most {MAX_PARTICIPANTS} are allowed"
+        return f"{number} participants, at most {MAX_PARTICIPANTS} are allowed"
     if proposal.made_ns is not None and now_ns - proposal.made_ns > limit_s * 1e9:
         age_s = (now_ns - proposal.made_ns) / 1e9
-        return f"refused: it is {age_s:.1f} s old, at most {limit_s:.1f} s is allowed"
+        return f"it is {age_s:.1f} s old, at most {limit_s:.1f} s is allowed"
     return None
 
 

@@ -14,7 +14,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.advice.adopted import Advice, Cycle, answer_report
 from ego_agent.plan.advice.judge import Verdict, judge
-from ego_agent.plan.advice.outcomes import plain
+from ego_agent.plan.advice.outcomes import Refused, plain
 from ego_agent.plan.advice.questions import Asking, Heard, Question, Questions
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.scoring import Scorer
@@ -159,21 +159,18 @@ class Llm:
         try:
             advice = read_answer(heard.answer.decision, heard.question.prompt)
         except DecisionError as error:
-            cycle.answer = answer_report(heard, "unreadable", f"refused: {plain(str(error))}")
-            self._refuse(cycle, cycle.answer.why)
+            self._not_followed(cycle, heard, "unreadable", plain(str(error)))
             return
         least = self._settings.llm_min_confidence
         if advice.confidence < least:
-            why = f"refused: its confidence is {advice.confidence:.2f}, allowed: >= {least:.2f}"
+            why = f"its confidence is {advice.confidence:.2f}, allowed: >= {least:.2f}"
             verdict = Verdict("low_confidence", why)
         else:
             verdict = self._judge(cycle, advice.participants, advice.algorithm)
-        cycle.answer = answer_report(
-            heard, verdict.refused or "adopted", verdict.why, verdict.repaired
-        )
         if verdict.refused is not None:
-            self._refuse(cycle, verdict.why)
+            self._not_followed(cycle, heard, verdict.refused, verdict.why)
             return
+        cycle.answer = answer_report(heard, "adopted", "", verdict.repaired)
         if self._held is not None:
             cycle.ended = "replaced"
         cycle.fresh, cycle.notes = heard.answer.source, verdict.notes
@@ -186,6 +183,10 @@ class Llm:
         )
         self._refusal = self._refused_for = ""
 
+    def _not_followed(self, cycle: Cycle, heard: Heard, outcome: Refused, why: str) -> None:
+        cycle.answer = answer_report(heard, outcome, f"refused: {why}")
+        self._refuse(cycle, cycle.answer.why)
+
     def _check(self, cycle: Cycle, held: Advice) -> None:
         """Gives up advice that does not hold any more, as it is, in the scene as it is now."""
         verdict = self._judge(cycle, held.participants, held.algorithm)
@@ -193,7 +194,7 @@ class Llm:
         if cycle.now_s - held.since_s > limit_s:
             cycle.ended, why = "too_old", f"it is older than {limit_s:g} s"
         elif verdict.refused is not None:
-            cycle.ended, why = verdict.refused, verdict.why.removeprefix("refused: ")
+            cycle.ended, why = verdict.refused, verdict.why
         elif verdict.repaired:
             cycle.ended, why = verdict.repaired[0], "; ".join(verdict.notes)
         else:

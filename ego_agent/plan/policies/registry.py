@@ -7,30 +7,21 @@ state of its own.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Sequence
 
-import ego_agent.plan.policies as policies
 from ego_agent.plan.policies.base import Policy, Requiring
 from swarm.errors import DecisionError
+from swarm.registry import by_name, registered
 
 
 def _all_policies() -> dict[str, Policy]:
-    found: dict[str, Policy] = {}
-    for module in sorted(m.name for m in pkgutil.iter_modules(policies.__path__)):
-        loaded = importlib.import_module(f"{policies.__name__}.{module}")
-        for make in getattr(loaded, "POLICIES", ()):
-            policy: Policy = make()
-            if policy.name in found:
-                raise DecisionError(f"two policies are called {policy.name!r}")
-            found[policy.name] = policy
-    return found
+    made = (make() for make in registered("POLICIES", "ego_agent.plan.policies"))
+    return by_name(made, "policies", DecisionError)
 
 
 def policy_names() -> tuple[str, ...]:
     """The names of all policies, sorted."""
-    return tuple(sorted(_all_policies()))
+    return tuple(_all_policies())
 
 
 def make_policy(name: str, algorithms: Sequence[str]) -> Policy:
@@ -40,7 +31,7 @@ def make_policy(name: str, algorithms: Sequence[str]) -> Policy:
     """
     found = _all_policies()
     if name not in found:
-        raise DecisionError(f"policy {name!r} is unknown; allowed: {', '.join(sorted(found))}")
+        raise DecisionError(f"policy {name!r} is unknown; allowed: {', '.join(found)}")
     policy = found[name]
     if isinstance(policy, Requiring) and policy.requires not in algorithms:
         raise DecisionError(

@@ -7,7 +7,7 @@ from functools import partial
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
-from perception.fusion.registry import all_fusions
+from perception.fusion.algorithms import all_fusions
 from swarm.messages import Algorithm, Decision
 
 

@@ -100,8 +100,7 @@ def _take(engine: Engine, frame: frames.ToWorker) -> frames.FromWorker | None:
     try:
         engine.submit(frame.ident, Prompt(frame.messages, frame.schema, frame.max_tokens))
     except GatewayError as error:
-        why = str(error).removeprefix(f"{error.code}: ")
-        return frames.Failed(frame.ident, error.code, why)
+        return frames.Failed(frame.ident, error.code, error.why)
     return None
 
 

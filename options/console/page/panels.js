@@ -111,10 +111,8 @@ export function showDecision(stream) {
   }
 }
 
-// What a robot said, without the key that was asked.
 function brief(why) {
-  const said = why.split(" refused: ").at(-1);
-  return said.length > 60 ? `${said.slice(0, 59)}…` : said;
+  return why.length > 60 ? `${why.slice(0, 59)}…` : why;
 }
 
 // Who is not in the decision, by why.

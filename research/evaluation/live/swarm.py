@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Queue
@@ -14,10 +13,9 @@ from deploy import ready, runtimes
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
 from research.evaluation.windows.scenarios import Scenario
-from swarm import keyspace
 from swarm.errors import DeployError
+from swarm.listening import listen
 from swarm.messages import Detections
-from swarm.session import Session
 
 START_S = 90.0
 SETTLE_S = 5.0
@@ -50,7 +48,10 @@ def record(
         state = need_state(spec.swarm)
         ready.wait_ready(chosen, state, START_S)
         time.sleep(SETTLE_S)
-        with _detections(state.router, spec) as heard:
+        heard: Queue[Detections] = Queue()
+        with listen(
+            state.router, spec.swarm, {Detections: heard.put}, spec.ego, timeout_s=CONNECT_S
+        ):
             return _collect(heard, seconds)
     finally:
         chosen.down(spec.swarm)
@@ -94,19 +95,6 @@ def _free_ports() -> int:
                 continue
             return first
     raise DeployError(f"no {PORTS.step} free ports in a row from {PORTS.start} to {PORTS.stop}")
-
-
-@contextmanager
-def _detections(router: str, spec: SwarmSpec) -> Iterator[Queue[Detections]]:
-    """What the swarm's ego publishes, while the context is open."""
-    heard: Queue[Detections] = Queue()
-    session = Session(router, spec.swarm, timeout_s=CONNECT_S)
-    try:
-        key = keyspace.detections(spec.swarm, spec.ego)
-        session.subscribe(key, Detections, lambda frame, _: heard.put(frame))
-        yield heard
-    finally:
-        session.close()
 
 
 def _collect(heard: Queue[Detections], seconds: float) -> Recorded:

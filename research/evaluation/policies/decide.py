@@ -75,6 +75,10 @@ def decisions(
     `heard`: what the ego had heard at the beginning of each window. Raises EvaluationError for a
     policy that fails: an ego would go on with `coverage`, whose results are not the policy's.
     """
+
+    def failed(why: str) -> None:
+        raise EvaluationError(f"in {scenario.name}: {why}")
+
     robots = tuple(heard[0])
     ego = robots[scenario.ego]
     blind = policy.name.startswith(BLIND)
@@ -87,14 +91,11 @@ def decisions(
         if blind:
             decision = _as_proposed(policy, scene, knowledge)
         else:
-            decision = plan(seen, scene, policy, knowledge, previous, window, EPOCH_NS)
+            decision = plan(seen, scene, policy, knowledge, previous, window, EPOCH_NS, failed)
         took_s = time.perf_counter() - begun
         if isinstance(policy, Waiting):
             took_s = policy.waited_s - waited_s
         answered = policy.answered if isinstance(policy, Waiting) else None
-        failed = [text for text in decision.repairs if f"{policy.name} failed with" in text]
-        if failed:
-            raise EvaluationError(f"in {scenario.name}: {failed[0]}")
         previous = decision
         found.append(
             Decided(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ego_agent.analyze.scene import analyze
-from ego_agent.execute.frame_round import MISSING_KINDS, kind_of
+from ego_agent.execute.frame_round import MISSING_KINDS, Missing
 from ego_agent.knowledge.base import Knowledge
 from swarm import keyspace
 from swarm.errors import PerceptionError
@@ -56,12 +56,12 @@ def test_without_a_router_the_ego_fuses_alone(hall: Hall, swarm: Swarm, ego: Ego
     ego.loop._session = None
     result = ego.fuse("R2")
     assert len(result.boxes) == 1
-    assert result.missing == {"R2": "offline: no router"}
+    assert result.missing == {"R2": Missing("offline", "no router")}
 
 
 def test_a_robot_that_left_is_not_waited_for(ego: Ego) -> None:
     result = ego.fuse("R2")
-    assert kind_of(result.missing["R2"]) == "left"
+    assert result.missing["R2"].kind == "left"
 
 
 def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
@@ -78,10 +78,10 @@ def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
     robot("R2", slow)
     robot("R3", honest(hall, "R3"))
     first = ego.fuse("R2", "R3")
-    assert kind_of(first.missing["R2"]) == "deadline"
+    assert first.missing["R2"].kind == "deadline"
     assert first.participants == ("R1", "R3")
     second = ego.fuse("R2", "R3")
-    assert kind_of(second.missing["R2"]) == "busy"
+    assert second.missing["R2"].kind == "busy"
     ego.tally.take()
     go.set()
 
@@ -112,9 +112,9 @@ def test_a_request_for_an_old_frame_is_not_sent_again(
     ego.loop._deadline_s = SHORT_S
     robot("R2", slow)
     robot("R3", silent)
-    assert kind_of(ego.fuse("R2").missing["R2"]) == "deadline"
+    assert ego.fuse("R2").missing["R2"].kind == "deadline"
     # The first request runs out of time while the ego still waits for the next frame's robot.
-    assert kind_of(ego.fuse("R3").missing["R3"]) == "deadline"
+    assert ego.fuse("R3").missing["R3"].kind == "deadline"
     go.set()
     until(lambda: "R2" in ego.fuse("R2").participants, "R2 takes part again")
     assert len(heard) == len(set(heard))
@@ -126,7 +126,7 @@ def test_a_robot_whose_queryable_comes_after_its_token_takes_part_as_soon_as_it_
     with Session(swarm.address, "test", timeout_s=60) as session:
         session.declare_alive("R2")
         until(lambda: ego.monitor.is_alive("R2"), "R2 is seen")
-        assert kind_of(ego.fuse("R2").missing["R2"]) == "unanswered"
+        assert ego.fuse("R2").missing["R2"].kind == "unanswered"
         session.serve(keyspace.observation("test", "R2"), ObservationRequest, honest(hall, "R2"))
         until(lambda: ego.fuse("R2").participants == ("R1", "R2"), "R2 takes part")
 
@@ -136,9 +136,9 @@ def test_a_refusal_is_named_with_its_reason(ego: Ego, robot: RobotStarter) -> No
         raise PerceptionError("no frame near that time")
 
     robot("R2", refuse)
-    missing = ego.fuse("R2").missing
-    assert missing["R2"].startswith("refused:")
-    assert "no frame near that time" in missing["R2"]
+    missing = ego.fuse("R2").missing["R2"]
+    assert missing.kind == "refused"
+    assert "no frame near that time" in missing.detail
 
 
 @pytest.mark.parametrize("payload", [b"", b"garbage", bytes(range(256)) * 100])
@@ -149,7 +149,7 @@ def test_a_payload_that_cannot_be_read_is_rejected_and_the_others_are_fused(
     robot("R2", lambda request: observation(hall, "R2", request, payload))
     robot("R3", honest(hall, "R3"))
     result = ego.fuse("R2", "R3", algorithm=algorithm)
-    assert kind_of(result.missing["R2"]) == "rejected"
+    assert result.missing["R2"].kind == "rejected"
     assert result.participants == ("R1", "R3")
     assert len(result.boxes) == 2
     assert ego.tally.take().received["R2", algorithm] == len(payload)
@@ -170,7 +170,7 @@ def test_an_answer_to_another_question_is_not_fused(
 ) -> None:
     robot("R2", lambda request: observation(hall, "R2", request, b"", **lie))
     result = ego.fuse("R2")
-    assert kind_of(result.missing["R2"]) == kind
+    assert result.missing["R2"].kind == kind
     assert result.participants == ("R1",)
     assert len(result.boxes) == 1
 
@@ -178,7 +178,7 @@ def test_an_answer_to_another_question_is_not_fused(
 def test_an_oversized_answer_is_dropped(ego: Ego, hall: Hall, robot: RobotStarter) -> None:
     robot("R2", lambda request: observation(hall, "R2", request, bytes(9 * 1024 * 1024)))
     result = ego.fuse("R2")
-    assert kind_of(result.missing["R2"]) == "refused"
+    assert result.missing["R2"].kind == "refused"
     assert len(result.boxes) == 1
 
 
@@ -274,4 +274,4 @@ def test_a_scan_that_always_fails_does_not_end_the_loop(ego: Ego, hall: Hall) ->
 
 
 def test_every_reason_has_a_kind_that_metrics_know(ego: Ego) -> None:
-    assert kind_of(ego.fuse("R9").missing["R9"]) in MISSING_KINDS
+    assert ego.fuse("R9").missing["R9"].kind in MISSING_KINDS

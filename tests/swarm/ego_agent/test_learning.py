@@ -6,7 +6,6 @@ import threading
 
 import msgspec
 
-from ego_agent.execute.frame_round import kind_of
 from ego_agent.knowledge.answers import AnswerTimes
 from swarm.messages import Observation, ObservationRequest, Probe
 from tests.support.ego_hall import (  # noqa: F401
@@ -44,7 +43,7 @@ def test_a_probe_is_asked_once_beside_the_frame_teaches_and_is_not_fused(
     )
     first = ego.loop.fuse(probing, ego.own())
     assert first.participants == ("R1", "R3")
-    assert kind_of(first.missing["R2"]) == "probe"
+    assert first.missing["R2"].kind == "probe"
     assert len(first.boxes) == 2
     until(lambda: _told(ego, "R2", "early"), "the probe's answer was taken up")
     assert answers_of(ego, "R2", "early").in_time(DEADLINE_S) == 1.0
@@ -70,7 +69,7 @@ def test_a_missed_deadline_teaches_at_once_and_the_late_answer_how_long_it_took(
     robot("R2", answer)
     hasty = msgspec.structs.replace(decision("R2"), deadline_s=0.1)
     result = ego.loop.fuse(hasty, ego.own())
-    assert kind_of(result.missing["R2"]) == "deadline"
+    assert result.missing["R2"].kind == "deadline"
     known = answers_of(ego, "R2", "early")
     assert known.in_time(0.1) < 1.0
     assert known.in_time(0.2) == 1.0, "how long it takes is not known yet"

@@ -279,7 +279,7 @@ def test_a_slower_pace_waits_longer_and_is_worth_less() -> None:
     worth = [pace.freshness(fastest, 0.0) for pace in (fastest, *slower)]
     assert worth[0] == 1.0
     assert worth == sorted(worth, reverse=True)
-    assert fastest.freshness(fastest, 0.2) == Pace(5.0).freshness(fastest, 0.0)
+    assert fastest.freshness(fastest, 0.2) == Pace(5.0, 0.25).freshness(fastest, 0.0)
 
 
 def test_execute_follows_the_decided_rate_up_to_the_set_one() -> None:

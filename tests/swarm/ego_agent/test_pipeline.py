@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 
-from ego_agent.execute.frame_round import FrameRound, kind_of
+from ego_agent.execute.frame_round import FrameRound
 from ego_agent.execute.pipeline import MAX_FRAMES, AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame
 from perception.types import Boxes
@@ -169,8 +169,8 @@ def test_a_robot_that_is_ten_times_slower_takes_nothing_from_the_others(
     running.loop.start()
     until(lambda: asked["R3"] >= 4, "R3 is asked a fourth time")
     running.loop.stop()
-    late = [d.missing for d in heard.all if "R3" in d.missing]
-    assert {kind_of(missing["R3"]) for missing in late} <= {"deadline", "busy"}
+    late = [d.missing_kinds["R3"] for d in heard.all if "R3" in d.missing]
+    assert set(late) <= {"deadline", "busy"}
     # It costs its own part only: R2 is asked for ten frames each time, and is in all of them.
     assert asked["R2"] >= 30
     until(
@@ -193,8 +193,8 @@ def test_a_robot_that_is_late_is_not_asked_again_before_it_has_answered(
     running.loop._deadline_s = 0.3
     robot("R2", slow)
     running.loop.start()
-    late = heard.until(lambda d: kind_of(d.missing["R2"]) == "deadline")
-    heard.until(lambda d: d.frame > late.frame and kind_of(d.missing["R2"]) == "busy")
+    late = heard.until(lambda d: d.missing_kinds["R2"] == "deadline")
+    heard.until(lambda d: d.frame > late.frame and d.missing_kinds["R2"] == "busy")
     assert len(asked) == 1
     go.set()
     heard.until(lambda d: "R2" in d.participants)

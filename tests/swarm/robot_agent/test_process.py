@@ -84,9 +84,7 @@ def request(**changes: object) -> ObservationRequest:
 
 def beacons_of(session: Session) -> Inbox[Beacon]:
     inbox: Inbox[Beacon] = Inbox()
-    session.subscribe(
-        keyspace.beacon(session.swarm, keyspace.ANY), Beacon, lambda m, key: inbox.put(m)
-    )
+    session.subscribe(keyspace.beacon(session.swarm, keyspace.ANY), Beacon, inbox.put)
     return inbox
 
 
@@ -97,9 +95,7 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
     scenes: Inbox[SceneDescription] = Inbox()
     beacons = beacons_of(ego)
     ego.watch_alive(lambda r: events.put(("join", r)), lambda r: events.put(("leave", r)))
-    ego.subscribe(
-        keyspace.scene(ego.swarm, keyspace.ANY), SceneDescription, lambda m, key: scenes.put(m)
-    )
+    ego.subscribe(keyspace.scene(ego.swarm, keyspace.ANY), SceneDescription, scenes.put)
     process = start(ROBOTS="302,311", RING_FRAMES="100")
     assert {events.next(), events.next()} == {("join", "302"), ("join", "311")}
 

@@ -105,7 +105,7 @@ def test_after_a_router_restart_everything_is_back(
     beacons: Inbox[Beacon] = Inbox()
     key = keyspace.observation(robot.swarm, "R1")
     ego.watch_alive(lambda r: events.put(("join", r)), lambda r: events.put(("leave", r)))
-    ego.subscribe(keyspace.beacon(ego.swarm, keyspace.ANY), Beacon, lambda m, k: beacons.put(m))
+    ego.subscribe(keyspace.beacon(ego.swarm, keyspace.ANY), Beacon, beacons.put)
     robot.serve(key, ObservationRequest, observation)
     robot.declare_alive("R1")
     assert events.next() == ("join", "R1")

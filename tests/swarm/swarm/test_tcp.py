@@ -126,7 +126,7 @@ def test_a_router_tells_an_ego_what_it_has_sent_it() -> None:
             Session(router.address, "told", timeout_s=10.0) as ego,
         ):
             states: Inbox[TcpState] = Inbox()
-            ego.subscribe(keyspace.net_tcp("told"), TcpState, lambda m, _: states.put(m))
+            ego.subscribe(keyspace.net_tcp("told"), TcpState, states.put)
             key = keyspace.observation("told", "R1")
             robot.serve(key, ObservationRequest, lambda _: large)
             wait_until_served(ego, key)

@@ -15,7 +15,7 @@ from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.prompting import make_prompt
 from ego_agent.plan.prompting.table import MAX_LISTED
-from perception.fusion.registry import all_fusions
+from perception.fusion.algorithms import all_fusions
 from swarm.errors import DecisionError
 from swarm.messages import DecideRequest, Decision, decode, encode
 from tests.support.ego_scenes import NOW_NS, candidate, knowledge, scene

@@ -27,6 +27,7 @@ from ego_agent.plan.surrogate.model import (
 )
 from swarm.errors import DecisionError
 from swarm.geometry import Pose
+from swarm.messages import Decision
 from tests.support.ego_scenes import assert_valid, candidate, knowledge, scene
 
 ALGORITHMS = ("early", "late")
@@ -176,9 +177,9 @@ def test_what_it_proposes_holds(robots: int, seed: int) -> None:
     floor, known = random_scene(robots, seed, capacity_bps=2e6), knowledge(ALGORITHMS)
     policy = BySurrogate(model=random_model(seed))
     proposal = policy.propose(floor, known, None)
-    decision, repairs = validate(proposal, floor, known, policy="surrogate", cycle=0, now_ns=0)
-    assert decision is not None
-    assert not repairs
+    decision = validate(proposal, floor, known, policy="surrogate", cycle=0, now_ns=0)
+    assert isinstance(decision, Decision)
+    assert not decision.repairs
     assert_valid(decision, floor, known)
     estimate = Estimate(Scorer(floor, known), random_model(seed))
     chosen = estimate.score(proposal.participants, proposal.algorithm)

@@ -73,7 +73,6 @@ def test_a_key_in_two_places_or_of_the_wrong_kind_is_refused_unseen(tmp_path: Pa
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"BACKEND": "oracle"}, "COADAPT_LLM_BACKEND = 'oracle'"),
         ({"QUEUE": "0"}, "COADAPT_LLM_QUEUE = '0'"),
         ({"WINDOW_MS": "-1"}, "COADAPT_LLM_WINDOW_MS"),
         ({"CACHE_TTL_S": "nan"}, "COADAPT_LLM_CACHE_TTL_S"),
@@ -87,6 +86,8 @@ def test_what_is_out_of_range_is_named(values: dict[str, str], told: str) -> Non
 def test_a_back_end_is_made_by_name() -> None:
     log = make_logger("test", level="error")
     assert make_backend(load_settings({}), log).name == "none"
+    with pytest.raises(SettingError, match=r"'oracle' .* allowed: llamacpp, none, openai"):
+        make_backend(load_settings(settings(BACKEND="oracle")), log)
     chosen = settings(BACKEND="openai", URL="http://127.0.0.1:9/v1", MODEL="m")
     assert make_backend(load_settings(chosen), log).model == "m"
     with pytest.raises(SettingError, match="COADAPT_LLM_URL") as caught:

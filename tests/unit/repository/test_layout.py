@@ -20,7 +20,7 @@ PROCESSES = {"robot_agent", "ego_agent", "network_controller", "llm_gateway", "o
 PRODUCT = (PROCESSES - {"options.console"}) | {
     "swarm", "perception", "worlds", "sensing", "deploy", "coadapt",
 }  # fmt: skip
-PURE = {"swarm.body", "swarm.errors", "swarm.files", "swarm.geometry"}
+PURE = {"swarm.body", "swarm.errors", "swarm.files", "swarm.geometry", "swarm.registry"}
 
 
 def imported(package: str) -> set[tuple[str, str]]:

@@ -21,6 +21,7 @@ from options.console.watch import Watch
 from swarm.arrays import Array, pack
 from swarm.errors import TransportError
 from swarm.log import make_logger
+from swarm.messages import Beacon, Message
 from swarm.session import Session
 from tests.support.console_swarm import EGO, Speakers, Viewer, console, rows
 from tests.support.zenoh_fixtures import RouterProcess, SessionMaker, until
@@ -176,7 +177,12 @@ def test_the_router_is_told_reached_before_everything_is_listened_to(
     shared_router: RouterProcess, swarm_name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = threading.Event()
-    monkeypatch.setattr(Watch, "_hear_all", lambda self, session: told.wait(20))
+
+    def held(watch: Watch) -> Session:
+        told.wait(20)
+        raise TransportError("too late")
+
+    monkeypatch.setattr(Watch, "_open_all", held)
     view = View(Board(), swarm_name, EGO, 45.0)
     watch = Watch(view, shared_router.address, swarm_name, EGO, make_logger("test", level="error"))
     try:
@@ -190,18 +196,19 @@ def test_the_router_is_told_reached_before_everything_is_listened_to(
 def test_a_session_that_is_lost_at_once_is_opened_again(
     speakers: Speakers, viewers: Callable[[], Viewer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hear_all, lost = Watch._hear_all, [True]
+    subscribe = Session.subscribe
+    lost: list[Session] = []
 
-    def lost_once(watch: Watch, session: Session) -> None:
-        if lost:
-            lost.clear()
+    def lost_once(session: Session, key: str, kind: type[Message], handler: Any) -> None:
+        if kind is Beacon and not lost:
+            lost.append(session)
             raise TransportError("cannot declare: the session is closed")
-        hear_all(watch, session)
+        subscribe(session, key, kind, handler)
 
-    monkeypatch.setattr(Watch, "_hear_all", lost_once)
+    monkeypatch.setattr(Session, "subscribe", lost_once)
     viewer = viewers()
     hear(viewer, lambda: say_all(speakers), lambda: "at" in viewer.state.get("robot/R2", {}), "R2")
-    assert not lost
+    assert lost[0].links() == 0
 
 
 def test_a_viewer_who_reads_nothing_neither_blocks_the_others_nor_gets_old_states(

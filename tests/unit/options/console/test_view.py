@@ -81,7 +81,7 @@ def test_a_new_robot_takes_the_place_of_the_one_that_left_first(view: View, boar
     assert "robot/new" not in shown(board)["state"]
     view.on_leave("R7")
     # One that is only heard of drives nobody out.
-    view.on_beacon(beacon("heard"), "")
+    view.on_beacon(beacon("heard"))
     assert shown(board)["state"]["robot/R7"] is not None
     view.on_join("new")
     state = shown(board)["state"]
@@ -106,7 +106,7 @@ def test_faults_of_more_robots_than_a_swarm_has_are_not_kept(view: View, board: 
             ground_points=0,
             elapsed_ms=1.0,
         )
-        view.on_scene(scene, "")
+        view.on_scene(scene)
     assert len([name for name in view._faults._open if name.startswith("unreadable")]) == MAX_ROBOTS
 
 
@@ -115,7 +115,7 @@ def test_the_first_figures_count_from_when_somebody_looks(
 ) -> None:
     now = 1000.0
     monkeypatch.setattr("options.console.view.monotonic", lambda: now)
-    view.on_decision(decision(1), "")
+    view.on_decision(decision(1))
     now += 60
     view.sees()
     now += 1
@@ -132,8 +132,8 @@ def test_the_first_figures_count_from_when_somebody_looks(
         bytes={"R2": 5000},
         latency_ms=31.0,
     )
-    view.on_detections(received, "")
-    view.on_decision(decision(2), "")
+    view.on_detections(received)
+    view.on_decision(decision(2))
     assert shown(board)["history"][-1]["used_bps"] == 8 * 5000
 
 
@@ -145,13 +145,13 @@ def test_a_clock_that_is_set_back_hides_no_silence(
     view.tick(True)
     view.sees()
     view.on_join("R2")
-    view.on_beacon(beacon("R2"), "")
+    view.on_beacon(beacon("R2"))
     clock = time.time()
     monkeypatch.setattr("options.console.board.time.time", lambda: clock - 3600)
     steady += SILENT_S + 1
     view.tick(True)
     assert shown(board)["faults"][-1]["text"] == "R2 is alive but sends no beacons"
-    view.on_beacon(beacon("R2"), "")
+    view.on_beacon(beacon("R2"))
     assert shown(board)["faults"][-1]["text"] == "R2 sends beacons again"
 
 

@@ -120,6 +120,21 @@ def test_detections_of_a_time_that_a_recording_cannot_name_are_left_out(tmp_path
     assert file.count(LOG) == 2  # Why the first is not in it, and who is missing in the second.
 
 
+def test_who_is_missing_is_logged_once_for_each_kind_of_reason(tmp_path: Path) -> None:
+    spec = make_spec(robots=("R1", "R2", "R3"), run_dir=str(tmp_path))
+    outlet = Outlet(Sink(tmp_path / "missing.mcap"))
+    recorder = Recorder(spec, outlet, None, "none", EPOCH_NS)
+    found = detections(FactoryWorld(robots=2, rings=16), 3)
+    told = [("skew: 1.1 s off", "skew"), ("skew: 1.2 s off", "skew"), ("left: gone", "left")]
+    for frame, (why, kind) in enumerate(told, 3):
+        message = msgspec.structs.replace(
+            found, frame=frame, missing={"R3": why}, missing_kinds={"R3": kind}
+        )
+        recorder.take(Received(message, EPOCH_NS))
+    outlet.close()
+    assert RecordingFile(tmp_path / "missing.mcap").count(LOG) == 2
+
+
 def test_what_is_not_said_again_is_shown_for_three_seconds() -> None:
     box = Box(center=(1, 2, 3), size=(1, 1, 1), heading=0, label="box")
     found = shapes.boxes([box], EPOCH_NS, shapes.FUSED_COLOR, 0.4)

@@ -1,0 +1,73 @@
+"""Listening to what a swarm publishes, by the type of message."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from swarm import keyspace
+from swarm.log import Logger
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    Message,
+    NetDemand,
+    NetState,
+    SceneDescription,
+    TcpState,
+)
+from swarm.session import Session
+
+Handlers = Mapping[type[Message], Callable[[Any], object]]
+"""Who hears of the messages of a type, on Zenoh's threads."""
+
+_KEYS: dict[type[Message], Callable[[str, str], str]] = {
+    Beacon: lambda swarm, ego: keyspace.beacon(swarm, keyspace.ANY),
+    SceneDescription: lambda swarm, ego: keyspace.scene(swarm, keyspace.ANY),
+    Decision: keyspace.decision,
+    Detections: keyspace.detections,
+    NetDemand: lambda swarm, ego: keyspace.net_demand(swarm),
+    NetState: lambda swarm, ego: keyspace.net_state(swarm),
+    TcpState: lambda swarm, ego: keyspace.net_tcp(swarm),
+}
+
+
+def hear(session: Session, handlers: Handlers, ego: str = keyspace.ANY) -> None:
+    """Hands over what comes from now on: of one ego or all, of all robots and the network.
+
+    A message that does not validate is dropped, and logged once a sender (`Session.subscribe`).
+    """
+    for kind, handler in handlers.items():
+        session.subscribe(_KEYS[kind](session.swarm, ego), kind, handler)
+
+
+def listen(
+    router: str,
+    swarm: str,
+    handlers: Handlers,
+    ego: str = keyspace.ANY,
+    *,
+    on_join: Callable[[str], None] | None = None,
+    on_leave: Callable[[str], None] | None = None,
+    on_gateway: Callable[[bool], None] | None = None,
+    timeout_s: float | None = None,
+    log: Logger | None = None,
+    stop: threading.Event | None = None,
+) -> Session:
+    """A session of its own that hears these messages, and of robots and gateways that come and go.
+
+    Raises TransportError when the router cannot be reached in time, or is lost at once.
+    """
+    session = Session(router, swarm, log=log, timeout_s=timeout_s, stop=stop)
+    try:
+        if on_join is not None and on_leave is not None:
+            session.watch_alive(on_join, on_leave)
+        if on_gateway is not None:
+            session.watch_gateway(on_gateway)
+        hear(session, handlers, ego)
+    except BaseException:
+        session.close()
+        raise
+    return session
