@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from deploy.runtime import Runtime
 from deploy.services import journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
-from swarm.errors import DeployError
+from swarm.errors import DeployError, not_installed
 from worlds.registry import swarm_worlds, world_kind
 from worlds.sample import is_checkout
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
 """Importing Open3D takes seconds, and a small machine starts many robots at once."""
+
+NEEDED = ("aiohttp", "docker", "jsonschema", "starlette", "uvicorn")
+"""What the processes of a swarm import that a robot goes without."""
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -82,6 +86,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Starts the swarm, unless it runs already; a swarm that does not start is removed again."""
+    for package in NEEDED:
+        if importlib.util.find_spec(package) is None:
+            raise DeployError(not_installed(package))
     runtime, why = _runtime(args)
     say(why)
     spec = _spec(args, runtime)
