@@ -166,14 +166,14 @@ class DockerRuntime:
 def _faults() -> Iterator[None]:
     """Turns what Docker's client, its connection and its programs raise into DeployError."""
     import docker.errors
-    import requests
 
     try:
         yield
     except subprocess.TimeoutExpired as error:
         words = " ".join(map(str, error.cmd))
         raise DeployError(f"{words} did not end within {error.timeout:.0f} s") from error
-    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+    # What its client's connection raises is an OSError.
+    except (docker.errors.DockerException, OSError) as error:
         raise DeployError(f"Docker cannot do what it should: {error}") from error
 
 
@@ -181,7 +181,6 @@ def _engine() -> Any:
     """A client of the local engine. Raises DeployError when none answers."""
     import docker
     import docker.errors
-    import requests
 
     host = os.environ.get("DOCKER_HOST") or _HOST
     if host.startswith(_UNIX) and not Path(host.removeprefix(_UNIX)).exists():
@@ -190,7 +189,7 @@ def _engine() -> Any:
     try:
         engine = docker.from_env(timeout=60)
         engine.ping()
-    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+    except (docker.errors.DockerException, OSError) as error:
         raise DeployError(f"no Docker engine answers: {error}") from error
     return engine
 
