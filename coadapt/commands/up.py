@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
-from deploy.progress import say
+from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
@@ -114,7 +114,8 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
         return runtimes.choose(args.runtime)
     if args.runtime not in ("auto", state.runtime):
         raise DeployError(
-            f"swarm {args.swarm!r} already exists in runtime {state.runtime}; run `make down` first"
+            f"swarm {args.swarm!r} already exists in runtime {state.runtime}; "
+            f"run `{typed('down')}` first"
         )
     return runtimes.get(state.runtime), f"runtime {state.runtime}: the swarm already exists in it"
 
@@ -129,7 +130,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         if not data:
             raise DeployError(
                 f"world {kind.name} needs --data {kind.word}, {kind.needs} "
-                f"(make up WORLD={kind.name} DATA={kind.word})"
+                f"({typed('up', world=kind.name, data=kind.word)})"
             )
         world = _recorded(args.world, Path(data))
         robots = world.robots[: args.robots]

@@ -54,12 +54,7 @@ class DockerRuntime:
         with record.exclusive(), _faults():
             running = record.read_state(spec.swarm)
             if running is not None and self._containers(spec.swarm):
-                different = running.spec.differences(spec)
-                if different:
-                    raise DeployError(
-                        f"swarm {spec.swarm!r} already runs with another {', '.join(different)}; "
-                        "run `make down` first"
-                    )
+                record.check_same(running, spec)
                 return False
             self._clear(spec.swarm)
             check_free(spec)

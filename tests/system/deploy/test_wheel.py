@@ -177,6 +177,12 @@ def test_docker_says_that_it_needs_a_checkout(coadapt: Run, environment: Path) -
     assert "runtime docker cannot run here" in refused.stderr
 
 
+def test_messages_name_commands_that_are_there(coadapt: Run) -> None:
+    done = coadapt("status", *SWARM)
+    assert done.returncode == 1
+    assert done.stderr == "coadapt: no swarm 'wheel' is running; start one with `coadapt up`\n"
+
+
 def test_the_sample_is_looked_for_in_the_current_directory(coadapt: Run) -> None:
     done = coadapt("ap", "--algorithm", "late")
     assert done.returncode == 1
@@ -235,6 +241,8 @@ def test_up_without_a_sample_names_what_brings_it(coadapt: Run) -> None:
     done = coadapt("up", "--world", "opv2v", *SWARM)
     assert done.returncode == 1
     assert "`coadapt data`) brings it" in done.stderr
+    refused = coadapt("up", "--world", "bag", *SWARM)
+    assert "(coadapt up --world bag --data DIR)" in refused.stderr
 
 
 @pytest.mark.skipif(launch.why_not() is not None, reason=str(launch.why_not()))
