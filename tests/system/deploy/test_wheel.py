@@ -15,6 +15,7 @@ import sysconfig
 import tempfile
 import tomllib
 import venv
+import zipfile
 from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
@@ -79,7 +80,6 @@ def lend(distributions: set[str], folder: Path) -> None:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel of the checkout."""
     base = tmp_path_factory.mktemp("wheel")
-    # Built from a copy: setuptools would put what an earlier build left into the wheel.
     source = base / "source"
     source.mkdir()
     for name in SOURCES:
@@ -88,6 +88,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if (package / "__init__.py").is_file():
             built = shutil.ignore_patterns("__pycache__", "*.so")
             shutil.copytree(package, source / package.name, ignore=built)
+    platform = f"lib.{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
+    (earlier := source / "build" / platform / "swarm").mkdir(parents=True)
+    (earlier / "removed_since.py").touch()
     build = ["wheel", *OFFLINE, "--no-build-isolation", "--wheel-dir", "..", "."]
     checked([*PIP, *build], source)
     (built_wheel,) = base.glob("*.whl")
@@ -151,6 +154,12 @@ def test_it_runs_from_the_environment_and_says_its_version(coadapt: Run, environ
         check=True,
     ).stdout
     assert where.startswith(str(environment))
+
+
+def test_what_an_earlier_build_left_is_not_in_it(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "swarm/session.py" in names
+    assert [name for name in names if "removed_since" in name] == []
 
 
 def test_loops_in_c_and_weights_are_in_it(environment: Path) -> None:
