@@ -29,10 +29,13 @@ PARALLEL = --numprocesses $(shell expr $$(nproc) + 1) --maxprocesses 8 --dist lo
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console
+# Without what is C (perception/kernels/_coding.c ...).
+DOCUMENTED = swarm perception worlds sensing robot_agent ego_agent network_controller llm_gateway deploy \
+	'!perception.kernels._' '!worlds.factory._'
 
 .DEFAULT_GOAL := help
 .PHONY: help setup data up down status logs metrics shape congest net record test test-all check lint types bench train eval-detector eval \
-	pictures lock clean
+	pictures docs lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -122,6 +125,9 @@ pictures: setup ## Make the documents' pictures anew (DATA=dir: that of OPV2V, t
 		--output docs/pictures/road.svg
 	@$(if $(DATA),$(COADAPT) picture opv2v --data $(DATA) --frame 4 --ego 311 --only-found \
 		--algorithm intermediate-codebook --output docs/pictures/opv2v.svg)
+
+docs: setup ## Build the API reference from docstrings: build/docs/index.html
+	@$(PYTHON_ENV) -W error::UserWarning -m pdoc --docformat google --no-show-source --output-directory build/docs $(DOCUMENTED)
 
 lock: setup ## Pin the newest versions that pyproject.toml allows
 	@sh deploy/lock.sh

@@ -4,7 +4,10 @@ All are optional: an installation without a compiler, or whose compiler does not
 set, does without (perception/kernels/library.py).
 """
 
+import shutil
+
 from setuptools import Extension, setup
+from setuptools.command.build import build
 
 NETWORK = {
     "avx512": ["-mavx2", "-mfma", "-mavx512f", "-mprefer-vector-width=512"],
@@ -27,11 +30,21 @@ def loops(
     )
 
 
+class FreshBuild(build):
+    """Takes nothing from what an earlier build left, such as modules that are gone."""
+
+    def run(self) -> None:
+        """Builds into an empty folder."""
+        shutil.rmtree(self.build_lib, ignore_errors=True)
+        super().run()
+
+
 setup(
+    cmdclass={"build": FreshBuild},
     ext_modules=[
         *(loops(f"_network_{name}", "network", flags) for name, flags in NETWORK.items()),
         loops("_coding", "coding", []),
         loops("_places", "places", []),
         loops("_rays", "rays", ["-ffp-contract=off"], "worlds/factory"),
-    ]
+    ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import importlib.util
 import pkgutil
 import sys
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ from importlib import metadata
 from typing import Any
 
 from coadapt import commands
-from swarm.errors import CoAdaptError
+from swarm.errors import CoAdaptError, not_installed
 from swarm.memory import keep_freed_memory
 
 DISTRIBUTION = "coadapt-edge"
@@ -45,13 +46,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"coadapt: {error}", file=sys.stderr)
         return 1
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != RESEARCH:
+        package = (error.name or "").partition(".")[0]
+        if importlib.util.find_spec(package) is not None:
             raise
-        print(
-            "coadapt: the experiments are not in this installation: this command needs the "
-            f"package `{RESEARCH}`; run it in a checkout of the repository, after `make setup`",
-            file=sys.stderr,
-        )
+        if package == RESEARCH:
+            text = (
+                "the experiments are not in this installation: this command needs the package "
+                f"`{RESEARCH}`; run it in a checkout of the repository, after `make setup`"
+            )
+        else:
+            text = not_installed(package)
+        print(f"coadapt: {text}", file=sys.stderr)
         return 1
     except BrokenPipeError:
         return 1

@@ -1,28 +1,27 @@
 #!/bin/sh
-# Writes requirements.lock (what runs) and requirements-dev.lock (what checks and draws) with the newest
-# versions that pyproject.toml allows, resolved in a fresh environment.
+# Writes requirements.lock (what runs) and requirements-dev.lock (what checks and draws): the newest
+# versions that pyproject.toml allows for every Python that it allows, with the hashes of their files.
+# UPGRADE= keeps the versions that are pinned already, where pyproject.toml still allows them.
 set -eu
 cd "$(dirname "$0")/.."
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-python=${PYTHON:-.venv/bin/python}
+"${PYTHON:-.venv/bin/python}" -m venv "$work/venv"
+"$work/venv/bin/python" -m pip install --quiet --disable-pip-version-check uv==0.13.9
 
-# PyTorch's pin has a lock of its own, for it comes from an index of its own. setuptools is a package
-# that PyTorch needs, but pip's list leaves it out of some Pythons' environments unless asked for all.
-freeze() {
-    "$work/venv/bin/pip" freeze --all --exclude coadapt-edge --exclude pip --exclude wheel \
-        --exclude torch | grep -v '^-e' | LC_ALL=C sort
+# PyTorch's pin has a lock of its own, without a hash: its index and a folder of wheels have different files.
+compile() {
+    output=$1
+    shift
+    "$work/venv/bin/uv" pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest \
+        --generate-hashes --only-binary :all: --no-emit-package torch --custom-compile-command 'make lock' \
+        ${UPGRADE---upgrade} --output-file "$output" "$@" pyproject.toml
+    # What pyproject.toml's [tool.uv] says of all lines.
+    sed -i "s/ ; python_full_version < '3.14' and sys_platform == 'linux'//" "$output"
 }
 
-"$python" -m venv "$work/venv"
-pip() { "$work/venv/bin/pip" --quiet --disable-pip-version-check "$@"; }
-# There already, it keeps the resolver from the build for graphics cards and the packages that need.
-pip install --no-deps --no-index --requirement requirements-torch.lock 2>/dev/null \
-    || pip install --no-deps --requirement requirements-torch.lock
-pip install .
-freeze >"$work/run"
-pip install '.[dev,figures,llm-server,recordings]'
-freeze >"$work/all"
-cp "$work/run" requirements.lock
-LC_ALL=C comm -13 "$work/run" "$work/all" >requirements-dev.lock
+compile requirements.lock --extra swarm
+# shellcheck disable=SC2046
+compile requirements-dev.lock --constraint requirements.lock --extra swarm --extra dev --extra figures \
+    --extra llm-server --extra recordings $(sed -n 's/^\([a-z0-9-]*\)==.*/--no-emit-package \1/p' requirements.lock)

@@ -16,7 +16,11 @@ _SHARE = re.compile(_NUMBER + "%")
 
 
 def parse_rate(text: str) -> int:
-    """Bit/s of a rate such as `55mbit`. Raises DeployError when it is not one."""
+    """Bit/s of a rate. Raises DeployError when it is not one.
+
+    >>> parse_rate("5.5mbit")
+    5500000
+    """
     match = _RATE.fullmatch(text.strip().lower())
     if match is None:
         raise DeployError(f"rate {text!r} is not valid; write it like 55mbit, 5.5mbit or 800kbit")

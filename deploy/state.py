@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from deploy.progress import typed
 from deploy.spec import SwarmSpec, run_base, run_dir_of
 from swarm.errors import DeployError
 from swarm.files import write_whole
@@ -71,8 +72,18 @@ def need_state(swarm: str) -> State:
     """The record of a swarm. Raises DeployError when no such swarm runs."""
     state = read_state(swarm)
     if state is None:
-        raise DeployError(f"no swarm {swarm!r} is running; start one with `make up`")
+        raise DeployError(f"no swarm {swarm!r} is running; start one with `{typed('up')}`")
     return state
+
+
+def check_same(running: State, spec: SwarmSpec) -> None:
+    """Raises DeployError when a swarm that runs is not as `spec` wants it."""
+    different = running.spec.differences(spec)
+    if different:
+        raise DeployError(
+            f"swarm {spec.swarm!r} already runs with another {', '.join(different)}; "
+            f"run `{typed('down')}` first"
+        )
 
 
 def write_state(state: State) -> None:

@@ -129,3 +129,11 @@ class RecordingError(CoAdaptError):
 
 class DeployError(CoAdaptError):
     """A runtime cannot be started, read or stopped."""
+
+
+def not_installed(package: str | None) -> str:
+    """The text for a package that pyproject.toml has in an extra, and that is not there."""
+    return (
+        f"the package {package!r} is not installed; pip install 'coadapt-edge[swarm]' brings all "
+        "that a swarm's processes and `coadapt` need"
+    )

@@ -77,7 +77,12 @@ def invert(a_from_b: Matrix) -> Matrix:
 
 
 def transform(a_from_b: Matrix, points_b: NDArray[np.floating]) -> Points:
-    """Points (N, 3) given in b, as float32 (N, 3) in a."""
+    """Points (N, 3) given in b, as float32 (N, 3) in a.
+
+    >>> robot = Pose(10.0, 0.0, 0.0, yaw=math.pi / 2)
+    >>> transform(robot.matrix(), np.array([[2.0, 0.0, 1.0]])).round(3).tolist()
+    [[10.0, 2.0, 1.0]]
+    """
     rotation = a_from_b[:3, :3].astype(np.float32)
     offset = a_from_b[:3, 3].astype(np.float32)
     return np.asarray(points_b, dtype=np.float32) @ rotation.T + offset

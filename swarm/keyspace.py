@@ -48,7 +48,11 @@ def alive(swarm: str, robot: str) -> str:
 
 
 def beacon(swarm: str, robot: str) -> str:
-    """`messages.Beacon`, 10 Hz."""
+    """`messages.Beacon`, 10 Hz.
+
+    >>> beacon("local", "R1")
+    'coadapt/local/robot/R1/beacon'
+    """
     return _robot_key(swarm, robot, "beacon")
 
 

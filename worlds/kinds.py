@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from swarm.errors import WorldError
+from swarm.errors import WorldError, not_installed
 from worlds.base import World
 
 OPENCOOD_RANGE_M = 70.0
@@ -64,7 +64,10 @@ class WorldKind:
         return {"directory": "DIR", "file": "FILE"}.get(self.data, "ADDRESS")
 
     def open_checked(self, request: WorldRequest) -> World:
-        """Opens it. Raises WorldError where its data is missing or cannot be used."""
+        """Opens it. Raises WorldError where its data cannot be used, or a package is missing."""
         if self.data and not request.data:
             raise WorldError(f"world {self.name!r} needs {self.needs} (DATA={self.word})")
-        return self.open(request)
+        try:
+            return self.open(request)
+        except ModuleNotFoundError as error:
+            raise WorldError(f"world {self.name!r}: {not_installed(error.name)}") from error

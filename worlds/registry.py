@@ -49,6 +49,13 @@ def open_world(
 ) -> World:
     """The world of that name; WorldRequest says what the values are.
 
+    >>> world = open_world("factory", robots=3, rings=16)
+    >>> world.robots
+    ('R1', 'R2', 'R3')
+    >>> scan = world.scan("R1", 0)
+    >>> scan.points.dtype, scan.points.shape[1]
+    (dtype('float32'), 3)
+
     Raises WorldError for an unknown name, missing data or a value that the world does not allow.
     """
     request = WorldRequest(

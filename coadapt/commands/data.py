@@ -42,7 +42,7 @@ def register(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Brings and checks it. Raises WorldError with what to do."""
     from coadapt.sample_source import Source, bring, place_in, read_all
-    from deploy.progress import say
+    from deploy.progress import say, typed
     from worlds.sample import data_home
 
     home = data_home()
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         f"{size / 1e6:.1f} MB of scans, all readable"
     )
     _print_source(place)
-    print("next      make up WORLD=opv2v (coadapt up --world opv2v)")
+    print(f"next      {typed('up', world='opv2v')}")
     return 0
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import msgspec
 
+from deploy.progress import typed
+
 SHOWN = 5
 
 
@@ -94,7 +96,7 @@ def _text(facts: dict[str, Any]) -> str:
     if "check" in facts:
         lines += _check_text(facts["check"])
     elif facts["frames_with_scans"]:
-        lines.append(f"next: make up WORLD=recording DATA={facts['file']}")
+        lines.append(f"next: {typed('up', world='recording', data=facts['file'])}")
     return "\n".join(lines)
 
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args, get_origin
 
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
-from deploy.progress import say
+from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
 from deploy.spec import PROPERTIES, SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
-from swarm.errors import DeployError
+from swarm.errors import DeployError, not_installed
 from swarm.process import ProcessSettings
 from worlds.registry import swarm_worlds, world_kind
 from worlds.sample import is_checkout
@@ -58,6 +59,8 @@ OPTIONS = {
 """Options for properties of a swarm, which say type, choices and default."""
 
 _PROCESS = ProcessSettings()
+NEEDED = ("aiohttp", "docker", "jsonschema", "starlette", "uvicorn")
+"""What the processes of a swarm import that a robot goes without."""
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -98,6 +101,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> int:
     """Starts the swarm, unless it runs already; a swarm that does not start is removed again."""
+    for package in NEEDED:
+        if importlib.util.find_spec(package) is None:
+            raise DeployError(not_installed(package))
     runtime, why = _runtime(args)
     say(why)
     spec = _spec(args, runtime)
@@ -123,7 +129,8 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
         return runtimes.choose(args.runtime)
     if args.runtime not in ("auto", state.runtime):
         raise DeployError(
-            f"swarm {args.swarm!r} already exists in runtime {state.runtime}; run `make down` first"
+            f"swarm {args.swarm!r} already exists in runtime {state.runtime}; "
+            f"run `{typed('down')}` first"
         )
     return runtimes.get(state.runtime), f"runtime {state.runtime}: the swarm already exists in it"
 
@@ -138,7 +145,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         if not data:
             raise DeployError(
                 f"world {kind.name} needs --data {kind.word}, {kind.needs} "
-                f"(make up WORLD={kind.name} DATA={kind.word})"
+                f"({typed('up', world=kind.name, data=kind.word)})"
             )
         world = _recorded(args.world, Path(data))
         robots = world.robots[: args.robots]

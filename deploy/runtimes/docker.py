@@ -54,12 +54,7 @@ class DockerRuntime:
         with record.exclusive(), _faults():
             running = record.read_state(spec.swarm)
             if running is not None and self._containers(spec.swarm):
-                different = running.spec.differences(spec)
-                if different:
-                    raise DeployError(
-                        f"swarm {spec.swarm!r} already runs with another {', '.join(different)}; "
-                        "run `make down` first"
-                    )
+                record.check_same(running, spec)
                 return False
             self._clear(spec.swarm)
             check_free(spec)
@@ -166,14 +161,14 @@ class DockerRuntime:
 def _faults() -> Iterator[None]:
     """Turns what Docker's client, its connection and its programs raise into DeployError."""
     import docker.errors
-    import requests
 
     try:
         yield
     except subprocess.TimeoutExpired as error:
         words = " ".join(map(str, error.cmd))
         raise DeployError(f"{words} did not end within {error.timeout:.0f} s") from error
-    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+    # What its client's connection raises is an OSError.
+    except (docker.errors.DockerException, OSError) as error:
         raise DeployError(f"Docker cannot do what it should: {error}") from error
 
 
@@ -181,7 +176,6 @@ def _engine() -> Any:
     """A client of the local engine. Raises DeployError when none answers."""
     import docker
     import docker.errors
-    import requests
 
     host = os.environ.get("DOCKER_HOST") or _HOST
     if host.startswith(_UNIX) and not Path(host.removeprefix(_UNIX)).exists():
@@ -190,7 +184,7 @@ def _engine() -> Any:
     try:
         engine = docker.from_env(timeout=60)
         engine.ping()
-    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+    except (docker.errors.DockerException, OSError) as error:
         raise DeployError(f"no Docker engine answers: {error}") from error
     return engine
 

@@ -11,12 +11,14 @@ from pathlib import Path
 from deploy.netns import control, detached, launch
 from deploy.netns.supervisor import ROUTER_SOCKET, place_of
 from deploy.ports import listen_endpoints
+from deploy.progress import typed
 from deploy.runtime import ProcessStatus
 from deploy.services import FOLDERS, services
 from deploy.spec import SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,
     State,
+    check_same,
     exclusive,
     make_run_dir,
     need_state,
@@ -76,7 +78,7 @@ class NetnsRuntime:
         if reply is None:
             raise DeployError(
                 f"swarm {swarm!r} has crashed: its supervisor does not answer; "
-                "`make up` starts it again, `make down` clears it away"
+                f"`{typed('up')}` starts it again, `{typed('down')}` clears it away"
             )
         listed = [
             ProcessStatus(s.service, s.state, s.restarts, s.uptime_s, s.detail)
@@ -109,12 +111,7 @@ class NetnsRuntime:
             or control.ask(Path(state.spec.run_dir), control.Request("status")) is None
         ):
             return False
-        different = state.spec.differences(spec)
-        if different:
-            raise DeployError(
-                f"swarm {spec.swarm!r} already runs with another {', '.join(different)}; "
-                "run `make down` first"
-            )
+        check_same(state, spec)
         return True
 
     def _start(self, spec: SwarmSpec) -> None:

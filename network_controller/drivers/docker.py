@@ -243,13 +243,13 @@ def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, A
 def _faults() -> Iterator[None]:
     """Turns what Docker's client and its connection raise into NetworkError."""
     import docker.errors
-    import requests
 
     try:
         yield
     except docker.errors.NotFound as error:
         raise LinkGoneError(f"a container is gone: {error}") from error
-    except (docker.errors.DockerException, requests.RequestException, OSError) as error:
+    # What the client's connection raises is an OSError.
+    except (docker.errors.DockerException, OSError) as error:
         raise NetworkError(f"no Docker engine answers as it should: {error}") from error
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,8 @@ _FLOAT32_RAD = 5e-7
 """What float32 may add to the angle between a point and its ray."""
 
 
-class Rays(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Rays:
     """Directions of a grid: of the rings (R,) and of the columns (C,), float64."""
 
     cos_elevation: NDArray[np.float64]

@@ -6,7 +6,7 @@ The compiled loops answer all passes in one call; without them the walk asks for
 from __future__ import annotations
 
 import ctypes
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,7 +31,8 @@ _STREAM_ENDED = -1
 """What `interlace_read` returns when the stream ended too early; -2: the raw bits did."""
 
 
-class Runs(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Runs:
     """What is asked about the cells of an image, and the answers, pass after pass; (n,) each."""
 
     contexts: Ints
@@ -57,7 +58,8 @@ def record(value: Ints, present: Flags) -> Runs:
     answered = np.empty(start + cells.size, dtype=np.bool_)
     lengths = np.empty(_PASSES, dtype=np.int64)
     beginning = recorder.runs()
-    contexts[:start], steps[:start], answered[:start], _ = beginning
+    contexts[:start], steps[:start] = beginning.contexts, beginning.residuals
+    answered[:start] = beginning.present
     compiled.interlace_record(
         *(pointer(value), pointer(present), columns, rings, SPACING, *cells.arguments()),
         *(pointer(part[start:]) for part in (contexts, steps, answered)),

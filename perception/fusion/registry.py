@@ -27,6 +27,17 @@ def fusion_names(detector: str) -> tuple[str, ...]:
 def make_fusion(name: str, detector: str) -> Fusion:
     """The algorithm of that name with a detector configuration (`road` or `factory`).
 
+    >>> from perception.fusion.base import Contribution, EncodeOptions
+    >>> from worlds.registry import open_world
+    >>> world = open_world("factory", robots=2, rings=16)
+    >>> ego, other = world.scan("R1", 0), world.scan("R2", 0)
+    >>> fusion = make_fusion("late", "factory")
+    >>> payload = fusion.encode(other.points, EncodeOptions())
+    >>> sent = Contribution("R2", payload, other.pose.matrix())
+    >>> fused = fusion.fuse(ego.points, ego.pose.matrix(), [sent])
+    >>> len(fused.boxes) > 10, fused.rejected
+    (True, {})
+
     Raises PerceptionError for a name that is unknown or not available.
     """
     allowed = fusion_names(detector)

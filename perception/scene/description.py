@@ -62,6 +62,13 @@ def describe(
     sensor are left out as the robot's own body; 0 keeps them. NaN and infinite points are left
     out. Method `fast` looks up to 120 m along x and y, `reference` everywhere.
 
+    >>> from worlds.registry import open_world
+    >>> scan = open_world("factory", robots=2, rings=16).scan("R1", 0)
+    >>> scene = describe(scan.points)
+    >>> nearest = min(scene.objects, key=lambda one: one.distance)
+    >>> OWN_BODY_M < nearest.distance < 10.0
+    True
+
     Raises ScanError when points are not (N, 3), PerceptionError for an unknown method.
     """
     found = segment(points, method)

@@ -13,6 +13,7 @@ import argparse
 import asyncio
 import sys
 import time
+import urllib.request
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
@@ -21,7 +22,6 @@ from typing import Any
 
 import aiohttp
 import numpy as np
-import requests
 from prometheus_client import CollectorRegistry
 
 from deploy.progress import say
@@ -105,9 +105,9 @@ def wait_for(url: str) -> None:
     deadline = time.monotonic() + START_S
     while True:
         try:
-            if requests.get(url, timeout=5).ok:
+            with urllib.request.urlopen(url, timeout=5):
                 return
-        except requests.RequestException:
+        except OSError:
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.1)

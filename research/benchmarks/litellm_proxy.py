@@ -6,11 +6,10 @@ import os
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-import requests
 
 from deploy.progress import say
 from research.benchmarks.fixed_model import MODEL
@@ -77,8 +76,8 @@ def _wait(process: subprocess.Popen[bytes], url: str) -> None:
     deadline = time.monotonic() + START_S
     while time.monotonic() < deadline and process.poll() is None:
         try:
-            if requests.get(f"{url}/health/liveliness", timeout=5).ok:
+            with urllib.request.urlopen(f"{url}/health/liveliness", timeout=5):
                 return
-        except requests.RequestException:
+        except OSError:
             time.sleep(0.5)
     raise RuntimeError(f"litellm's proxy did not start; {PLACE / 'proxy.log'} says why")

@@ -23,6 +23,11 @@ def encode(message: Message) -> bytes:
 def decode(data: bytes, kind: type[M]) -> M:
     """A validated message of the given kind.
 
+    >>> from swarm.messages import Refusal
+    >>> data = encode(Refusal(robot="R1", request=7, reason="off duty"))
+    >>> decode(data, Refusal).reason
+    'off duty'
+
     Raises MessageError for too many bytes, malformed MessagePack, another schema version, a field
     of the wrong type or out of range, and a number that is not finite.
     """

@@ -64,6 +64,7 @@ class Swarm:
 
     def __init__(self, world: Mapping[str, str], directory: Path) -> None:
         self.port = free_ports(3)
+        self.python = sys.executable
         self.directory = directory
         self.address = f"tcp/127.0.0.1:{self.port}"
         self.processes: list[subprocess.Popen[bytes]] = []
@@ -88,7 +89,7 @@ class Swarm:
         else:
             handle = os.open(logs, os.O_WRONLY)
         process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
+            [self.python, "-m", module, *arguments],
             env={**self.env, **{f"COADAPT_{k.upper()}": v for k, v in env.items()}},
             stdin=subprocess.DEVNULL,
             stdout=handle,

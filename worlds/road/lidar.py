@@ -69,7 +69,8 @@ def _open3d() -> Any:
         import open3d
     except (ImportError, OSError) as error:
         raise WorldError(
-            f"the simulated road needs Open3D, which cannot be loaded: {error}; on Debian it "
-            "needs libegl1, libgl1, libgomp1, libusb-1.0-0 and libx11-6"
+            f"the simulated road needs Open3D, which cannot be loaded: {error}; "
+            "pip install 'coadapt-edge[open3d]' brings it, and on Debian it needs libegl1, libgl1, "
+            "libgomp1, libusb-1.0-0 and libx11-6"
         ) from error
     return open3d

@@ -27,6 +27,9 @@ def policy_names() -> tuple[str, ...]:
 def make_policy(name: str, algorithms: Sequence[str]) -> Policy:
     """A new policy of that name, for a swarm that can fuse with the given algorithms.
 
+    >>> make_policy("static-late", ["early", "late"]).name
+    'static-late'
+
     Raises DecisionError for an unknown name, and for a policy whose algorithm is not available.
     """
     found = _all_policies()

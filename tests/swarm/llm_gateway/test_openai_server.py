@@ -7,11 +7,11 @@ import importlib.util
 import json
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
-import requests
 
 from llm_gateway.backends.llamacpp.models import find_model
 from llm_gateway.backends.openai import OpenAi
@@ -67,8 +67,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Generator[str]:
 def _up(process: subprocess.Popen[bytes], url: str, said: Path) -> bool:
     assert process.poll() is None, said.read_text()[-2000:]
     try:
-        return requests.get(f"{url}/v1/models", timeout=5).ok
-    except requests.ConnectionError:
+        with urllib.request.urlopen(f"{url}/v1/models", timeout=5):
+            return True
+    except OSError:
         return False
 
 

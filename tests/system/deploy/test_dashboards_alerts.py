@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import subprocess
@@ -19,6 +20,7 @@ from deploy.prometheus import Prometheus
 from deploy.services import Service, prometheus_config
 from deploy.spec import make_spec
 from deploy.state import State, write_state
+from swarm.errors import DeployError
 from tests.support.deploy_support import await_
 from tests.support.free_ports import free_port
 from tests.support.paths import REPOSITORY
@@ -100,6 +102,24 @@ def server(tmp_path: Path) -> Iterator[str]:
     ) as process:
         yield f"http://127.0.0.1:{port}"
         process.terminate()
+
+
+def test_a_proxy_is_not_asked_and_a_refusal_is_told(
+    server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("http_proxy", "http://127.0.0.1:9")
+    prometheus = Prometheus(server)
+
+    def answers() -> bool:
+        with contextlib.suppress(DeployError):
+            return prometheus.query("vector(1)")[0].value == 1.0
+        return False
+
+    await_(answers, "Prometheus answers")
+    with pytest.raises(DeployError, match=r"Prometheus refused http://127.*query=1%2B.*bad_data"):
+        prometheus.query("1+")
+    with pytest.raises(DeployError, match=r"Prometheus at http://127\S+ does not answer"):
+        Prometheus(f"http://127.0.0.1:{free_port()}").targets()
 
 
 def test_metrics_tells_what_fires(

@@ -20,9 +20,9 @@ RUN = ("requirements.lock", TORCH)
 
 def pins(*locks: str) -> dict[str, str]:
     """Version by package of some locks."""
-    lines = [line for lock in locks for line in (REPOSITORY / lock).read_text().splitlines()]
-    found = dict(line.split("==") for line in lines if not line.startswith(("#", "--")))
-    return {plain(name): version for name, version in found.items()}
+    text = "".join((REPOSITORY / lock).read_text() for lock in locks)
+    found = re.findall(r"^([\w.-]+)==([^\s;]+)", text, re.MULTILINE)
+    return {plain(name): version for name, version in found}
 
 
 def plain(name: str) -> str:
@@ -39,10 +39,22 @@ def unmet(wanted: list[str], pinned: dict[str, str]) -> list[str]:
 def test_the_locks_pin_versions_that_the_project_allows() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    assert unmet(project["dependencies"], pins(*RUN)) == []
-    checks = extras["dev"] + extras["figures"] + extras["llm-server"]
+    (swarm,) = (Requirement(text) for text in extras["swarm"])
+    runs = project["dependencies"] + [text for name in swarm.extras for text in extras[name]]
+    assert unmet(runs, pins(*RUN)) == []
+    others = ("dev", "figures", "llm-server", "recordings")
+    checks = [text for name in others for text in extras[name]]
     assert unmet(checks, pins(*RUN, "requirements-dev.lock")) == []
     assert not pins(*RUN).keys() & pins("requirements-dev.lock").keys()
+
+
+def test_every_file_but_pytorchs_has_a_hash_and_no_index_is_named() -> None:
+    for lock in ("requirements.lock", "requirements-dev.lock"):
+        text = (REPOSITORY / lock).read_text()
+        heads = re.findall(r"^\w[^#\n]*$(?:\n +--hash=sha256:[0-9a-f]{64})?", text, re.MULTILINE)
+        assert len(heads) == len(pins(lock)) > 10
+        assert [head for head in heads if "--hash" not in head] == []
+        assert "://" not in text
 
 
 def test_what_pytorch_needs_is_pinned_and_nothing_for_graphics_cards() -> None:

@@ -35,8 +35,13 @@ from tests.support.opencood_models import (
 )
 
 ORIGINAL = Path(os.environ.get("OPENCOOD", "/nowhere"))
-if not (ORIGINAL / "opencood" / "models").is_dir():
-    pytest.skip("no OpenCOOD: set OPENCOOD to a checkout of it", allow_module_level=True)
+pytestmark = [
+    pytest.mark.peer,
+    pytest.mark.skipif(
+        not (ORIGINAL / "opencood" / "models").is_dir(),
+        reason="git clone https://github.com/DerrickXuNu/OpenCOOD, and set OPENCOOD to that folder",
+    ),
+]
 
 TOLERANCE = 1e-4
 SENDERS = [
