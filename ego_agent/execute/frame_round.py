@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 from perception.fusion.base import Contribution
 from swarm.messages import Algorithm
@@ -19,7 +19,8 @@ MissingKind = Literal[
 MISSING_KINDS: tuple[MissingKind, ...] = get_args(MissingKind)
 
 
-class Missing(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Missing:
     """Why a chosen robot is not in a fused frame."""
 
     kind: MissingKind

@@ -30,11 +30,12 @@ def test_fuse_prints_one_object_of_boxes_and_bytes(opv2v_dir: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
-    assert set(result) == {"boxes", "bytes", "elapsed_ms"}
+    assert set(result) == {"boxes", "known", "bytes", "elapsed_ms"}
+    assert [one["robot"] for one in result["known"]] == ["311"]
     assert list(result["bytes"]) == ["311"]
     assert len(result["boxes"]) > 10
-    for box in result["boxes"]:
-        assert set(box) == {"center", "size", "heading", "score", "label"}
+    for box in (*result["boxes"], *result["known"]):
+        assert set(box) - {"robot"} == {"center", "size", "heading", "score", "label"}
         assert 0 <= box["score"] <= 1
         assert 0 <= box["heading"] < 6.2832
 
@@ -47,9 +48,14 @@ def test_ap_prints_the_figures(opv2v_dir: Path) -> None:
     assert figures["frames"] == 16
     assert figures["ground_truth"] > 100
     assert figures["bytes_per_robot_frame"] > 0
+    assert 0 < figures["ap_70_per_frame"] <= figures["ap_70"]
+    assert figures["ap_70_with_known"] > 0
+    assert figures["precision"] > 0.8
+    assert figures["recall"] > 0.5
+    assert 0 <= figures["false_per_frame"] < 3
     options = ("--algorithm", "late", "--delay", "0.1", "--per-frame", "--json")
     per_frame = json.loads(coadapt("ap", str(opv2v_dir), *options).stdout)
-    assert 0 < per_frame["ap_70"] < figures["ap_70"]
+    assert per_frame["ap_70"] == figures["ap_70_per_frame"]
     assert per_frame["ground_truth"] == figures["ground_truth"]
 
 
