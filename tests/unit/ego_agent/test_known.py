@@ -98,7 +98,7 @@ def doubts(*views: RobotView) -> dict[str, str]:
 
 def test_a_robot_that_two_others_look_through_is_doubted() -> None:
     claim = there("R3", 5.0, 0.0)
-    found = doubts(there("E", 0.0, 0.0), there("R2", 5.0, 5.0), claim)
+    found = doubts(there("E", 0.0, 0.0), there("R2", 5.0, 12.5), claim)
     assert found == {"R3": "2 robots see free ground where it says to stand"}
 
 
@@ -107,18 +107,18 @@ def test_one_witness_is_not_enough() -> None:
 
 
 def test_whoever_sees_it_there_speaks_for_it() -> None:
-    views = [there("E", 0.0, 0.0), there("R2", 5.0, 5.0, sees=(5.2, 0.1)), there("R3", 5.0, 0.0)]
+    views = [there("E", 0.0, 0.0), there("R2", 5.0, 12.5, sees=(5.2, 0.1)), there("R3", 5.0, 0.0)]
     assert doubts(*views) == {}
 
 
 def test_a_witness_that_does_not_see_so_far_or_so_finely_says_nothing() -> None:
-    blocked = [there("E", 0.0, 0.0, 4.6), there("R2", 5.0, 5.0, 4.6), there("R3", 5.0, 0.0)]
+    blocked = [there("E", 0.0, 0.0, 4.6), there("R2", 5.0, 12.5, 4.6), there("R3", 5.0, 0.0)]
     assert doubts(*blocked) == {}
     far = [there("E", 0.0, 0.0, 60.0), there("R2", 25.0, 25.0, 60.0), there("R3", 25.0, 0.0)]
     assert doubts(*far) == {}
     coarse = [
         view("E", 0.0, 0.0, visible=[30.0] * 8),
-        view("R2", 5.0, 5.0, visible=[30.0] * 8),
+        view("R2", 5.0, 12.5, visible=[30.0] * 8),
         there("R3", 5.0, 0.0),
     ]
     assert doubts(*coarse) == {}
@@ -127,7 +127,7 @@ def test_a_witness_that_does_not_see_so_far_or_so_finely_says_nothing() -> None:
 def test_an_old_view_is_no_witness() -> None:
     old = [
         view(robot, x, y, visible=[30.0] * 72, scene_age_s=1.5)
-        for robot, x, y in (("E", 0.0, 0.0), ("R2", 5.0, 5.0))
+        for robot, x, y in (("E", 0.0, 0.0), ("R2", 5.0, 12.5))
     ]
     assert doubts(*old, there("R3", 5.0, 0.0)) == {}
 
@@ -140,5 +140,5 @@ def test_two_robots_in_one_place_are_both_doubted_and_the_ego_is_not() -> None:
 
 
 def test_a_view_that_is_none_is_no_witness() -> None:
-    broken = view("R2", 5.0, 5.0, visible=[math.nan] * 72)
+    broken = view("R2", 5.0, 12.5, visible=[math.nan] * 72)
     assert doubts(there("E", 0.0, 0.0), broken, there("R3", 5.0, 0.0)) == {}
