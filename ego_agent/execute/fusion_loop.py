@@ -24,7 +24,7 @@ from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
-from perception.fusion.known import KnownRobot
+from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.publishing import publish
 from perception.types import Boxes
 from swarm import keyspace, messages
@@ -260,15 +260,16 @@ class FusionLoop:
             add_s += time.monotonic() - begun_at
         fuse_at = time.monotonic()
         try:
-            found = gathering.finish()
+            found, corrections = gathering.finish(), gathering.corrections()
         except Exception as error:
             if not done.contributions:
                 raise
             why = self._fault(error, own)
             rejected = {c.robot: why for c in done.contributions}
             found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
+            corrections = {}
         used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
-        known = self._known.at(own.capture_ns)
+        known = seen_at(self._known.at(own.capture_ns), corrections)
         boxes = publish(found, self._detector, frame.fusion, len(used), known)
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at

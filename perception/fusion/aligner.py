@@ -11,7 +11,7 @@ from perception.fusion.alignment import Field, align
 from perception.fusion.outline import standing
 from perception.types import clean_points
 from swarm.errors import PayloadError
-from swarm.geometry import Matrix, Points
+from swarm.geometry import Matrix, Points, invert
 
 Floats = NDArray[np.float64]
 
@@ -80,6 +80,19 @@ class Aligner:
                 self._corrections[i] = found
         self._unsettled.clear()
         return self._corrections
+
+
+def in_world(
+    aligner: Aligner | None, robots: Sequence[str], world_from_own: Matrix
+) -> dict[str, Matrix]:
+    """The aligner's corrections in the world frame, by robot in the order of `add`."""
+    if aligner is None:
+        return {}
+    own_from_world = invert(world_from_own)
+    return {
+        robot: world_from_own @ by @ own_from_world
+        for robot, by in zip(robots, aligner.corrections(), strict=True)
+    }
 
 
 def corrected(own_from_senders: Sequence[Matrix], aligner: Aligner | None) -> list[Matrix]:

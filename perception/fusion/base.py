@@ -87,6 +87,11 @@ class Gathering(ABC):
     def finish(self) -> Boxes:
         """The boxes of all that was taken up, in the world frame."""
 
+    def corrections(self) -> dict[str, Matrix]:
+        """After `finish`: what brings senders from where they believe to be to where what they see
+        shows them, 4 x 4 in the world frame, by robot. Of those that are not corrected, none."""
+        return {}
+
 
 class Fusion(ABC):
     """A fusion algorithm; instances hold no state between frames."""

@@ -123,6 +123,12 @@ class _Compensated(Gathering):
         # The ego's own eyes are in each of them.
         return weighted_fusion(Boxes.concatenate(parts), independent=False)
 
+    def corrections(self) -> dict[str, Matrix]:
+        found: dict[str, Matrix] = {}
+        for gathering in self._gatherings.values():
+            found |= gathering.corrections()
+        return found
+
     def _begin_at(self, scan: OwnScan) -> Gathering:
         """As if the ego had stood then where it stands now: that is the frame it asked for."""
         here = self._own.world_from_own

@@ -21,7 +21,7 @@ from perception.detector.codebook import from_codes, to_codes
 from perception.detector.config import configuration
 from perception.detector.learned import Detector
 from perception.detector.network import FEATURES
-from perception.fusion.aligner import Aligner
+from perception.fusion.aligner import Aligner, in_world
 from perception.fusion.base import (
     Ask,
     Contribution,
@@ -114,6 +114,7 @@ class _Maps(Gathering):
         self._own_map: Tensor | None = None
         self._maps: list[Tensor] = []
         self._present: list[Tensor] = []
+        self._robots: list[str] = []
         self._own_body_m = configuration(self._detector.config.name).own_body_m
 
     def ask(self) -> Ask:
@@ -155,6 +156,7 @@ class _Maps(Gathering):
             self._aligner.add(places, own_from_sender)
         self._maps.append(sent.permute(2, 0, 1))
         self._present.append(present)
+        self._robots.append(contribution.robot)
 
     def finish(self) -> Boxes:
         fused = self._own
@@ -166,6 +168,9 @@ class _Maps(Gathering):
                 fused = self._fusion.fuse_maps(_stacked([fused, *maps]), here)
         found = without_own(self._detector.decode(fused), self._own_body_m, self.stood_at)
         return found.transformed(self._world_from_own)
+
+    def corrections(self) -> dict[str, Matrix]:
+        return in_world(self._aligner, self._robots, self._world_from_own)
 
     def _corrected(self) -> tuple[list[Tensor], list[Tensor]]:
         """The maps and which of their cells are present, moved where poses are corrected."""

@@ -7,8 +7,8 @@ what shows one of them is no detection.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,19 @@ class KnownRobot:
             labels=(self.body.label,),
         )
         return box.transformed(self.here_from_sensor)
+
+
+def seen_at(
+    known: Sequence[KnownRobot], corrections: Mapping[str, Matrix]
+) -> tuple[KnownRobot, ...]:
+    """The robots where what they see shows them: moved by their corrections, 4 x 4 in the frame of
+    reference. Those without one stay where their beacons say that they are."""
+    return tuple(
+        replace(one, here_from_sensor=corrections[one.robot] @ one.here_from_sensor)
+        if one.robot in corrections
+        else one
+        for one in known
+    )
 
 
 def bodies(known: Sequence[KnownRobot]) -> Boxes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +11,12 @@ import numpy as np
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.detectors import shared_finder
-from perception.fusion.known import KnownRobot
+from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.publishing import publish
 from perception.fusion.registry import make_fusion
 from perception.types import Boxes
 from swarm.errors import PerceptionError, WorldError
-from swarm.geometry import Pose
+from swarm.geometry import Matrix, Pose
 from worlds.base import World, body_of
 
 SINGLE = "single"
@@ -48,7 +48,7 @@ class Fused:
     found: Boxes
     """All that the detector found, with its own scores."""
     known: tuple[KnownRobot, ...]
-    """All robots but the ego, where their beacons say that they are."""
+    """All robots but the ego, where their beacons say that they are, or what they sent shows."""
 
 
 def fuse_frame(
@@ -129,8 +129,8 @@ def _gathered(
             gathering.add(Contribution(robot, payload, pose.matrix(), age_s))
         except PerceptionError as error:
             rejected[robot] = str(error)
-    found = gathering.finish()
-    return _published(world, frame, ego, fusion, found, sizes, rejected, disturbance)
+    found, corrections = gathering.finish(), gathering.corrections()
+    return _published(world, frame, ego, fusion, found, sizes, rejected, disturbance, corrections)
 
 
 def _published(
@@ -142,8 +142,10 @@ def _published(
     sizes: dict[str, int],
     rejected: dict[str, str],
     disturbance: Disturbance,
+    corrections: Mapping[str, Matrix] | None = None,
 ) -> Fused:
     known = known_robots(world, frame, ego, disturbance.pose_noise_m)
+    known = seen_at(known, corrections or {})
     helpers = len(sizes) - len(rejected)
     boxes = publish(found, world.detector, algorithm, helpers, known)
     return Fused(boxes, sizes, rejected, found, known)

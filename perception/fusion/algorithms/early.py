@@ -7,7 +7,7 @@ import numpy as np
 from perception.codec.outlined import add_outline, take_outline
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
 from perception.detector.finders import Finder
-from perception.fusion.aligner import Aligner, corrected
+from perception.fusion.aligner import Aligner, corrected, in_world
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
 from perception.fusion.known import without_own
@@ -60,6 +60,8 @@ class _MergedCloud(Gathering):
         self._own_from_world = invert(world_from_own)
         self._own = own
         self._clouds: list[Points] = []
+        self._robots: list[str] = []
+        """Of each cloud: who sent it."""
         self._senders: list[Matrix] = []
         """Of each cloud: its sensor in the ego's frame, as it was told."""
 
@@ -75,6 +77,7 @@ class _MergedCloud(Gathering):
             self._aligner.add(places, own_from_sensor)
         self._clouds.append(points)
         self._senders.append(own_from_sensor)
+        self._robots.append(contribution.robot)
 
     def finish(self) -> Boxes:
         senders = corrected(self._senders, self._aligner)
@@ -86,6 +89,9 @@ class _MergedCloud(Gathering):
         found = self._finder.find(merged, senders)
         found = without_own(found, self._finder.config.own_body_m, self.stood_at)
         return found.transformed(self._world_from_own)
+
+    def corrections(self) -> dict[str, Matrix]:
+        return in_world(self._aligner, self._robots, self._world_from_own)
 
 
 def fusion(detector: str) -> Fusion:

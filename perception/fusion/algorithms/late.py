@@ -8,7 +8,7 @@ from perception.boxes import weighted_fusion
 from perception.codec.boxes import decode_boxes, encode_boxes
 from perception.codec.outlined import add_outline, take_outline
 from perception.detector.finders import Finder
-from perception.fusion.aligner import Aligner, corrected
+from perception.fusion.aligner import Aligner, corrected, in_world
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
 from perception.fusion.known import without_own
@@ -61,6 +61,7 @@ class _MergedBoxes(Gathering):
         self._points = own
         self._own: Boxes | None = None
         self._parts: list[Boxes] = []
+        self._robots: list[str] = []
         self._senders: list[Matrix] = []
 
     def prepare(self) -> None:
@@ -79,6 +80,7 @@ class _MergedBoxes(Gathering):
             self._aligner.add(places, own_from_sensor)
         self._parts.append(boxes)
         self._senders.append(own_from_sensor)
+        self._robots.append(contribution.robot)
 
     def finish(self) -> Boxes:
         self.prepare()
@@ -90,6 +92,9 @@ class _MergedBoxes(Gathering):
         fused = weighted_fusion(Boxes.concatenate([self._own, *others]))
         fused = without_own(fused, self._config.own_body_m, self.stood_at)
         return fused.transformed(self._world_from_own)
+
+    def corrections(self) -> dict[str, Matrix]:
+        return in_world(self._aligner, self._robots, self._world_from_own)
 
 
 def fusion(detector: str) -> Fusion:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from perception.detector import configuration
-from perception.fusion.known import NEAR_M, KnownRobot, bodies, without_known
+from perception.fusion.known import NEAR_M, KnownRobot, bodies, seen_at, without_known
 from perception.types import Boxes
 from swarm.body import Body
 from swarm.geometry import Pose
 from worlds.base import World, body_of
-from worlds.cooperative.fusing import known_robots
+from worlds.cooperative.fusing import Disturbance, fuse_frame, known_robots
 from worlds.factory.world import FactoryWorld
 from worlds.road.world import RoadWorld
 
@@ -76,6 +76,31 @@ def test_a_world_s_robots_are_where_its_truth_has_them(world: World) -> None:
         assert box.centers[0] == pytest.approx(truth.boxes.centers[place], abs=0.05)
         assert box.sizes[0] == pytest.approx(truth.boxes.sizes[place])
         assert box.labels[0] == truth.boxes.labels[place]
+
+
+@pytest.mark.parametrize("algorithm", ["early", "late", "intermediate"])
+def test_what_a_sender_sees_brings_it_to_its_place(algorithm: str) -> None:
+    world, noise = FactoryWorld(robots=5, seed=1_830_001), Disturbance(pose_noise_m=0.4)
+    off: dict[str, list[float]] = {"told": [], "seen": []}
+    for frame in (20, 400, 800):
+        told = known_robots(world, frame, "R1", noise.pose_noise_m)
+        seen = fuse_frame(world, frame, "R1", ("R2", "R3", "R4"), algorithm, noise).known
+        for before, after in zip(told, seen, strict=True):
+            true = world.pose(after.robot, frame).matrix()
+            if after.robot == "R5":
+                assert np.array_equal(before.here_from_sensor, after.here_from_sensor)
+                continue
+            for name, one in (("told", before), ("seen", after)):
+                off[name].append(float(np.hypot(*(one.here_from_sensor - true)[:2, 3])))
+    assert np.median(off["seen"]) < 0.5 * np.median(off["told"])
+
+
+def test_a_correction_moves_the_robot_it_is_for() -> None:
+    step = Pose(1.0, 0.0, 0.0).matrix()
+    moved = seen_at([robot(5.0, 5.0)], {"R2": step, "R9": step})
+    assert moved[0].box().centers[0, :2] == pytest.approx([6.0, 5.0])
+    stayed = seen_at([robot(5.0, 5.0)], {"R9": step})
+    assert stayed[0].box().centers[0, :2] == pytest.approx([5.0, 5.0])
 
 
 def test_a_world_that_does_not_say_has_the_usual_bodies_of_its_detector() -> None:
