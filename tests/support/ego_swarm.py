@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from perception.detector.backends import SETTING
+from perception.fusion.detectors import detector_backend
 from swarm import keyspace
 from swarm.messages import Decision, Detections, Message
 from swarm.session import Session
@@ -155,6 +157,12 @@ def factory(scans: Path, robots: int = 2) -> dict[str, str]:
 def recorded(data: Path) -> dict[str, str]:
     """Settings of a recorded OPV2V world."""
     return {"COADAPT_WORLD": "opv2v", "COADAPT_WORLD_DATA": str(data)}
+
+
+def numerics_of_this_process(detector: str = "factory") -> dict[str, str]:
+    """The setting by which a swarm's processes compute as this one does: each would choose what is
+    fastest, and another choice differs in the last digits."""
+    return {SETTING: detector_backend(detector)}
 
 
 @contextmanager

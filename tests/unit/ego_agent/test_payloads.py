@@ -8,7 +8,13 @@ import pytest
 
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm.messages import Detections
-from tests.support.ego_swarm import factory, metrics_of, swarm_of, until
+from tests.support.ego_swarm import (
+    factory,
+    metrics_of,
+    numerics_of_this_process,
+    swarm_of,
+    until,
+)
 from tests.support.free_ports import free_ports
 from worlds.cooperative.fusing import Disturbance, fuse_frame
 from worlds.factory.world import FactoryWorld
@@ -32,7 +38,7 @@ def test_live_bytes_are_those_of_an_experiment_on_the_same_frames(
         "deadline_s": "0.45",
     }
     port = free_ports(1)
-    with swarm_of(factory(scans), tmp_path) as swarm:
+    with swarm_of(factory(scans) | numerics_of_this_process(), tmp_path) as swarm:
         swarm.router()
         frames = swarm.detections(swarm.session(), EGO)
         swarm.robot(OTHER, metrics_port=str(port))

@@ -28,7 +28,7 @@ from options.recordings.sink import Sink
 from options.recordings.world import RecordingWorld
 from swarm.errors import RecordingError, TransportError
 from swarm.messages import Beacon, Decision, Detections, Message, SceneDescription
-from tests.support.ego_swarm import Swarm, swarm_of
+from tests.support.ego_swarm import Swarm, numerics_of_this_process, swarm_of
 from tests.support.recording_files import write_recording
 from tests.support.zenoh_fixtures import RouterProcess
 
@@ -110,7 +110,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("swarm")
     source = write_recording(folder / "source.mcap", range(0, 60, 5), robots=2)
     world = {"COADAPT_WORLD": "recording", "COADAPT_WORLD_DATA": str(source)}
-    with swarm_of(world, folder) as swarm:
+    with swarm_of(world | numerics_of_this_process(), folder) as swarm:
         swarm.router()
         swarm.robot("R2")
         journal = str(folder / "journal.jsonl")
