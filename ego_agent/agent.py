@@ -41,6 +41,7 @@ from ego_agent.plan.probe import Prober
 from ego_agent.settings import EgoSettings
 from ego_agent.steering import Steering
 from perception.detector import configuration
+from perception.detector.calibration import calibration_of
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
 from swarm import keyspace
@@ -125,8 +126,10 @@ class EgoAgent:
         `on_result` hears of each published frame, on the fusing thread.
 
         Raises SettingError where no algorithm can be used, DecisionError for a policy that is
-        unknown or cannot decide here, and JournalError for a journal that cannot be written.
+        unknown or cannot decide here, PerceptionError for a calibration that is of other weights,
+        and JournalError for a journal that cannot be written.
         """
+        calibration_of(world.detector)  # else every frame would fail
         available = fusion_names(world.detector) if fusions is None else tuple(fusions)
         policy = make_policy(settings.policy, available)
         algorithms = _algorithms(settings, available, policy)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from perception.detector.calibration import ALONE, Calibration, Curve, digest_of
 from perception.detector.weight_files import calibration_file, weight_file
 from perception.fusion.known import without_known
-from perception.fusion.registry import fusion_names
+from perception.fusion.registry import fusion_names, make_fusion
 from perception.metrics import Match, match
 from perception.tally import OPERATING_IOU
 from research.evaluation.sharing import RememberingFusion
@@ -89,8 +89,6 @@ def _parts(detector: str, frames: int) -> list[Part]:
 
 def _see(part: Part, names: Sequence[str]) -> list[Seen]:
     """Every algorithm on the frames of one world, with everyone and with some."""
-    from perception.fusion.registry import make_fusion
-
     world = part.open()
     ego = world.robots[part.ego]
     fusions = {
