@@ -76,11 +76,9 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         `helpers`: robots whose contribution is in them. An algorithm that nobody has calibrated
         keeps all its boxes with their own scores.
         """
-        known = algorithm in self.curves
-        curve = self.curves[algorithm if helpers else ALONE] if known else None
-        if curve is None:
+        if algorithm not in self.curves:
             return found
-        chance = curve.chance(found.scores, helpers)
+        chance = self.curves[algorithm if helpers else ALONE].chance(found.scores, helpers)
         order = np.argsort(-chance, kind="stable")
         best = order[chance[order] >= self.least_chance]
         return replace(found, scores=chance).take(best)
@@ -109,6 +107,8 @@ def read_calibration(path: Path, detector: str, weights: Path) -> Calibration:
         found = msgspec.json.decode(path.read_bytes(), type=Calibration)
     except (OSError, msgspec.DecodeError) as error:
         raise PerceptionError(f"calibration {path} cannot be used: {error}") from error
+    if ALONE not in found.curves:
+        raise PerceptionError(f"calibration {path} cannot be used: it has no curve {ALONE!r}")
     made_for = (found.detector, found.weights)
     if made_for != (detector, digest_of(weights)):
         raise PerceptionError(

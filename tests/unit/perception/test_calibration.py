@@ -88,7 +88,8 @@ def test_a_calibration_of_other_weights_is_refused_and_says_what_to_do(tmp_path:
 
 
 @pytest.mark.parametrize(
-    "change", [{"least_chance": 2.0}, {"curves": {"early": {"slope": -1}}}, {"more": 1}]
+    "change",
+    [{"least_chance": 2.0}, {"curves": {"early": {"slope": -1}}}, {"curves": {}}, {"more": 1}],
 )
 def test_a_file_that_is_none_is_refused(tmp_path: Path, change: dict[str, object]) -> None:
     path = tmp_path / "c.json"
