@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -13,7 +14,7 @@ from mcap.writer import Writer as McapWriter
 from coadapt.main import main
 from deploy.spec import make_spec
 from options.recordings import shapes
-from options.recordings.check import check
+from options.recordings.check import _apart, check
 from options.recordings.clouds import read_points
 from options.recordings.file import RecordingFile
 from options.recordings.format import BUDGET, FUSED, LOG, Box, Budget, Fused
@@ -229,3 +230,16 @@ def test_a_malformed_cloud_is_an_error(message: bytes, words: str) -> None:
     with pytest.raises(WorldError, match=words):
         read_points(message)
     assert read_points(b"").shape == (0, 3)
+
+
+def test_a_frame_from_before_robots_were_told_apart_is_read_but_not_compared() -> None:
+    raw = (
+        b'{"ego":"R1","cycle":1,"frame":3,"capture_ns":5,"algorithm":"late","participants":["R1"],'
+        b'"missing":{},"bytes":{},"latency_ms":4.0,"boxes":[{"center":[1,2,3],"size":[1,1,1],'
+        b'"heading":0.5,"label":"robot","score":1.0}]}'
+    )
+    older = msgspec.json.decode(raw, type=Fused)
+    assert older.known is None
+    assert older.boxes[0].label == "robot"
+    nothing: Any = None  # Neither world nor scan is looked at.
+    assert "before known robots were told apart" in str(_apart(nothing, older, 0))
