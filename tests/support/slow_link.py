@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 import threading
@@ -75,7 +76,7 @@ class Seen(msgspec.Struct, frozen=True):
     beacons: int
     """That came while the large answers were under way, of all servers."""
     capacity_bps: float = 0.0
-    """C(t) when they had come, by the router's word alone."""
+    """Median of C(t) in the second half of the wait, by the router's word alone."""
     fusion_bytes: int = 0
     """What the link carried for the fusion class until the small questions were answered."""
 
@@ -186,14 +187,15 @@ def ask_all(plan: Plan) -> None:
             while ask(name, 2, 5.0).exception(LIMIT_S):
                 time.sleep(0.02)
         links = [session.links()]
+        capacities: list[float] = []
         begun = time.monotonic()
         futures = [ask(name, 1, plan.timeout_s) for name in names]
         print("asked", flush=True)
         while not all(future.done() for future in futures):
             links.append(session.links())
+            capacities.append(link.capacity(time.monotonic())[0])
             time.sleep(0.05)
         ended = time.monotonic()
-        capacity_bps, _ = link.capacity(ended)
         errors = [str(e) for future in futures if (e := future.exception())]
         answers = [f.result().wire_bytes for f in futures if not f.exception()]
         small: list[str | int] = []
@@ -210,7 +212,7 @@ def ask_all(plan: Plan) -> None:
             fewest_links=min(links),
             reopened=session._connection.reopened,
             beacons=sum(begun <= at <= ended for at in beacons),
-            capacity_bps=capacity_bps,
+            capacity_bps=statistics.median(capacities[len(capacities) // 2 :]),
         )
     print(msgspec.json.encode(seen).decode(), flush=True)
 
