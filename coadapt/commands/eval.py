@@ -49,7 +49,9 @@ def _add_policies(experiments: Any) -> None:
         "compares with the best choice. Writes selection.csv, eval.csv, headline.json, report.md "
         "and figures.",
     )
-    _add_policy_names(parser, POLICIES)
+    _add_policy_names(
+        parser, POLICIES, "; random-judged draws, and is judged as a language model is"
+    )
     parser.add_argument(
         "--algorithms", type=comma_separated, default=list(ALGORITHMS), metavar="NAMES",
         help=f"those that policies choose from (default: {','.join(ALGORITHMS)}, as an ego does)",
@@ -109,10 +111,12 @@ def _add_surrogate(experiments: Any) -> None:
     parser.set_defaults(run=run_surrogate)
 
 
-def _add_policy_names(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
+def _add_policy_names(
+    parser: argparse.ArgumentParser, default: Sequence[str], more: str = ""
+) -> None:
     parser.add_argument(
         "--policies", type=comma_separated, default=list(default), metavar="NAMES",
-        help=f"comma-separated (default: {','.join(default)})",
+        help=f"comma-separated (default: {','.join(default)}{more})",
     )  # fmt: skip
 
 

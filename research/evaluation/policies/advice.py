@@ -7,6 +7,7 @@ import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 
@@ -111,10 +112,23 @@ def _identity(path: Path) -> str:
     return f"{path} {about.st_size} {about.st_mtime_ns}"
 
 
+class Adviser(Protocol):
+    """Whoever answers questions in an experiment, such as a `Model`."""
+
+    @property
+    def name(self) -> str:
+        """How it is called."""
+        ...
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """Its answer, as soon as that is there."""
+        ...
+
+
 class AtOnce:
     """Questions that are answered before `ask` returns. Implements `Asking`."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Adviser) -> None:
         self._model = model
         self._schemas = Schemas()
         self._number = 0
@@ -173,7 +187,7 @@ class AdvisedAtOnce:
     slow and kept answers lead to the same decisions.
     """
 
-    def __init__(self, model: Model, world: str) -> None:
+    def __init__(self, model: Adviser, world: str) -> None:
         self.name = f"llm-{model.name}"
         self._questions = AtOnce(model)
         self._policy = Llm(self._questions, lambda: self._questions.now_s)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from research.evaluation.bootstrap import Interval
+from research.evaluation.policies.beside import Comparison, beside_controls
 from research.evaluation.policies.results import Means, Row
 
 MAX_LOST_AP = 0.005
@@ -33,7 +34,18 @@ class Claim:
 def claims_of(means: Sequence[Means], rows: Sequence[Row]) -> list[dict[str, Any]]:
     """The claims that can be judged with these policies and scenarios, as plain values."""
     known = {one.policy: one for one in means}
-    return [asdict(claim) for claim in (*_claims(known), *_quick(rows))]
+    beaten = _better(beside_controls(rows))
+    return [asdict(claim) for claim in (*_claims(known), *beaten, *_quick(rows))]
+
+
+def _better(compared: Sequence[Comparison]) -> Iterator[Claim]:
+    """That policies are worth more than their controls."""
+    for one in compared:
+        low = one.value.low
+        yield Claim(
+            f"{one.policy}: better than {one.words}, lower end of the interval of value",
+            round(low, 4), "> 0", low > 0,
+        )  # fmt: skip
 
 
 def _quick(rows: Sequence[Row]) -> Iterator[Claim]:

@@ -21,9 +21,14 @@ from research.evaluation.windows.scenarios import Scenario
 from swarm.errors import EvaluationError
 from swarm.messages import Decision
 
-BLIND = ("random", "rules", "static-")
-"""Beginnings of the names of policies whose proposals are measured as they are: the baselines of
-the paper know no validation. All others are validated, as an ego would."""
+BLIND, STATIC = ("random", "rules"), "static-"
+"""Policies whose proposals are measured as they are, and what names of others of them begin with:
+the baselines of the paper know no validation. All others are validated, as an ego would."""
+
+
+def is_blind(policy: str) -> bool:
+    """Whether that policy's proposals are measured as they are."""
+    return policy in BLIND or policy.startswith(STATIC)
 
 
 @runtime_checkable
@@ -81,7 +86,7 @@ def decisions(
 
     robots = tuple(heard[0])
     ego = robots[scenario.ego]
-    blind = policy.name.startswith(BLIND)
+    blind = is_blind(policy.name)
     previous: Decision | None = None
     found = []
     for window, messages in enumerate(heard):

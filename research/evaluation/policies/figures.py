@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from research.evaluation.bootstrap import bootstrap_mean
+from research.evaluation.policies.controls import is_control
 from research.evaluation.policies.results import ORACLE, STATIC, Means, Row
 from research.evaluation.published import Summary
 from swarm.errors import EvaluationError
@@ -43,9 +44,11 @@ def draw_figures(
 ) -> list[str]:
     """Writes all figures into the folder and returns their names.
 
-    Raises EvaluationError where the drawing library is not installed.
+    Controls are left out. Raises EvaluationError where the drawing library is not installed.
     """
     need_drawing()
+    rows = [row for row in rows if not is_control(row.decided.policy)]
+    means = [one for one in means if not is_control(one.policy)]
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from research.evaluation.machine import machine_facts
+from research.evaluation.policies.beside import LLM
 from research.evaluation.policies.results import Means, Row
 from research.evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
 from swarm.files import write_whole
 
-LLM = "llm-"
 OWN_SELECTION = (
     "policy", "window", "source", "predicted_bytes", "decision_ms", "link", "pose_noise_m",
     "repairs",
@@ -86,8 +86,8 @@ def write_eval(path: Path, rows: Sequence[Row]) -> None:
 
 def write_headline(path: Path, means: Sequence[Means], more: Mapping[str, Any]) -> None:
     """The means as JSON, with the machine's facts and whatever else is given."""
-    report = {"rows": [_plain(asdict(one)) for one in means], **more, "machine": machine_facts()}
-    write_whole(path, json.dumps(report, indent=1) + "\n")
+    report = {"rows": [asdict(one) for one in means], **more, "machine": machine_facts()}
+    write_whole(path, json.dumps(_plain(report), indent=1) + "\n")
 
 
 def _common(row: Row) -> dict[str, Any]:
@@ -124,6 +124,8 @@ def _plain(value: Any) -> Any:
     """Rounded, and None for what JSON has no number for."""
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
     if isinstance(value, float):
         return round(value, 5) if math.isfinite(value) else None
     return value

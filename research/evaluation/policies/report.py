@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from research.evaluation.policies.beside import beside_controls, controls_table
 from research.evaluation.policies.results import Means, Row
 from research.evaluation.tables import markdown
 
@@ -27,6 +28,15 @@ def report(means: Sequence[Means], claims: Sequence[Mapping[str, Any]], rows: Se
             ],
         ),
     ]
+    if compared := beside_controls(rows):
+        parts += [
+            "## Policies beside their controls",
+            "Each policy less its control in the same windows, with the 95 % interval of the "
+            "paired differences: better or worse only where that excludes 0. Controls take as many "
+            "robots as the policy, with its algorithm, on the same link; "
+            "where that is everyone, they choose the same.",
+            controls_table(compared),
+        ]
     advised = [one for one in means if one.answered_ratio is not None]
     if advised:
         parts += ["## Language models beside `coverage`", _advised(advised)]

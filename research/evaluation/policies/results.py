@@ -9,6 +9,7 @@ import numpy as np
 
 from ego_agent.knowledge.base import Knowledge
 from research.evaluation.bootstrap import Interval, bootstrap_mean
+from research.evaluation.policies.controls import AT_RANDOM, FIRST
 from research.evaluation.policies.decide import Decided
 from research.evaluation.policies.work_items import Outcomes, Place, knowledge_of
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
@@ -184,9 +185,9 @@ def _delivered(row: Row) -> float:
 def _means(name: str, rows: Sequence[Row], beside: _Beside) -> Means:
     outcomes = [row.outcome for row in rows]
     took_ms = [1e3 * row.decided.decision_s for row in rows]
-    p50, p99 = np.percentile(took_ms, [50, 99]).tolist() if name != ORACLE else (None, None)
+    p50, p99 = np.percentile(took_ms, [50, 99]).tolist() if _is_timed(name) else (None, None)
     answers = [float(r.decided.answered) for r in rows if r.decided.answered is not None]
-    gained = [row.value - other.value for row, other in _pairs(rows, beside.coverage)]
+    gained = [row.value - other.value for row, other in pairs(rows, beside.coverage)]
     used = float(np.mean([outcome.bytes_per_frame for outcome in outcomes]))
     everyone = _bytes(beside.best) if beside.best else float("nan")
     return Means(
@@ -216,6 +217,11 @@ def _means(name: str, rows: Sequence[Row], beside: _Beside) -> Means:
     )
 
 
+def _is_timed(policy: str) -> bool:
+    """Whether it decides anything in a time of its own."""
+    return policy != ORACLE and not policy.endswith((AT_RANDOM, FIRST))
+
+
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else float("nan")
 
@@ -224,7 +230,7 @@ def _bytes(rows: Sequence[Row]) -> float:
     return float(np.mean([row.outcome.bytes_per_frame for row in rows]))
 
 
-def _pairs(rows: Sequence[Row], others: Sequence[Row]) -> list[tuple[Row, Row]]:
+def pairs(rows: Sequence[Row], others: Sequence[Row]) -> list[tuple[Row, Row]]:
     """Each row with the other of the same window, where there is one."""
     theirs = {(r.decided.scenario, r.decided.window): r for r in others}
     keys = [(r.decided.scenario, r.decided.window) for r in rows]
@@ -233,8 +239,8 @@ def _pairs(rows: Sequence[Row], others: Sequence[Row]) -> list[tuple[Row, Row]]:
 
 def _paired(rows: Sequence[Row], others: Sequence[Row], ap_70: Callable[[Row], float]) -> Interval:
     """AP@0.7 less that of the others in the same windows."""
-    pairs = _pairs(rows, others)
+    found = pairs(rows, others)
     return bootstrap_mean(
-        [ap_70(row) - ap_70(other) for row, other in pairs],
-        [row.scenario.group for row, _ in pairs],
+        [ap_70(row) - ap_70(other) for row, other in found],
+        [row.scenario.group for row, _ in found],
     )

@@ -7,15 +7,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ego_agent.knowledge.base import Knowledge
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.surrogate.model import packaged_surrogate
 from perception.fusion.registry import fusion_names
 from research.evaluation.policies import advice
 from research.evaluation.policies.advice import AdvisedAtOnce, Model
+from research.evaluation.policies.beside import beside_controls
 from research.evaluation.policies.claims import claims_of
+from research.evaluation.policies.controls import RANDOM_JUDGED, controls
 from research.evaluation.policies.decide import Decided, decisions, policy_of
 from research.evaluation.policies.figures import Places, draw_figures, need_drawing
 from research.evaluation.policies.files import write_eval, write_headline, write_selection
+from research.evaluation.policies.guessing import RandomJudged
 from research.evaluation.policies.report import report
 from research.evaluation.policies.results import means_of, rows_of
 from research.evaluation.policies.work_items import (
@@ -59,6 +63,8 @@ def compare(
     be read, DecisionError for an unknown policy, SettingError for a model that cannot be run, and
     EvaluationError when there is nothing to compare.
     """
+    if models and RANDOM_JUDGED not in policies:
+        policies = (*policies, RANDOM_JUDGED)
     _check(suite, policies, algorithms)
     kept, answers = (
         ResultStore(folder / "kept", MADE_FROM),
@@ -92,10 +98,11 @@ def compare(
         raise EvaluationError("no control window of these scenarios holds a true box")
     means = means_of(rows)
     claims = claims_of(means, rows)
+    compared = [one.plain() for one in beside_controls(rows)]
     folder.mkdir(parents=True, exist_ok=True)
     write_selection(folder / "selection.csv", rows)
     write_eval(folder / "eval.csv", rows)
-    write_headline(folder / "headline.json", means, {"claims": claims})
+    write_headline(folder / "headline.json", means, {"claims": claims, "controls": compared})
     write_whole(folder / "report.md", report(means, claims, rows))
     figures = draw_figures(folder, rows, means, _places(items), published)
     files = ["selection.csv", "eval.csv", "headline.json", "report.md", *figures]
@@ -115,7 +122,7 @@ def _check(suite: Sequence[Scenario], policies: Sequence[str], algorithms: Seque
             )
     knowledge = knowledge_of(algorithms, suite[0])
     for name in policies:
-        policy_of(name, suite[0], knowledge)
+        _policy(name, suite[0], knowledge)
     if SURROGATE in policies:
         packaged_surrogate()
     need_drawing()
@@ -127,19 +134,28 @@ def _decide(
     policies: Sequence[str],
     advisers: Sequence[Model],
 ) -> list[Decided]:
-    """Every policy's decisions in every scenario."""
+    """Every policy's decisions in every scenario, and those of its controls."""
     found: list[Decided] = []
     for number, (name, scenario) in enumerate(scenarios.items(), 1):
         own = [item for item in items if item.scenario.name == name]
         heard = [item.heard for item in own if item.heard is not None]
         knowledge = own[0].knowledge()
-        everyone: list[Policy] = [policy_of(one, scenario, knowledge) for one in policies]
+        everyone: list[Policy] = [_policy(one, scenario, knowledge) for one in policies]
         everyone += [AdvisedAtOnce(model, scenario.world) for model in advisers]
         for policy in everyone:
-            found += decisions(scenario, heard, knowledge, policy)
+            chosen = decisions(scenario, heard, knowledge, policy)
+            found += chosen
+            found += controls(scenario, heard, knowledge, chosen)
         if advisers:
             print(f"advised: {number}/{len(scenarios)} scenarios", file=sys.stderr, flush=True)
     return found
+
+
+def _policy(name: str, scenario: Scenario, knowledge: Knowledge) -> Policy:
+    """A new policy of that name, or the control of language models; raises as `policy_of` does."""
+    if name == RANDOM_JUDGED:
+        return RandomJudged(scenario.seed, scenario.world)
+    return policy_of(name, scenario, knowledge)
 
 
 def _places(items: Sequence[WorkItem]) -> Places:

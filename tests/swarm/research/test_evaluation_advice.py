@@ -163,7 +163,12 @@ def test_a_real_model_is_a_row_of_its_own(tmp_path: Path) -> None:
     assert main(["eval", "policies", *options, "--output", str(tmp_path)]) == 0
     headline = json.loads((tmp_path / "headline.json").read_text())
     rows = {row["policy"]: row for row in headline["rows"]}
-    (advised,) = (row for policy, row in rows.items() if policy.startswith("llm-"))
+    (name,) = {one["policy"] for one in headline["controls"]} - {"coverage"}
+    advised = rows[name]
+    assert name.startswith("llm-")
+    assert {one["control"] for one in headline["controls"] if one["policy"] == name} == {
+        f"{name}~random", f"{name}~first", "random-judged",
+    }  # fmt: skip
     assert advised["infeasible_ratio"] == 0
     assert advised["decision_ms_p50"] > rows["coverage"]["decision_ms_p50"]
     assert advised["answered_ratio"] == 1

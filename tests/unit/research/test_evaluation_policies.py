@@ -155,14 +155,17 @@ def test_the_command_writes_all_files_and_repeats_itself(
     selection, results = read(tmp_path / "selection.csv"), read(tmp_path / "eval.csv")
     assert tuple(selection[0])[: len(SELECTION_COLUMNS)] == SELECTION_COLUMNS
     assert tuple(results[0])[: len(EVAL_COLUMNS)] == EVAL_COLUMNS
-    assert len(selection) == len(results) == 3 * 4
+    assert len(selection) == len(results) == 3 * 6
     for row in selection:
         assert row["ego_cav"] in row["selected_cavs"].split("|")
         assert set(row["selected_cavs"].split("|")) <= set(row["in_range_cavs"].split("|"))
         assert row["n_selected"] == str(len(row["selected_cavs"].split("|")))
     headline = json.loads((tmp_path / "headline.json").read_text())
     rows: dict[str, dict[str, Any]] = {row["policy"]: row for row in headline["rows"]}
-    assert set(rows) == {"static-late", "random", "coverage", "oracle"}
+    own_controls = {"coverage~random", "coverage~first"}
+    assert set(rows) == {"static-late", "random", "coverage", "oracle", *own_controls}
+    assert {one["control"] for one in headline["controls"]} == own_controls
+    assert "coverage~first" not in first["regret.svg"], "figures show policies only"
     assert rows["oracle"]["regret_mean"] == 0
     assert rows["coverage"]["infeasible_ratio"] == 0
     assert all(row["regret_mean"] >= 0 for row in rows.values() if not row["infeasible_ratio"])
@@ -206,7 +209,9 @@ def test_a_recorded_world_is_compared_likewise(opv2v_dir: Path, tmp_path: Path) 
     options = ["--data", str(opv2v_dir), "--scenarios", name, "--policies", "static-late,coverage"]
     assert main(["eval", "policies", *options, "--output", str(tmp_path)]) == 0
     rows = json.loads((tmp_path / "headline.json").read_text())["rows"]
-    assert {row["policy"] for row in rows} == {"static-late", "coverage", "oracle"}
+    assert {row["policy"] for row in rows} == {
+        "static-late", "coverage", "coverage~random", "coverage~first", "oracle",
+    }  # fmt: skip
     assert all(row["regret_mean"] >= -1e-6 for row in rows)
     with (tmp_path / "selection.csv").open(newline="") as file:
         assert {row["com_range_m"] for row in csv.DictReader(file)} == {"70.0"}
