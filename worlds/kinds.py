@@ -36,6 +36,8 @@ class WorldRequest:
     """Of everything random in a simulated world."""
     rings: int = 32
     """Of the simulated LiDAR of `factory`; `road` has OPV2V's."""
+    room: float = 1.0
+    """Floor of `factory` a robot, of what is usual."""
     scenario: str = "floor"
     cache: Path | None = None
     """Directory in which scans are kept between runs; None keeps none."""

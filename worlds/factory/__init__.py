@@ -13,6 +13,7 @@ def _open(request: WorldRequest) -> World:
         robots=request.robots,
         seed=request.seed,
         rings=request.rings,
+        room=request.room,
         scenario=request.scenario,
         cache=request.cache,
     )

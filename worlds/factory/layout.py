@@ -49,9 +49,10 @@ class Floor:
     """(N, 6): low and high corner (x, y, z, x, y, z) of axis-aligned boxes, metres."""
 
 
-def build_floor(robots: int, rng: np.random.Generator) -> Floor:
-    """A floor that is large enough for that many robots, filled at random."""
-    wanted = max(MIN_BLOCKS, math.ceil(robots * BLOCKS_PER_ROBOT))
+def build_floor(robots: int, rng: np.random.Generator, room: float = 1.0) -> Floor:
+    """A floor that is large enough for that many robots, filled at random; `room` times as large
+    as usual."""
+    wanted = math.ceil(room * max(MIN_BLOCKS, math.ceil(robots * BLOCKS_PER_ROBOT)))
     columns = math.ceil(math.sqrt(wanted))
     rows = math.ceil(wanted / columns)
     blocks = tuple(

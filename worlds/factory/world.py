@@ -24,6 +24,7 @@ from worlds.returns import Returns, kept_returns
 
 RATE_HZ = 10.0
 ROBOTS_ALLOWED = (2, 100)
+ROOM_ALLOWED = (1.0, 4.0)
 GENERATOR, GENERATOR_UNCOMPILED = 2, 1
 """Versions of everything that shapes a scan, with rays cast in C and without, where points differ
 in their last bits. Any change of a point takes a new number."""
@@ -34,7 +35,7 @@ MIN_KEPT = 64
 class FactoryWorld:
     """A factory floor with robots R1 to Rn.
 
-    Every scan follows from (robots, seed, rings, scenario, robot, frame) alone: any process
+    Every scan follows from (robots, seed, rings, scenario, room, robot, frame) alone: any process
     computes the same points, and no frame depends on an earlier one.
     """
 
@@ -50,6 +51,7 @@ class FactoryWorld:
         seed: int = 1,
         rings: int = 32,
         scenario: str = "floor",
+        room: float = 1.0,
         cache: Path | None = None,
     ) -> None:
         """Lays out the floor; no scan is computed yet.
@@ -59,6 +61,7 @@ class FactoryWorld:
             seed: 0 or more; of the equipment, the traffic and the noise.
             rings: of the LiDAR: 16, 32 or 64.
             scenario: one of `worlds.factory.scenarios.SCENARIOS`.
+            room: 1 to 4; how many times as large as usual the floor is.
             cache: directory in which scans are kept; None keeps none.
 
         Raises WorldError for a value that is not allowed.
@@ -71,15 +74,20 @@ class FactoryWorld:
             raise WorldError(f"a LiDAR cannot have {rings} rings; allowed: {allowed}")
         if seed < 0:
             raise WorldError(f"seed {seed} cannot be used; allowed: 0 or more")
+        smallest, largest = ROOM_ALLOWED
+        if not smallest <= room <= largest:
+            raise WorldError(f"room {room:g} cannot be used; allowed: {smallest:g} to {largest:g}")
         self.scenario = check_scenario(scenario)
         self.robots = tuple(f"R{i + 1}" for i in range(robots))
         rng = np.random.default_rng(seed)
-        self.floor = build_floor(robots, rng)
+        self.floor = build_floor(robots, rng, room)
         self._actors = cast(scenario, self.floor, robots, rng)
         self._lidar = Lidar(self.floor, rings)
         self._noise_key = (seed, zlib.crc32(scenario.encode()))
         version = GENERATOR if self._lidar.compiled else GENERATOR_UNCOMPILED
         self._file_key = f"v{version}-{scenario}-s{seed}-r{rings}-n{robots}"
+        if room != 1.0:
+            self._file_key += f"-room{room:g}"
         self._cache = ScanCache(cache) if cache is not None else None
         # A frame is a scan for each robot, the bodies and the truth.
         self._recent = Recent(max(MIN_KEPT, robots + 2))

@@ -106,7 +106,8 @@ def controls_table(compared: Sequence[Comparison]) -> str:
         [
             (
                 one.policy, one.words, f"{one.differing}/{one.windows}",
-                str(one.delivered_ap_70), verdict(one.delivered_ap_70), str(one.value), verdict(one.value),
+                str(one.delivered_ap_70), verdict(one.delivered_ap_70),
+                str(one.value), verdict(one.value),
             )
             for one in compared
         ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -34,6 +34,9 @@ PARADIGM_SHARE = 2 / 3
 ROBOTS = (3, 4, 5, 6, 6, 7, 8, 9, 10, 12, 16, 24)
 """In turn; the largest are few, since a window of many robots takes long."""
 
+FEWER_RINGS, ROOMIER = 16, 2.0
+"""Of other settings: the sensor has 32 rings and a robot its usual share of the floor else."""
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -43,6 +46,8 @@ class Samples:
     """(n, features)."""
     ap_70: NDArray[np.float32]
     """(n,)."""
+    halves: NDArray[np.float64]
+    """(n, 2): AP@0.7 of the two halves of the frames; NaN where one holds no true box."""
 
 
 def training_windows(count: int) -> list[Scenario]:
@@ -62,6 +67,17 @@ def training_windows(count: int) -> list[Scenario]:
         )
         for index, seed in enumerate(islice(SURROGATE_SEEDS, count))
     ]
+
+
+def other_settings(windows: Sequence[Scenario]) -> dict[str, list[Scenario]]:
+    """The same windows from other settings of the generator, by its name: one thing is changed in
+    each, to what no training window has."""
+    changes: dict[str, dict[str, Any]] = {
+        f"{FEWER_RINGS} rings": {"rings": FEWER_RINGS},
+        f"pose noise {2 * NOISE_M:g} m": {"pose_noise_m": 2 * NOISE_M},
+        f"{ROOMIER:g} times the floor": {"room": ROOMIER},
+    }
+    return {name: [replace(one, **what) for one in windows] for name, what in changes.items()}
 
 
 def measure(scenario: Scenario) -> list[Any]:
@@ -92,7 +108,9 @@ def samples(values: Sequence[Any], algorithms: Sequence[str]) -> Samples | None:
         return None
     scene = _scene(ego, announcements.unpacked(messages))
     features = choice_features(scene, list(outcomes), algorithms)
-    return Samples(features, np.array([one.ap_70 for one in outcomes.values()], np.float32))
+    ap_70 = np.array([one.ap_70 for one in outcomes.values()], np.float32)
+    halves = [one.halves or (np.nan, np.nan) for one in outcomes.values()]
+    return Samples(features, ap_70, np.array(halves, np.float64))
 
 
 def _scene(ego: str, messages: Announced) -> UnifiedScene:

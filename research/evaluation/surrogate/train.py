@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ego_agent.plan.surrogate.features import NAMES
@@ -16,7 +15,14 @@ from ego_agent.plan.surrogate.model import Surrogate, write_surrogate
 from perception.fusion.registry import fusion_names
 from research.evaluation.policies.work_items import MADE_FROM
 from research.evaluation.result_store import ResultStore
-from research.evaluation.surrogate.samples import Samples, measure, samples, training_windows
+from research.evaluation.surrogate.errors import Errors, errors_of, table, write_errors
+from research.evaluation.surrogate.samples import (
+    Samples,
+    measure,
+    other_settings,
+    samples,
+    training_windows,
+)
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.workers import each
 from swarm.errors import EvaluationError
@@ -33,35 +39,37 @@ SHAKEN = 0.02
 HELD_OUT = 5
 """One window in so many is for testing."""
 SEED = 7
+AS_LEARNT = "as learnt"
+"""The setting of the generator that training windows have."""
+ERRORS = "surrogate.json"
 
 
-def train(windows: int, workers: int, folder: Path, output: Path) -> dict[str, float]:
-    """Writes the surrogate to `output`; what was measured is kept in `folder`.
+def train(windows: int, workers: int, folder: Path, output: Path) -> list[Errors]:
+    """Writes the surrogate to `output`, and ERRORS to `folder`, where what was measured is kept.
 
-    Returns the errors on the held-out windows: `mae`, of AP@0.7, and `mae_within`, of its
-    differences from the mean of the window. Raises EvaluationError for an output that cannot be
+    Returns the errors on windows that were held out, as they are and from other settings of the
+    generator. Raises EvaluationError for an output that cannot be
     written, before anything is measured, and for too few windows.
     """
     if output.is_dir() or not output.parent.is_dir():
         raise EvaluationError(f"{output} cannot be written: name a file in a folder that exists")
     algorithms = fusion_names("factory")
-    measured = _measured(
-        windows,
-        workers,
-        ResultStore(folder / "kept", (*MADE_FROM, "research/evaluation/surrogate/samples.py")),
-        algorithms,
-    )
-    test = measured[::HELD_OUT]
-    learning = [one for at, one in enumerate(measured) if at % HELD_OUT]
-    if not test or not learning:
-        raise EvaluationError(f"{len(measured)} windows are too few to learn from")
+    scenarios = training_windows(windows)
+    held_out = scenarios[::HELD_OUT]
+    kept = ResultStore(folder / "kept", (*MADE_FROM, "research/evaluation/surrogate/samples.py"))
+    tests = {AS_LEARNT: held_out, **other_settings(held_out)}
+    learning = _measured([s for s in scenarios if s not in held_out], workers, kept, algorithms)
+    measured = {name: _measured(own, workers, kept, algorithms) for name, own in tests.items()}
+    if not learning or not all(measured.values()):
+        raise EvaluationError(f"{windows} windows are too few to learn from")
     facts = {"windows": str(len(learning)), "steps": str(STEPS), "seed": str(SEED)}
     model = as_surrogate(learn(learning, STEPS), algorithms, facts)
     write_surrogate(output, model)
-    errors = _errors(model, test)
+    errors = [errors_of(name, model, own) for name, own in measured.items()]
+    write_errors(folder / ERRORS, errors)
     print(
-        f"wrote {output}: {len(learning)} windows to learn from; on {len(test)} others AP@0.7 is "
-        f"off by {errors['mae']:.3f}, differences within a window by {errors['mae_within']:.3f}",
+        f"wrote {output} and {folder / ERRORS}: {len(learning)} windows to learn from; of AP@0.7 "
+        f"on others:\n{table(errors)}",
         file=sys.stderr,
     )
     return errors
@@ -86,9 +94,9 @@ def key_of(scenario: Scenario) -> str:
 
 
 def _measured(
-    windows: int, workers: int, kept: ResultStore, algorithms: Sequence[str]
+    scenarios: Sequence[Scenario], workers: int, kept: ResultStore, algorithms: Sequence[str]
 ) -> list[Samples]:
-    scenarios = training_windows(windows)
+    """Samples of the windows that hold a true box."""
     keys = [key_of(scenario) for scenario in scenarios]
     known = [kept.get(key) for key in keys]
     missing = [at for at, values in enumerate(known) if values is None]
@@ -137,13 +145,3 @@ def _batch(picked: Sequence[Samples]) -> tuple[Tensor, Tensor, Tensor]:
     target = np.concatenate([one.ap_70 for one in picked])
     window = np.repeat(np.arange(len(picked)), [len(one.ap_70) for one in picked])
     return torch.from_numpy(features), torch.from_numpy(target), torch.from_numpy(window)
-
-
-def _errors(model: Surrogate, windows: Sequence[Samples]) -> dict[str, float]:
-    off: list[NDArray[np.float64]] = [
-        model.predict(one.features) - one.ap_70.astype(np.float64) for one in windows
-    ]
-    return {
-        "mae": float(np.mean([np.abs(one).mean() for one in off])),
-        "mae_within": float(np.mean([np.abs(one - one.mean()).mean() for one in off])),
-    }

@@ -26,6 +26,7 @@ SUITE_SEEDS = range(TEST_SEEDS.start + 500_000, TEST_SEEDS.start + 600_000)
 SURROGATE_SEEDS = range(TEST_SEEDS.start + 600_000, TEST_SEEDS.start + 700_000)
 """Floors that the surrogate is trained on."""
 WINDOWS = 3
+RINGS = 32
 SAMPLED = 6
 """Frames of a control window on which precision is measured."""
 NOISE_M = 0.2
@@ -74,6 +75,10 @@ class Scenario:
     ego: int = 0
     """Its index among the robots."""
     pose_noise_m: float = 0.0
+    rings: int = RINGS
+    """Of the factory's LiDARs."""
+    room: float = 1.0
+    """Floor a robot of the factory, of what is usual."""
     first_frame: int = 0
     windows: int = WINDOWS
     window_frames: int = 50
@@ -86,7 +91,13 @@ class Scenario:
     def open(self) -> World:
         """The world; no scan is computed yet. Raises WorldError where it cannot be read."""
         return open_world(
-            self.world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
+            self.world,
+            data=self.folder,
+            robots=self.robots,
+            seed=self.seed,
+            rings=self.rings,
+            room=self.room,
+            scenario=self.kind,
         )
 
     def decision_frame(self, window: int) -> int:
@@ -126,6 +137,8 @@ class Scenario:
     def setting(self) -> str:
         """In words, all that decides what is said and measured in it, apart from the frames."""
         about = f"{self.world} {self.kind} {self.seed} {self.robots} {self.ego}"
+        if (self.rings, self.room) != (RINGS, 1.0):
+            about += f" {self.rings} rings, room {self.room}"
         return f"{about} {self.pose_noise_m} {_fingerprint(self.folder)}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from pathlib import Path
 
@@ -16,11 +17,18 @@ from research.evaluation.policies.work_items import MADE_FROM
 from research.evaluation.result_store import ResultStore
 from research.evaluation.surrogate import samples as sampling
 from research.evaluation.surrogate import train as training
-from research.evaluation.surrogate.samples import Samples, random_choices, training_windows
+from research.evaluation.surrogate.errors import errors_of
+from research.evaluation.surrogate.samples import (
+    Samples,
+    other_settings,
+    random_choices,
+    training_windows,
+)
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
 from research.evaluation.windows.measure import Window
 from research.evaluation.windows.scenarios import SUITE_SEEDS, SURROGATE_SEEDS
 from research.training.plans import TEST_SEEDS
+from worlds.factory.world import FactoryWorld
 
 ALGORITHMS = fusion_names("factory")
 
@@ -56,7 +64,8 @@ def test_it_learns_which_choice_of_a_window_is_better() -> None:
     for _ in range(60):
         features = rng.random((12, len(NAMES) + len(ALGORITHMS))).astype(np.float32)
         level = rng.uniform(0.2, 0.5)
-        windows.append(Samples(features, (level + 0.4 * features[:, 3]).astype(np.float32)))
+        ap_70 = (level + 0.4 * features[:, 3]).astype(np.float32)
+        windows.append(Samples(features, ap_70, np.full((12, 2), np.nan)))
     network = training.learn(windows[10:], steps=400)
     model = training.as_surrogate(network, ALGORITHMS, {})
     hits = [np.corrcoef(model.predict(one.features), one.ap_70)[0, 1] for one in windows[:10]]
@@ -74,15 +83,55 @@ def test_measured_windows_are_kept_and_trained_on(
     monkeypatch.setattr(Window, "_measure", _pretended)
     made_from = (*MADE_FROM, "research/evaluation/surrogate/samples.py")
     kept = ResultStore(tmp_path / "kept", made_from)
-    for scenario in training_windows(3):
+    held_out = training_windows(3)[:1]
+    others = [one for own in other_settings(held_out).values() for one in own]
+    for scenario in (*training_windows(3), *others):
         kept.put(training.key_of(scenario), sampling.measure(scenario))
     output = tmp_path / "model.safetensors"
     errors = training.train(3, 1, tmp_path, output)
-    assert set(errors) == {"mae", "mae_within"}
+    names = ["as learnt", "16 rings", "pose noise 0.4 m", "2 times the floor"]
+    assert [one.setting for one in errors] == names
+    told = json.loads((tmp_path / "surrogate.json").read_text())
+    assert [row["setting"] for row in told["rows"]] == names
+    assert all(row["windows"] == 1 and row["mae_within"] >= 0 for row in told["rows"])
+    assert told["rows"][0]["noise"] is None, "there are no halves"
     assert read_surrogate(output).algorithms == ALGORITHMS
     said = capsys.readouterr().err
     assert "measured 1/" not in said, "what was kept was measured again"
     assert "2 windows to learn from" in said
+
+
+def test_errors_stand_beside_those_of_what_they_are_measured_by() -> None:
+    class Off:
+        def predict(self, features: np.ndarray) -> np.ndarray:
+            return features[:, 0].astype(np.float64)
+
+    measured = np.array([0.5, 0.7], np.float32)
+    halves = np.array([[0.6, 0.4], [0.6, 0.8]])
+    off = Samples(np.array([[0.7], [0.9]], np.float32), measured, halves)
+    crossed = Samples(np.array([[0.6], [0.6]], np.float32), measured, np.full((2, 2), np.nan))
+    found = errors_of("here", Off(), [off, crossed])  # type: ignore[arg-type]
+    assert found.windows == 2
+    assert found.mae == pytest.approx((0.2 + 0.1) / 2)
+    assert found.mae_within == pytest.approx((0.0 + 0.1) / 2)
+    assert found.noise == pytest.approx(0.1), "half of the difference of the halves"
+    assert found.noise_within == pytest.approx(0.1)
+
+
+def test_other_settings_change_one_thing_each_to_what_is_not_learnt_from() -> None:
+    windows = training_windows(24)
+    others = other_settings(windows)
+    assert len({one.setting() for own in (windows, *others.values()) for one in own}) == 4 * 24
+    learnt = {(one.rings, one.room, one.pose_noise_m) for one in windows}
+    for own in others.values():
+        assert not learnt & {(one.rings, one.room, one.pose_noise_m) for one in own}
+        assert [one.seed for one in own] == [one.seed for one in windows]
+    roomy, usual = (own[11].open() for own in (others["2 times the floor"], windows))
+    assert isinstance(roomy, FactoryWorld)
+    assert isinstance(usual, FactoryWorld)
+    assert len(roomy.floor.blocks) >= 1.7 * len(usual.floor.blocks)
+    few, many = (len(w[0].open().scan("R1", 0).points) for w in (others["16 rings"], windows))
+    assert few < 0.6 * many
 
 
 def _pretended(window: Window, choice: Choice) -> Outcome:

@@ -1,0 +1,79 @@
+"""How far a surrogate is off, beside how far off what it is judged by is itself."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ego_agent.plan.surrogate.model import Surrogate
+from research.evaluation.machine import machine_facts
+from research.evaluation.surrogate.samples import Samples
+from research.evaluation.tables import markdown
+from swarm.files import write_whole
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Mean absolute errors of AP@0.7 over the windows of one setting of the generator."""
+
+    setting: str
+    windows: int
+    mae: float
+    mae_within: float
+    """Of differences from the mean of the window, which are what a decision needs."""
+    noise: float
+    """By how much the measured AP@0.7 is itself off: half of what its two halves of the frames
+    differ, since the mean of two halves is off by as much. NaN where no window has halves."""
+    noise_within: float
+    """The same of differences from the mean of the window."""
+
+
+def errors_of(setting: str, model: Surrogate, windows: Sequence[Samples]) -> Errors:
+    """The errors on these windows, of which there must be one at least."""
+    off = [model.predict(one.features) - one.ap_70.astype(np.float64) for one in windows]
+    halves = [
+        (one.halves[:, 0] - one.halves[:, 1]) / 2
+        for one in windows
+        if np.isfinite(one.halves).all()
+    ]
+    return Errors(setting, len(windows), _mean(off), _within(off), _mean(halves), _within(halves))
+
+
+def _mean(windows: Sequence[Floats]) -> float:
+    return float(np.mean([np.abs(one).mean() for one in windows])) if windows else math.nan
+
+
+def _within(windows: Sequence[Floats]) -> float:
+    return _mean([one - one.mean() for one in windows])
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def table(rows: Sequence[Errors]) -> str:
+    """A line a setting, as Markdown."""
+    return markdown(
+        ("setting", "windows", "off by", "in differences", "measured off by", "in differences"),
+        [
+            (
+                one.setting, one.windows, f"{one.mae:.3f}", f"{one.mae_within:.3f}",
+                f"{one.noise:.3f}", f"{one.noise_within:.3f}",
+            )
+            for one in rows
+        ],
+    )  # fmt: skip
+
+
+def write_errors(path: Path, rows: Sequence[Errors]) -> None:
+    """The rows as JSON with the machine's facts; None for what could not be told."""
+    plain = [{name: _plain(value) for name, value in asdict(one).items()} for one in rows]
+    write_whole(path, json.dumps({"rows": plain, "machine": machine_facts()}, indent=1) + "\n")
