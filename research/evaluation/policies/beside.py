@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import isnan
 from typing import Any
 
 from research.evaluation.bootstrap import Interval, bootstrap_mean
@@ -14,6 +13,9 @@ from research.evaluation.tables import markdown
 
 LLM = "llm-"
 """What names of policies that ask a language model begin with."""
+BETTER = "better"
+LEAST_GROUPS = 5
+"""A bootstrap draws whole groups again: of one it gives a point, of few a narrow interval."""
 WORDS = {
     AT_RANDOM: "random choices of as many",
     FIRST: "the first of as many by coverage",
@@ -34,6 +36,8 @@ class Comparison:
     windows: int
     differing: int
     """Windows in which the control chose others."""
+    groups: int
+    """Floors or recordings that these come from."""
     delivered_ap_70: Interval
     value: Interval
 
@@ -41,18 +45,18 @@ class Comparison:
         """The same as plain values, with a verdict on each difference."""
         return {
             **asdict(self),
-            "delivered_verdict": verdict(self.delivered_ap_70),
-            "value_verdict": verdict(self.value),
+            "delivered_verdict": self.verdict(self.delivered_ap_70),
+            "value_verdict": self.verdict(self.value),
         }
 
-
-def verdict(gained: Interval) -> str:
-    """`better` or `worse` only where the interval excludes 0, else `no better`."""
-    if isnan(gained.mean):
-        return "not compared"
-    if gained.low > 0:
-        return "better"
-    return "worse" if gained.high < 0 else "no better"
+    def verdict(self, gained: Interval) -> str:
+        """`better` or `worse` only where the interval excludes 0, else `no better`; of fewer groups
+        than LEAST_GROUPS an interval says nothing."""
+        if self.groups < LEAST_GROUPS:
+            return "too few to tell"
+        if gained.low > 0:
+            return BETTER
+        return "worse" if gained.high < 0 else "no better"
 
 
 def beside_controls(rows: Sequence[Row]) -> list[Comparison]:
@@ -81,12 +85,10 @@ def _compared(
     policy: str, control: str, kind: str, by_policy: Mapping[str, Sequence[Row]]
 ) -> Comparison:
     found = pairs(by_policy[policy], by_policy[control])
+    groups = [row.scenario.group for row, _ in found]
 
     def gained(what: Callable[[Row], float]) -> Interval:
-        return bootstrap_mean(
-            [what(row) - what(other) for row, other in found],
-            [row.scenario.group for row, _ in found],
-        )
+        return bootstrap_mean([what(row) - what(other) for row, other in found], groups)
 
     return Comparison(
         policy=policy,
@@ -94,6 +96,7 @@ def _compared(
         words=WORDS[kind],
         windows=len(found),
         differing=sum(row.decided.choice != other.decided.choice for row, other in found),
+        groups=len(set(groups)),
         delivered_ap_70=gained(lambda row: row.delivered_ap_70),
         value=gained(lambda row: row.value),
     )
@@ -106,8 +109,8 @@ def controls_table(compared: Sequence[Comparison]) -> str:
         [
             (
                 one.policy, one.words, f"{one.differing}/{one.windows}",
-                str(one.delivered_ap_70), verdict(one.delivered_ap_70),
-                str(one.value), verdict(one.value),
+                str(one.delivered_ap_70), one.verdict(one.delivered_ap_70),
+                str(one.value), one.verdict(one.value),
             )
             for one in compared
         ],

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from research.evaluation.bootstrap import Interval
-from research.evaluation.policies.beside import Comparison, beside_controls
+from research.evaluation.policies.beside import BETTER, Comparison, beside_controls
 from research.evaluation.policies.results import Means, Row
 
 MAX_LOST_AP = 0.005
@@ -44,7 +44,7 @@ def _better(compared: Sequence[Comparison]) -> Iterator[Claim]:
         low = one.value.low
         yield Claim(
             f"{one.policy}: better than {one.words}, lower end of the interval of value",
-            round(low, 4), "> 0", low > 0,
+            round(low, 4), "> 0", one.verdict(one.value) == BETTER,
         )  # fmt: skip
 
 

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from research.evaluation.bootstrap import bootstrap_mean
+from research.evaluation.policies.as_published import by_policy
 from research.evaluation.policies.controls import is_control
 from research.evaluation.policies.results import ORACLE, STATIC, Means, Row
 from research.evaluation.published import Summary
+from research.evaluation.windows.contents import Contents
 from swarm.errors import EvaluationError
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ def draw_figures(
     rows: Sequence[Row],
     means: Sequence[Means],
     places: Places,
+    held: Contents,
     published: Sequence[Summary] = (),
 ) -> list[str]:
     """Writes all figures into the folder and returns their names.
@@ -57,7 +60,10 @@ def draw_figures(
         "participants": ((7, 4), lambda figure: _participants(figure, rows, adaptive)),
         "positions": ((9, 4.5), lambda figure: _positions(figure, rows, adaptive, places)),
         "strategy": ((9, 3.5), lambda figure: _strategy(figure, rows, adaptive)),
-        "bytes-precision": ((8, 5), lambda figure: _bytes_precision(figure, means, published)),
+        "bytes-precision": (
+            (9, 5),
+            lambda figure: _bytes_precision(figure, rows, means, held, published),
+        ),
         "by-strategy": ((8, 3.5), lambda figure: _by_strategy(figure, rows)),
         "regret": ((7, 3.5), lambda figure: _regret(figure, rows, means)),
     }
@@ -163,10 +169,41 @@ def _share(rows: Sequence[Row], algorithm: str) -> float:
     return float(np.mean([row.decided.choice.algorithm == algorithm for row in rows]))
 
 
-def _bytes_precision(figure: Figure, means: Sequence[Means], published: Sequence[Summary]) -> None:
-    """Every policy's precision against its bytes, and what of it comes in time, with the published
-    ones."""
-    axes: Axes = figure.subplots()
+def _bytes_precision(
+    figure: Figure,
+    rows: Sequence[Row],
+    means: Sequence[Means],
+    held: Contents,
+    published: Sequence[Summary],
+) -> None:
+    """Every policy's precision against its bytes, and what of it comes in time.
+
+    The factory and OPV2V have axes of their own: they are other scenes, with other classes.
+    """
+    recorded = any(row.scenario.folder is not None for row in rows)
+    names = ["OPV2V"] if recorded else ["simulated factory", *(["OPV2V"] if published else [])]
+    shown: dict[str, Axes] = dict(
+        zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True)
+    )
+    _ours(shown[names[0]], rows, means, held)
+    if published:
+        _theirs(shown["OPV2V"], published)
+    for name, axes in shown.items():
+        axes.set_xscale("log")
+        axes.set_xlabel("bytes a fused frame")
+        axes.set_ylabel("AP@0.7")
+        axes.margins(x=0.3)
+        axes.set_title(name, fontsize=9)
+        axes.grid(alpha=0.3)
+    title = (
+        "filled: what the link delivers; hollow: if all came in time; |: bytes as CoAdapt counts"
+    )
+    figure.suptitle(f"{title}\nblack: CoAdapt as published" if published else title, fontsize=8)
+    figure.legend(loc="outside right upper", fontsize=8)
+
+
+def _ours(axes: Axes, rows: Sequence[Row], means: Sequence[Means], held: Contents) -> None:
+    counted = {one.of: one.published_bytes_per_frame for one in by_policy(rows, held)}
     for index, one in enumerate(means):
         marker, color = MARKERS[index % len(MARKERS)], f"C{index % 10}"
         size = max(one.bytes_per_frame, 100.0)
@@ -179,20 +216,14 @@ def _bytes_precision(figure: Figure, means: Sequence[Means], published: Sequence
             size, one.delivered_ap_70, marker, color=color, markersize=8, label=one.policy,
             linestyle="none",
         )  # fmt: skip
+        axes.plot(max(counted[one.policy], 100.0), one.ap_70, "|", color=color, markersize=9)
+
+
+def _theirs(axes: Axes, published: Sequence[Summary]) -> None:
     for summary in published:
         for size, ap_70, label in _published_points(summary):
             axes.plot(size, ap_70, "+" if "everyone" in label else "x", color="black", markersize=8)
             axes.annotate(label, (size, ap_70), xytext=(5, 3), textcoords="offset points", size=7)
-    axes.set_xscale("log")
-    axes.set_xlabel("bytes a fused frame")
-    axes.set_ylabel("AP@0.7")
-    axes.margins(x=0.12)
-    title = "filled: what the link delivers; hollow: if all came in time"
-    if published:
-        title += "\nblack: CoAdapt as published (OPV2V, counted bytes)"
-    axes.set_title(title, fontsize=8)
-    figure.legend(loc="outside right upper", fontsize=8)
-    axes.grid(alpha=0.3)
 
 
 def _published_points(one: Summary) -> Iterator[tuple[float, float, str]]:

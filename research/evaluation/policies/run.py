@@ -11,7 +11,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.surrogate.model import packaged_surrogate
 from perception.fusion.registry import fusion_names
-from research.evaluation.policies import advice
+from research.evaluation.policies import advice, as_published
 from research.evaluation.policies.advice import AdvisedAtOnce, Model
 from research.evaluation.policies.beside import beside_controls
 from research.evaluation.policies.claims import claims_of
@@ -26,6 +26,7 @@ from research.evaluation.policies.work_items import (
     MADE_FROM,
     Place,
     WorkItem,
+    count,
     knowledge_of,
     listen,
     measure,
@@ -93,6 +94,7 @@ def compare(
     items = [replace(item, wanted=tuple(sorted(choices[item.place]))) for item in items]
     measured = measure(items, workers, kept)
     considered = {item.place: known for item, known in zip(items, measured, strict=True)}
+    held = count(items, workers, kept)
     rows = rows_of(scenarios, decided, considered, names)
     if not rows:
         raise EvaluationError("no control window of these scenarios holds a true box")
@@ -102,9 +104,17 @@ def compare(
     folder.mkdir(parents=True, exist_ok=True)
     write_selection(folder / "selection.csv", rows)
     write_eval(folder / "eval.csv", rows)
-    write_headline(folder / "headline.json", means, {"claims": claims, "controls": compared})
-    write_whole(folder / "report.md", report(means, claims, rows))
-    figures = draw_figures(folder, rows, means, _places(items), published)
+    write_headline(
+        folder / "headline.json",
+        means,
+        {
+            "claims": claims,
+            "controls": compared,
+            "bytes_as_published": as_published.plain(rows, held),
+        },
+    )
+    write_whole(folder / "report.md", report(means, claims, rows, held))
+    figures = draw_figures(folder, rows, means, _places(items), held, published)
     files = ["selection.csv", "eval.csv", "headline.json", "report.md", *figures]
     print(f"wrote {', '.join(files)} to {folder}", file=sys.stderr)
 

@@ -16,6 +16,7 @@ from research.evaluation.result_store import ResultStore
 from research.evaluation.windows import announcements
 from research.evaluation.windows.announcements import Announced
 from research.evaluation.windows.choice import Choice, Outcome
+from research.evaluation.windows.contents import Contents, Uncoded, contents
 from research.evaluation.windows.measure import NotMeasuredError, Window, packed, unpacked
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.windows.search import explore
@@ -25,7 +26,8 @@ from swarm.errors import EvaluationError
 MADE_FROM = (
     "research/evaluation/sharing.py",
     "research/evaluation/windows/frames.py", "research/evaluation/windows/announcements.py",
-    "research/evaluation/windows/measure.py", "perception",
+    "research/evaluation/windows/measure.py", "research/evaluation/windows/contents.py",
+    "perception",
     "swarm/arrays.py", "swarm/geometry.py", "swarm/messages", "worlds",
 )  # fmt: skip
 """What decides messages and outcomes, apart from what their keys name."""
@@ -65,6 +67,10 @@ class WorkItem:
         """By which outcomes are kept."""
         frames = self.scenario.sampled_frames(self.window)
         return f"outcomes {self.scenario.setting()} {frames}"
+
+    def contents_key(self) -> str:
+        """By which what robots have to send is kept."""
+        return f"contents {self.scenario.setting()} {self.scenario.sampled_frames(self.window)}"
 
 
 def knowledge_of(algorithms: Sequence[str], scenario: Scenario) -> Knowledge:
@@ -106,6 +112,25 @@ def measure(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[
         kept.put(item.outcomes_key(), every)
         found[missing[place]] = unpacked(considered)
     return [one for one in found if one is not None]
+
+
+def count(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> Contents:
+    """What robots have to send in the items' windows, uncoded."""
+    found: list[Any] = [kept.get(item.contents_key()) for item in items]
+    missing = [at for at, one in enumerate(found) if one is None]
+    for place, told in _each(_count, [items[at] for at in missing], workers, "counted"):
+        found[missing[place]] = told
+        kept.put(items[missing[place]].contents_key(), told)
+    robots = {
+        item.place: {robot: Uncoded(*values) for robot, values in told.items()}
+        for item, told in zip(items, found, strict=True)
+    }
+    return Contents(items[0].scenario.open().detector, robots)
+
+
+def _count(item: WorkItem) -> dict[str, tuple[float, float]]:
+    told = contents(Window(item.scenario, item.window))
+    return {robot: (one.points, one.objects) for robot, one in told.items()}
 
 
 def _reach_m(scenario: Scenario) -> float:

@@ -14,7 +14,7 @@ from ego_agent.plan.prompting import make_prompt
 from llm_gateway.answers import extract
 from llm_gateway.schemas import Schemas
 from research.evaluation.bootstrap import Interval
-from research.evaluation.policies.beside import beside_controls, controls_table, verdict
+from research.evaluation.policies.beside import Comparison, beside_controls, controls_table
 from research.evaluation.policies.claims import claims_of
 from research.evaluation.policies.controls import at_random, controls, first, is_control
 from research.evaluation.policies.decide import Decided, decisions, policy_of
@@ -136,7 +136,11 @@ def test_controls_differ_from_a_policy_in_who_takes_part_alone() -> None:
 def test_better_is_what_is_above_0_in_the_whole_interval(
     low: float, high: float, words: str
 ) -> None:
-    assert verdict(Interval((low + high) / 2, low, high)) == words
+    gained = Interval((low + high) / 2, low, high)
+    enough = Comparison("a", "a~first", "", 30, 20, 10, gained, gained)
+    assert enough.plain()["value_verdict"] == enough.plain()["delivered_verdict"] == words
+    few = Comparison("a", "a~first", "", 30, 20, 4, gained, gained)
+    assert few.plain()["value_verdict"] == "too few to tell"
 
 
 def row(policy: str, window: int, ap_70: float, infeasible: bool = False) -> Row:
@@ -175,9 +179,9 @@ def test_every_policy_stands_beside_its_own_controls() -> None:
     assert better.differing == 0
     assert better.value.mean == pytest.approx(0.1055)
     assert better.plain()["value_verdict"] == "better"
-    assert verdict(found["coverage", "coverage~first"].value) == "no better"
+    assert found["coverage", "coverage~first"].plain()["value_verdict"] == "no better"
     assert found["llm-x", "llm-x~random"].delivered_ap_70.mean == pytest.approx(0.3)
-    assert verdict(found["llm-x", "random-judged"].delivered_ap_70) == "worse"
+    assert found["llm-x", "random-judged"].plain()["delivered_verdict"] == "worse"
     assert "random choices that are judged alike" in controls_table(list(found.values()))
     means = means_of(rows)
     assert {m.policy for m in means if m.decision_ms_p50 is None} == {

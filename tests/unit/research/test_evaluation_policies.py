@@ -165,6 +165,10 @@ def test_the_command_writes_all_files_and_repeats_itself(
     own_controls = {"coverage~random", "coverage~first"}
     assert set(rows) == {"static-late", "random", "coverage", "oracle", *own_controls}
     assert {one["control"] for one in headline["controls"]} == own_controls
+    counted = {one["of"]: one for one in headline["bytes_as_published"]["policies"]}
+    assert set(counted) == {"static-late", "random", "coverage", "oracle"}
+    assert counted["coverage"]["bytes_per_frame"] == rows["coverage"]["bytes_per_frame"]
+    assert counted["coverage"]["published_bytes_per_frame"] > 50_000
     assert "coverage~first" not in first["regret.svg"], "figures show policies only"
     assert rows["oracle"]["regret_mean"] == 0
     assert rows["coverage"]["infeasible_ratio"] == 0
