@@ -15,6 +15,9 @@ from swarm.messages.steer import QMin
 from swarm.process import Algorithms, ProcessSettings
 from swarm.settings import Name, load
 
+PromptStyle = Literal["table", "paper"]
+"""How a language model is asked: with a row of coarse numbers for each of the best robots, or in
+the manner of the paper, with all that is seen."""
 _USUAL = Objective()
 
 
@@ -58,6 +61,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     llm_judge: Literal["auto", "coverage", "surrogate"] = "auto"
     """Who predicts it: what `coverage` counts, or the surrogate; by default the surrogate in the
     world that it has learnt in."""
+    llm_prompt: PromptStyle = "table"
+    """docs/prompt.md says how the two differ."""
     journal: str = ""
     """Path of the journal; empty keeps none."""
 

@@ -62,6 +62,11 @@ def _add_policies(experiments: Any) -> None:
         "an OpenAI-compatible server (default: none)",
     )  # fmt: skip
     parser.add_argument(
+        "--prompt", type=comma_separated, default=["table"], metavar="NAMES",
+        help="how models are asked, comma-separated: table, our own, or paper, in the manner of "
+        "the paper (default: table)",
+    )  # fmt: skip
+    parser.add_argument(
         "--scenarios", type=comma_separated, default=[], metavar="NAMES",
         help="comma-separated (default: all)",
     )  # fmt: skip
@@ -149,6 +154,7 @@ def run_policies(args: argparse.Namespace) -> int:
         args.output,
         algorithms=args.algorithms,
         models=args.models,
+        prompts=args.prompt,
         published=published,
     )
     return 0

@@ -20,7 +20,7 @@ from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.validation import make_decision
 from ego_agent.plan.policies.coverage import Coverage
-from ego_agent.plan.prompting import make_prompt, read_answer
+from ego_agent.plan.prompting import prompt_maker, read_answer
 from ego_agent.plan.prompting.fingerprint import scene_fingerprint
 from ego_agent.plan.surrogate.model import LEARNT_IN, Surrogate, packaged_surrogate
 from ego_agent.settings import EgoSettings
@@ -48,6 +48,7 @@ class Llm:
         self._clock = clock
         self._surrogate = surrogate
         self._settings = EgoSettings()
+        self._make_prompt = prompt_maker(self._settings.llm_prompt)
         self._questions = questions
         self._coverage = Coverage()
         self._shadow: Decision | None = None
@@ -63,8 +64,9 @@ class Llm:
         """The fingerprint of the scene in which it was."""
 
     def prepare(self, settings: EgoSettings) -> None:
-        """Takes up who predicts what advice would bring. Raises DecisionError when that is a
-        surrogate that cannot be read."""
+        """Takes up how to ask, and who predicts what advice would bring. Raises DecisionError when
+        that is a surrogate that cannot be read."""
+        self._make_prompt = prompt_maker(settings.llm_prompt)
         learnt = settings.llm_judge == "auto" and settings.world == LEARNT_IN
         if learnt or settings.llm_judge == "surrogate":
             self._surrogate = packaged_surrogate()
@@ -138,14 +140,14 @@ class Llm:
     def _ask(self, cycle: Cycle, questions: Asking, previous: Decision | None) -> None:
         scorer = cycle.scorer
         results = scorer.knowledge.results()
-        prompt = make_prompt(
+        prompt = self._make_prompt(
             scorer.scene,
             scorer.knowledge,
             previous,
             results[-1] if results else None,
             scorer=scorer,
         )
-        self._last, self._asked_for = questions.ask(prompt), prompt.fingerprint
+        self._last, self._asked_for = questions.ask(prompt), cycle.fingerprint
         cycle.asked = True
 
     def _hear(self, cycle: Cycle, heard: Heard) -> None:

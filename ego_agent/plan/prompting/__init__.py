@@ -3,5 +3,9 @@
 from ego_agent.plan.prompting.answer import Advice, read_answer
 from ego_agent.plan.prompting.fingerprint import fingerprint
 from ego_agent.plan.prompting.prompt import LlmPrompt, make_prompt
+from ego_agent.plan.prompting.styles import STYLES, prompt_maker
 
-__all__ = ["Advice", "LlmPrompt", "fingerprint", "make_prompt", "read_answer"]
+__all__ = [
+    "STYLES", "Advice", "LlmPrompt", "fingerprint", "make_prompt", "prompt_maker",
+    "read_answer",
+]  # fmt: skip

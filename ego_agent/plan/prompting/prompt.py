@@ -57,9 +57,7 @@ def make_prompt(
     `scorer`, if there is one already, must be of the same scene and knowledge. Robots whose ids no
     key may hold are left out. Raises DecisionError for such an ego.
     """
-    ego = scene.ego.robot
-    if not nameable(ego):
-        raise DecisionError(f"ego {ego!r} is not allowed: use 1 to 32 letters, digits, '_' or '-'")
+    ego = check_ego(scene)
     scorer = scorer or Scorer(scene, knowledge)
     listed = ranked(scorer)
     robots = tuple(entry.candidate.robot for entry in listed)
@@ -76,8 +74,17 @@ def make_prompt(
     )
 
 
+def check_ego(scene: UnifiedScene) -> str:
+    """The ego, whose id must be one that may stand in a prompt. Raises DecisionError."""
+    ego = scene.ego.robot
+    if not nameable(ego):
+        raise DecisionError(f"ego {ego!r} is not allowed: use 1 to 32 letters, digits, '_' or '-'")
+    return ego
+
+
 @cache
-def _template(name: str) -> Template:
+def template(name: str) -> Template:
+    """The template of that name."""
     folder = files("ego_agent.plan.prompting") / "templates"
     return Template((folder / f"{VERSION}.{name}.txt").read_text("utf-8").rstrip("\n"))
 
@@ -85,7 +92,7 @@ def _template(name: str) -> Template:
 def _system(scorer: Scorer) -> str:
     """The objective and the algorithms: the same for every ego of a swarm, for minutes."""
     objective, knowledge = scorer.objective, scorer.knowledge
-    return _template("system").substitute(
+    return template("system").substitute(
         # A megabyte may cost up to 1e6 in quality; in points of percent and kB that is a tenth.
         **{"lambda": f"{objective.lambda_cost / 10:.3g}"},
         q_min=f"{100 * objective.q_min:.3g}",
@@ -101,9 +108,14 @@ def _algorithm(knowledge: Knowledge, name: Algorithm) -> str:
 
 
 def _cost(scorer: Scorer, name: Algorithm) -> str:
-    """The median of measured sizes."""
+    size = median_size(scorer, name)
+    return f"{name} {'-' if size is None else shown(coarse(size / 1e3))}"
+
+
+def median_size(scorer: Scorer, name: Algorithm) -> float | None:
+    """The median of measured sizes, bytes; None where there are none."""
     sizes = [c.sizes[name] for c in scorer.scene.candidates if name in c.sizes]
-    return f"{name} {shown(coarse(median(sizes) / 1e3)) if sizes else '-'}"
+    return median(sizes) if sizes else None
 
 
 def _costly(knowledge: Knowledge) -> tuple[Algorithm, ...]:
@@ -120,7 +132,7 @@ def _user(
 ) -> str:
     scene, costs = scorer.scene, _costly(scorer.knowledge)
     others = len(scene.candidates) - len(listed)
-    return _template("user").substitute(
+    return template("user").substitute(
         ego=scene.ego.robot,
         x=place(scene.ego.pose.x, STEP_M),
         y=place(scene.ego.pose.y, STEP_M),
@@ -129,12 +141,12 @@ def _user(
         columns=" ".join(costs),
         rows="\n".join(robot_row(scorer, entry, costs) for entry in listed) or "(nobody)",
         others=f"Not listed: {others} more.",
-        before=arrival_line(scorer, listed) + _before(scorer, previous, result),
+        before=arrival_line(scorer, listed) + before(scorer, previous, result),
         link=_link(scorer, found),
     )
 
 
-def _before(scorer: Scorer, previous: Decision | None, result: CycleResult | None) -> str:
+def before(scorer: Scorer, previous: Decision | None, result: CycleResult | None) -> str:
     """The decision in force and what came of it. Its reason is left out: it is free text."""
     if previous is None or previous.algorithm not in scorer.knowledge.algorithms:
         return "Before: nothing decided."

@@ -16,7 +16,7 @@ from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.advice.questions import Heard, Question
 from ego_agent.plan.policies.llm import Llm
 from ego_agent.plan.prompting import LlmPrompt
-from ego_agent.settings import EgoSettings
+from ego_agent.settings import EgoSettings, PromptStyle
 from llm_gateway.answers import AnswerError, extract
 from llm_gateway.backends.base import Backend
 from llm_gateway.backends.llamacpp.models import find_model
@@ -187,11 +187,13 @@ class AdvisedAtOnce:
     slow and kept answers lead to the same decisions.
     """
 
-    def __init__(self, model: Adviser, world: str) -> None:
-        self.name = f"llm-{model.name}"
+    def __init__(self, model: Adviser, world: str, prompt: PromptStyle = "table") -> None:
+        """`world`: as an ego knows it, which decides who judges. `prompt`: how the model is
+        asked."""
+        self.name = f"llm-{model.name}" + (f"-{prompt}" if prompt != "table" else "")
         self._questions = AtOnce(model)
         self._policy = Llm(self._questions, lambda: self._questions.now_s)
-        self._policy.prepare(EgoSettings(world=world))
+        self._policy.prepare(EgoSettings(world=world, llm_prompt=prompt))
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None

@@ -9,7 +9,9 @@ from pathlib import Path
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.plan.policies.base import Policy
+from ego_agent.plan.prompting import STYLES
 from ego_agent.plan.surrogate.model import packaged_surrogate
+from ego_agent.settings import PromptStyle
 from perception.fusion.registry import fusion_names
 from research.evaluation.policies import advice, as_published
 from research.evaluation.policies.advice import AdvisedAtOnce, Model
@@ -50,13 +52,15 @@ def compare(
     *,
     algorithms: Sequence[str] = ALGORITHMS,
     models: Sequence[str] = (),
+    prompts: Sequence[str] = ("table",),
     published: Sequence[Summary] = (),
 ) -> None:
     """Compares the policies on the scenarios and writes selection.csv, eval.csv, headline.json,
     report.md and the figures into the folder; progress goes to standard error.
 
     `algorithms`: those that policies decide among, by default the three paradigms as in an ego.
-    `models`: language models to ask for advice (evaluation.policies.advice). `published` results
+    `models`: language models to ask for advice (evaluation.policies.advice), each with each of the
+    `prompts` (ego_agent.plan.prompting.styles). `published` results
     are drawn beside ours.
 
     What is finished is kept in the folder, for a run that goes on after this one was ended; nothing
@@ -67,6 +71,7 @@ def compare(
     if models and RANDOM_JUDGED not in policies:
         policies = (*policies, RANDOM_JUDGED)
     _check(suite, policies, algorithms)
+    styles = [_style(name) for name in dict.fromkeys(prompts)]
     kept, answers = (
         ResultStore(folder / "kept", MADE_FROM),
         ResultStore(folder / "kept", advice.MADE_FROM),
@@ -84,7 +89,9 @@ def compare(
             workers,
             kept,
         )
-        decided = _decide(scenarios, items, policies, advisers)
+        decided = _decide(
+            scenarios, items, policies, [(m, style) for m in advisers for style in styles]
+        )
     finally:
         for model in advisers:
             model.close()
@@ -142,7 +149,7 @@ def _decide(
     scenarios: dict[str, Scenario],
     items: Sequence[WorkItem],
     policies: Sequence[str],
-    advisers: Sequence[Model],
+    advisers: Sequence[tuple[Model, PromptStyle]],
 ) -> list[Decided]:
     """Every policy's decisions in every scenario, and those of its controls."""
     found: list[Decided] = []
@@ -151,7 +158,7 @@ def _decide(
         heard = [item.heard for item in own if item.heard is not None]
         knowledge = own[0].knowledge()
         everyone: list[Policy] = [_policy(one, scenario, knowledge) for one in policies]
-        everyone += [AdvisedAtOnce(model, scenario.world) for model in advisers]
+        everyone += [AdvisedAtOnce(model, scenario.world, style) for model, style in advisers]
         for policy in everyone:
             chosen = decisions(scenario, heard, knowledge, policy)
             found += chosen
@@ -159,6 +166,13 @@ def _decide(
         if advisers:
             print(f"advised: {number}/{len(scenarios)} scenarios", file=sys.stderr, flush=True)
     return found
+
+
+def _style(name: str) -> PromptStyle:
+    for style in STYLES:
+        if style == name:
+            return style
+    raise EvaluationError(f"prompt {name!r} is not known; allowed: {', '.join(STYLES)}")
 
 
 def _policy(name: str, scenario: Scenario, knowledge: Knowledge) -> Policy:

@@ -83,6 +83,24 @@ def test_good_advice_is_followed_and_equal_prompts_are_asked_once(
     assert again == first, "as long as the answers took when they were made"
 
 
+def test_a_model_may_be_asked_in_the_papers_manner_and_is_a_row_of_its_own(
+    server: ModelServer, messages: list[Announced], tmp_path: Path
+) -> None:
+    best = decisions(SCENARIO, messages, KNOWLEDGE, Coverage())[0].choice
+    server.otherwise = says(advice(*best.participants, algorithm=best.algorithm))
+    model = Model(f"test-model@{server.url}/v1", ResultStore(tmp_path, ["swarm"]))
+    try:
+        policy = AdvisedAtOnce(model, "factory", "paper")
+        found = decisions(SCENARIO, messages, KNOWLEDGE, policy)
+    finally:
+        model.close()
+    request = server.next()
+    assert "Robots, nearest first" in request.body["messages"][-1]["content"]
+    assert found[0].source == "llm"
+    assert found[0].choice == best
+    assert policy.name == "llm-test-model-paper"
+
+
 @pytest.mark.parametrize(
     "words", [advice("R2", algorithm="late"), advice("R9", algorithm="magic"), "I cannot say."]
 )

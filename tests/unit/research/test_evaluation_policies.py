@@ -195,6 +195,7 @@ def test_the_command_writes_all_files_and_repeats_itself(
             "policy 'llm' needs a language model: name it with --models",
         ),
         (["--algorithms", "magic"], "algorithm 'magic' is not available; allowed: early"),
+        (["--prompt", "poem"], "prompt 'poem' is not known; allowed: table, paper"),
         (["--policies", ","], "there is nothing to compare"),
         (["--scenarios", "moon"], "scenario 'moon' is not known; allowed: redundant-cluster"),
         (["--data", "nowhere"], "data directory nowhere is not a readable directory"),
