@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from perception.detector.config import DetectorConfig, configuration
+from perception.detector.grid import BevConfig, bev_config
 from perception.types import Boxes
 from swarm.geometry import Matrix, Points
 
@@ -16,6 +17,11 @@ class Finder(Protocol):
     """Finds boxes in a cloud."""
 
     config: DetectorConfig
+
+    @property
+    def area(self) -> BevConfig | None:
+        """Points outside of it find nothing; None: all count."""
+        ...
 
     def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
         """The boxes in a cloud float32 (N, 3), in its frame, best score first.
@@ -32,6 +38,7 @@ class Learned:
         from perception.detector.learned import Detector
 
         self.config = configuration(name)
+        self.area: BevConfig | None = bev_config(name)
         self.detector = Detector(name)
 
     def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
@@ -41,6 +48,8 @@ class Learned:
 
 class Clustered:
     """Boxes around clusters: see `perception.detector.detect`. Needs no weights."""
+
+    area: BevConfig | None = None
 
     def __init__(self, name: str) -> None:
         self.config = configuration(name)

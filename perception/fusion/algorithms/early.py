@@ -8,17 +8,21 @@ from perception.codec.outlined import add_outline, take_outline
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
 from perception.detector.finders import Finder
 from perception.fusion.aligner import Aligner, corrected, in_world
-from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.detectors import shared_finder
 from perception.fusion.known import without_own
 from perception.fusion.outline import outline, thinned
 from perception.scene import ground_mask
 from perception.types import Boxes, clean_points
-from swarm.geometry import Matrix, Points, invert, transform
+from swarm.geometry import Matrix, Points, invert, pose_of, transform
 
 MAX_POINTS = 300_000
 """A scan of 128 rings and 2,048 columns. A few kilobytes can announce millions of points, which
 would hold up the frame of everybody."""
+
+
+MARGIN_M = 1.0
+"""Beyond the detector's area that points are sent."""
 
 
 class EarlyFusion(Fusion):
@@ -30,7 +34,11 @@ class EarlyFusion(Fusion):
         self._finder = finder
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
-        """The scan, without its ground unless asked otherwise, within the asked error."""
+        """The scan, without its ground unless asked otherwise, within the asked error.
+
+        Where the ego says where it is, without what lies outside of its detector's area: that finds
+        nothing there.
+        """
         cloud = clean_points(points)
         reach = np.abs(cloud)
         if reach.max(initial=0.0) > MAX_RANGE_M:
@@ -40,7 +48,20 @@ class EarlyFusion(Fusion):
         places = thinned(outline(cloud, ground))
         if not options.keep_ground:
             cloud = cloud.compress(~ground, axis=0)
+        if options.reference is not None and options.pose is not None:
+            cloud = self._of_use(cloud, invert(options.reference.matrix()) @ options.pose.matrix())
         return add_outline(encode_points(cloud, options.max_error_m), places)
+
+    def _of_use(self, cloud: Points, ego_from_sensor: Matrix) -> Points:
+        """The points in the area that the ego's detector looks at, and a little around it: poses
+        may be off."""
+        area = self._finder.area
+        if area is None:
+            return cloud
+        x, y, z = transform(ego_from_sensor, cloud).T
+        inside = (np.abs(x) <= area.half_x_m + MARGIN_M) & (np.abs(y) <= area.half_y_m + MARGIN_M)
+        inside &= (z >= area.low_z_m - MARGIN_M) & (z <= area.high_z_m + MARGIN_M)
+        return cloud.compress(inside, axis=0)
 
     def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
         """Starts the merged cloud with the own scan."""
@@ -64,6 +85,9 @@ class _MergedCloud(Gathering):
         """Of each cloud: who sent it."""
         self._senders: list[Matrix] = []
         """Of each cloud: its sensor in the ego's frame, as it was told."""
+
+    def ask(self) -> Ask:
+        return Ask(pose_of(self._world_from_own))
 
     def prepare(self) -> None:
         if self._aligner is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -171,11 +172,32 @@ def test_noise_on_poses_costs_precision_and_repeats_exactly(world: Opv2vWorld) -
 
 
 def test_payload_bytes_are_those_of_the_senders(world: Opv2vWorld) -> None:
-    fused = fuse_frame(world, 0, "302", ("302", "311"), "early")
+    fused = fuse_frame(world, 0, "302", ("302", "311"), "late")
     assert list(fused.bytes) == ["311"]
     assert fused.bytes["311"] == len(
-        make_fusion("early", "road").encode(world.scan("311", 0).points, EncodeOptions())
+        make_fusion("late", "road").encode(world.scan("311", 0).points, EncodeOptions())
     )
+
+
+def test_early_sends_only_what_the_ego_looks_at(world: Opv2vWorld) -> None:
+    fusion, scan = make_fusion("early", "road"), world.scan("311", 0)
+    whole = fusion.encode(scan.points, EncodeOptions(pose=scan.pose))
+    ego = world.pose("302", 0)
+    near = fusion.encode(scan.points, EncodeOptions(pose=scan.pose, reference=ego))
+    far = fusion.encode(
+        scan.points, EncodeOptions(pose=scan.pose, reference=replace(ego, x=ego.x + 1e4))
+    )
+    assert len(far) < len(near) < len(whole)
+    gathering = fusion.begin(world.scan("302", 0).points, ego.matrix())
+    assert gathering.ask().reference == pytest.approx(ego)
+    found = []
+    for payload in (near, whole):
+        gathering = fusion.begin(world.scan("302", 0).points, ego.matrix())
+        gathering.add(Contribution("311", payload, scan.pose.matrix()))
+        found.append(gathering.finish())
+    assert len(found[0]) == len(found[1])
+    apart = np.abs(np.sort(found[0].scores) - np.sort(found[1].scores))
+    assert np.median(apart) < 0.01
 
 
 def test_a_stray_return_does_not_cost_the_scan() -> None:
