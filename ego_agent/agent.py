@@ -135,7 +135,9 @@ class EgoAgent:
         algorithms = _algorithms(settings, available, policy)
         if fusions is None:
             fusions = {name: make_fusion(name, world.detector) for name in algorithms}
-        knowledge = Knowledge(settings.objective(), algorithms, learns=settings.learn)
+        knowledge = Knowledge.of_detector(
+            world.detector, settings.objective(), algorithms, learns=settings.learn
+        )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)
         monitor = Monitor(settings.ego, link, clock=clock)

@@ -38,8 +38,12 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """Whether decisions heed how long answers have taken, and may choose a lower rate; without,
     rate and deadline stay as they are set here."""
     q_min: QMin = Q_MIN
+    link_weight: Weight = _USUAL.lambda_link
+    """lambda of the objective Q - lambda * C: AP@0.7 that a tenth of the cell must bring."""
+    compute_weight: Weight = _USUAL.lambda_compute
+    """The same of a tenth of a processor, the ego's or a participant's."""
     cost_weight: Weight = _USUAL.lambda_cost
-    """lambda of the objective Q - lambda * C: quality that one megabyte a frame must bring."""
+    """The same of one megabyte a frame, however wide the cell; counts beside the others."""
     comm_range_m: CommRange = COMM_RANGE_M
     headroom: Headroom = _USUAL.headroom
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
@@ -69,6 +73,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     def objective(self) -> Objective:
         """What the ego's decisions aim at."""
         return Objective(
+            lambda_link=self.link_weight,
+            lambda_compute=self.compute_weight,
             lambda_cost=self.cost_weight,
             q_min=self.q_min,
             rate_hz=self.fusion_rate_hz,

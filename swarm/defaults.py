@@ -18,7 +18,7 @@ POLICY: Name = "coverage"
 Period = Annotated[float, msgspec.Meta(ge=0.05, le=3600, description="seconds")]
 PERIOD_S: Period = 1.0
 """Time between two decisions; the paper uses 5 s."""
-Q_MIN: QMin = 0.7
+Q_MIN: QMin = 0.6
 """Smallest predicted quality that is good enough."""
 CommRange = Annotated[float, msgspec.Meta(gt=0, le=10_000, description="metres")]
 COMM_RANGE_M: CommRange = 45.0

@@ -32,7 +32,7 @@ def register(commands: Any) -> None:
         help="coverage, rules, static-early, ... (default: %(default)s); an unknown name lists all",
     )
     parser.add_argument(
-        "--explain", action="store_true", help="add what each robot offers, and who is left out"
+        "--explain", action="store_true", help="add what each robot adds and costs, and why it is in or out"
     )
     parser.set_defaults(run=run)
 
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     )
     report = msgspec.to_builtins(decision)
     if args.explain:
-        report["explanation"] = explain(scene, case.knowledge)
+        report["explanation"] = explain(scene, case.knowledge, decision)
     print(msgspec.json.encode(report).decode())
     return 0
 

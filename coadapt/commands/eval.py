@@ -28,6 +28,7 @@ def register(commands: Any) -> None:
     _add_policies(experiments)
     _add_live(experiments)
     _add_surrogate(experiments)
+    _add_quality(experiments)
     published = experiments.add_parser(
         "published",
         help="what CoAdapt's published result files say",
@@ -73,6 +74,7 @@ def _add_policies(experiments: Any) -> None:
     parser.add_argument(
         "--data", type=Path, metavar="DIR", help="a recorded world in OPV2V's layout instead"
     )
+    _add_compute(parser)
     _add_workers(parser)
     _add_folder(parser)
     parser.set_defaults(run=run_policies)
@@ -94,6 +96,7 @@ def _add_live(experiments: Any) -> None:
         "--runtime", choices=("auto", "docker", "netns"), default="auto",
         help="what swarms run in (default: auto)",
     )  # fmt: skip
+    _add_compute(parser)
     _add_folder(parser)
     parser.set_defaults(run=run_live)
 
@@ -116,6 +119,27 @@ def _add_surrogate(experiments: Any) -> None:
     parser.set_defaults(run=run_surrogate)
 
 
+def _add_quality(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "fit-quality",
+        help="fit what precision egos expect of what robots show",
+        description="Measures random choices on floors or streets of their own and fits the line "
+        "by which an ego predicts AP@0.7 of a choice.",
+    )
+    parser.add_argument(
+        "--detector", choices=("factory", "road"), default="factory", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--windows", type=at_least_one, default=240, metavar="N",
+        help="control windows to measure (default: 240)",
+    )  # fmt: skip
+    _add_workers(parser)
+    parser.add_argument(
+        "--output", type=Path, metavar="FILE", help="default: the one that the ego uses"
+    )
+    parser.set_defaults(run=run_quality)
+
+
 def _add_policy_names(
     parser: argparse.ArgumentParser, default: Sequence[str], more: str = ""
 ) -> None:
@@ -131,6 +155,14 @@ def _add_folder(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_compute(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--compute", type=Path, metavar="FILE",
+        help="what encoding and fusing take, such as build/bench/compute.json (default: the model "
+        "that comes with the project)",
+    )  # fmt: skip
+
+
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=at_least_one, default=os.cpu_count() or 1, metavar="N",
@@ -140,6 +172,7 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 def run_policies(args: argparse.Namespace) -> int:
     """Compares and writes. Raises CoAdaptError for unknown names or data that cannot be read."""
+    from ego_agent.knowledge.compute import read_compute
     from research.evaluation.policies.run import compare
     from research.evaluation.published import found_published, summary
     from research.evaluation.windows.scenarios import chosen, factory_suite, recorded_suite
@@ -156,16 +189,19 @@ def run_policies(args: argparse.Namespace) -> int:
         models=args.models,
         prompts=args.prompt,
         published=published,
+        compute=read_compute(args.compute) if args.compute else None,
     )
     return 0
 
 
 def run_live(args: argparse.Namespace) -> int:
     """Runs swarms and compares. Raises DeployError where none can run."""
+    from ego_agent.knowledge.compute import read_compute
     from research.evaluation.live.run import live_suite
     from research.evaluation.live.run import run_live as run_all
 
-    run_all(live_suite(), args.policies, args.seconds, args.runtime, args.output)
+    compute = read_compute(args.compute) if args.compute else None
+    run_all(live_suite(), args.policies, args.seconds, args.runtime, args.output, compute)
     return 0
 
 
@@ -175,6 +211,15 @@ def run_surrogate(args: argparse.Namespace) -> int:
     from research.evaluation.surrogate.train import train
 
     train(args.windows, args.workers, FOLDER, args.output or WEIGHTS)
+    return 0
+
+
+def run_quality(args: argparse.Namespace) -> int:
+    """Measures, fits and writes."""
+    from ego_agent.knowledge.quality import QUALITY
+    from research.evaluation.surrogate.quality import fit_quality
+
+    fit_quality(args.detector, args.windows, args.workers, FOLDER, args.output or QUALITY)
     return 0
 
 

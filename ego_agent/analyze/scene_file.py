@@ -13,6 +13,7 @@ import numpy as np
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import RobotView, Snapshot
 from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.quality import packaged_quality
 from perception.fusion.algorithms import all_fusions
 from swarm.arrays import pack
 from swarm.errors import DecisionError
@@ -74,6 +75,8 @@ class SceneFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     algorithms: tuple[Algorithm, ...] | None = None
     """Available algorithms; by default the three paradigms."""
     previous: PreviousEntry | None = None
+    detector: str = ""
+    """Whose quality and work count; where none is named, Q is a share and work costs nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,12 @@ def read_scene(document: bytes, now_ns: int) -> Case:
         )
     available = ALGORITHMS if scene.algorithms is None else scene.algorithms
     _check_algorithms("algorithms", available)
-    knowledge = Knowledge(scene.objective, available)
+    if scene.detector and scene.detector not in packaged_quality():
+        raise DecisionError(
+            f"the scene is not valid: detector {scene.detector!r} has no quality model; allowed: "
+            f"{', '.join(packaged_quality())}"
+        )
+    knowledge = Knowledge.of_detector(scene.detector, scene.objective, available)
     entries = {
         robot: _decode(entry, RobotEntry, f"robot {robot}: ")
         for robot, entry in scene.robots.items()

@@ -12,24 +12,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from statistics import median
 
+from ego_agent.knowledge.compute import Work, packaged_compute
 from ego_agent.knowledge.experience import Experience
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.own_costs import OwnCosts
+from ego_agent.knowledge.quality import QualityModel, quality_of
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
-PRIOR_FACTORS: Mapping[Algorithm, float] = {"early": 1.0, "intermediate": 0.97, "late": 0.90}
-"""Prior f(a): quality of an algorithm relative to merging all points, with everyone taking part.
-
-Early is 1 by definition. AP@0.7 relative to early, with this project's detectors
-(docs/perception.md): late 0.92 in the factory and 0.81 on OPV2V's sample; intermediate 0.97 and
-1.00, its other forms 0.97 to 0.98 and 0.98 to 1.02. In the published results of CoAdapt, for equal
-scenario, frame and participants, late has 0.96 of early (5 pairs) and 0.82 of intermediate (48
-pairs).
-"""
-
-OTHER_FACTOR = 0.97
-"""Of an algorithm that is not listed: other ways to fuse features."""
+NO_WORK = Work(encode_ms=0.0, fixed_ms=0.0, add_ms=0.0)
 MAX_SERIES = 4096
 """Receipt series kept at most, one a robot and algorithm; the longest unused is dropped."""
 
@@ -56,22 +47,25 @@ class CycleResult:
 class Knowledge:
     """What the stages of the control cycle share.
 
-    Raises DecisionError when there is no algorithm, or one without a quality factor in (0, 1].
+    Raises DecisionError when there is no algorithm.
     """
 
     def __init__(
         self,
         objective: Objective | None = None,
         algorithms: Iterable[str] = ALGORITHMS,
-        factors: Mapping[Algorithm, float] | None = None,
         *,
+        quality: QualityModel | None = None,
+        works: Mapping[Algorithm, Work] | None = None,
         receipts: int = 15,
         receipt_max_age_s: float = 10.0,
         results: int = 256,
         learns: bool = True,
     ) -> None:
-        """`algorithms`: those that can be fused, early to late. `learns`: whether decisions heed
-        what came of those before."""
+        """`algorithms`: those that can be fused, early to late. `quality`: what precision to
+        expect, a share where None. `works`: what algorithms take of processors, where nothing was
+        measured yet; nothing where None. `learns`: whether decisions heed what came of those
+        before."""
         self.learns = learns
         self.experience = Experience()
         """How long robots take to answer."""
@@ -81,19 +75,28 @@ class Knowledge:
         self.algorithms = tuple(dict.fromkeys(algorithms))
         if not self.algorithms:
             raise DecisionError("no algorithm is available")
-        self.factors: dict[Algorithm, float] = {
-            name: PRIOR_FACTORS.get(name, OTHER_FACTOR) for name in self.algorithms
-        } | dict(factors or {})
-        for name in self.algorithms:
-            if not 0.0 < self.factors[name] <= 1.0:
-                raise DecisionError(
-                    f"quality factor of {name} is {self.factors[name]}; it must be in (0, 1]"
-                )
+        self.quality = quality or QualityModel()
+        self._works = dict(works or {})
         self._receipts = receipts
         self._max_age_ns = int(receipt_max_age_s * 1e9)
         self._lock = threading.Lock()
         self._sizes: OrderedDict[tuple[str, str], deque[tuple[int, int]]] = OrderedDict()
         self._results: deque[CycleResult] = deque(maxlen=results)
+
+    @classmethod
+    def of_detector(
+        cls,
+        detector: str,
+        objective: Objective | None = None,
+        algorithms: Iterable[str] = ALGORITHMS,
+        *,
+        learns: bool = True,
+    ) -> Knowledge:
+        """Of an ego with that detector: its quality model, and what its algorithms take of
+        processors. Where it has none, Q is a share and work costs nothing until it is measured."""
+        works = packaged_compute().detectors.get(detector)
+        quality = quality_of(detector)
+        return cls(objective, algorithms, quality=quality, works=works, learns=learns)
 
     def record_payload(self, robot: str, algorithm: str, size: int, now_ns: int) -> None:
         """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock."""
@@ -139,5 +142,21 @@ class Knowledge:
             return tuple(self._results)
 
     def best_algorithm(self) -> Algorithm:
-        """The algorithm with the highest quality factor: what the ego uses alone, for free."""
-        return max(self.algorithms, key=lambda name: self.factors[name])
+        """The algorithm that gains most of what participants show: what the ego uses alone, for
+        free."""
+        return max(self.algorithms, key=self.quality.gain)
+
+    def encode_s(self, algorithm: Algorithm, measured_s: float | None) -> float:
+        """Seconds of a robot's processor that one observation takes: as its answers told, else as
+        usual."""
+        if measured_s is not None:
+            return measured_s
+        return self._works.get(algorithm, NO_WORK).encode_ms * 1e-3
+
+    def add_s(self, algorithm: Algorithm) -> float:
+        """Seconds of the ego's processor that one contribution takes: as measured, else as
+        usual."""
+        measured_s = self.own_costs.add_s(algorithm) if self.learns else None
+        if measured_s is not None:
+            return measured_s
+        return self._works.get(algorithm, NO_WORK).add_ms * 1e-3

@@ -1,7 +1,7 @@
 """The objective of the swarm: maximise Q(P, a) - lambda C(P, a).
 
-Subject to Q(P, a) >= Q_min and C(P, a) * rate <= headroom * C(t). docs/decision.md has the
-formulas.
+Subject to Q(P, a) >= Q_min, and to what the link carries. The cost counts what a choice takes of
+the ego's cell, of the ego's processor and of the participants'. docs/decision.md has the formulas.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from swarm.defaults import COMM_RANGE_M, Q_MIN
 from swarm.messages.steer import QMin
 
 BYTES_A_MEGABYTE = 1e6
+TENTHS = 10.0
 Weight = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
 Headroom = Annotated[float, msgspec.Meta(gt=0, le=1)]
 
@@ -21,8 +22,12 @@ Headroom = Annotated[float, msgspec.Meta(gt=0, le=1)]
 class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Weights and limits of a decision."""
 
-    lambda_cost: Weight = 1.0
-    """lambda: quality that one megabyte a fused frame must bring."""
+    lambda_link: Weight = 0.01
+    """Quality that a tenth of the cell must bring."""
+    lambda_compute: Weight = 0.02
+    """Quality that a tenth of a processor must bring, of the ego's or a participant's."""
+    lambda_cost: Weight = 0.0
+    """Quality that one megabyte a fused frame must bring beside these, however wide the cell."""
     q_min: QMin = Q_MIN
     """Smallest predicted quality that is good enough."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 10.0
@@ -58,6 +63,14 @@ class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         rate_hz = self.rate_hz if rate_hz is None else rate_hz
         return int(capacity_bps * self.headroom / (8.0 * rate_hz))
 
-    def value(self, quality: float, cost_bytes: int) -> float:
-        """Q - lambda C."""
-        return quality - self.lambda_cost * cost_bytes / BYTES_A_MEGABYTE
+    def cost(
+        self, cost_bytes: float, capacity_bps: float, compute_s: float, rate_hz: float
+    ) -> float:
+        """lambda C, in quality: of so many bytes and seconds of processors a frame, on a cell of
+        that capacity."""
+        link = 8.0 * rate_hz * cost_bytes / max(1.0, capacity_bps)
+        processors = rate_hz * compute_s
+        return (
+            TENTHS * (self.lambda_link * link + self.lambda_compute * processors)
+            + self.lambda_cost * cost_bytes / BYTES_A_MEGABYTE
+        )

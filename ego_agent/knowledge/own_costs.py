@@ -36,3 +36,9 @@ class OwnCosts:
         with self._lock:
             fixed = median(self._fixed_s.get(algorithm, (0.0,)))
             return fixed + contributions * median(self._add_s.get(algorithm, (0.0,)))
+
+    def add_s(self, algorithm: Algorithm) -> float | None:
+        """What one contribution takes; None where nothing is known."""
+        with self._lock:
+            known = self._add_s.get(algorithm)
+            return median(known) if known else None

@@ -20,7 +20,7 @@ BOTH: tuple[Algorithm, ...] = ("early", "late")
 
 
 def knowledge(algorithms: Sequence[str] = BOTH, **objective: Any) -> Knowledge:
-    return Knowledge(Objective(**objective), algorithms)
+    return Knowledge(Objective(**{"q_min": 0.7, **objective}), algorithms)
 
 
 def objects(*rows: tuple[float, float, float]) -> Array:

@@ -9,6 +9,7 @@ from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, UnifiedScene
 from ego_agent.plan.choices.scoring import Scorer
+from swarm.messages import Decision
 
 TOLD_FRAMES = 3.0
 """Frames of evidence from which it is worth telling."""
@@ -16,16 +17,19 @@ TOLD_BELOW = 0.9
 """Who is in time more often than this is not told about."""
 
 
-def explain(scene: UnifiedScene, knowledge: Knowledge) -> dict[str, Any]:
+def explain(
+    scene: UnifiedScene, knowledge: Knowledge, decision: Decision | None = None
+) -> dict[str, Any]:
     """Plain values, ready for JSON: the budget in bytes a frame, the number of merged objects, each
     candidate's distance in metres, sizes in bytes, width of its own link in bit/s (None: as wide as
-    the cell) and share of all that is seen (alone, and beyond
-    what the ego sees), how its answers take by algorithm, and why the others are excluded."""
+    the cell) and share of all that is seen (alone, and beyond what the ego sees), how its answers
+    take by algorithm, and why the others are excluded. With a decision also what each candidate
+    brings to it or would bring, what that costs, and why it is in or out."""
     scorer = Scorer(scene, knowledge)
     ego_share = scorer.share([0])
     return {
         "budget_bytes": scorer.budget_bytes,
-        "algorithms": {name: knowledge.factors[name] for name in knowledge.algorithms},
+        "algorithms": {name: knowledge.quality.gain(name) for name in knowledge.algorithms},
         "objects": len(scene.objects),
         "ego_share": round(ego_share, 4),
         "candidates": [
@@ -39,11 +43,41 @@ def explain(scene: UnifiedScene, knowledge: Knowledge) -> dict[str, Any]:
                 "answers": _answers(scorer, candidate),
                 "share": round(scorer.share([row]), 4),
                 "adds_to_ego": round(scorer.share([0, row]) - ego_share, 4),
+                **(
+                    _part(scorer.at_rate(decision.rate_hz), candidate, decision) if decision else {}
+                ),
             }
             for row, candidate in enumerate(scene.candidates, start=1)
         ],
         "excluded": dict(scene.excluded),
     }
+
+
+def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
+    """What a candidate brings to the decision beside its other participants, and what it costs,
+    both in quality; None where it cannot send for the algorithm."""
+    robot, algorithm = candidate.robot, decision.algorithm
+    chosen = robot in decision.participants
+    if not scorer.can(robot, algorithm):
+        why = f"out: it cannot send for {algorithm}"
+        return {"chosen": chosen, "adds": None, "costs": None, "why": why}
+    others = [r for r in decision.participants if r != robot and scorer.known(r, algorithm)]
+    without, with_it = (scorer.score(set_, algorithm) for set_ in (others, [*others, robot]))
+    adds = with_it.quality - without.quality
+    costs = with_it.cost - without.cost
+    worth = f"adds {adds:.3f} and costs {costs:.3f}"
+    if chosen:
+        why = f"in: it {worth}"
+        if adds < costs:
+            kept = scorer.good_enough(with_it) and not scorer.good_enough(without)
+            why += ", which Q_min takes" if kept else ", and no change pays yet"
+    elif not scorer.fits(with_it):
+        size_kb, free_kb = scorer.size(robot, algorithm) / 1e3, scorer.budget_bytes / 1e3
+        taken_kb = without.cost_bytes / 1e3
+        why = f"out: its {size_kb:.1f} kB do not fit beside {taken_kb:.1f} of {free_kb:.1f} kB"
+    else:
+        why = f"out: it {worth}" + (", and no change pays yet" if adds > costs else "")
+    return {"chosen": chosen, "adds": round(adds, 4), "costs": round(costs, 4), "why": why}
 
 
 def told(scorer: Scorer) -> str:

@@ -13,6 +13,7 @@ from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.pace import USUAL, Pace, paces
+from ego_agent.knowledge.quality import QualityModel
 from ego_agent.plan.choices.union import Union, Views
 from swarm.messages import Algorithm
 
@@ -31,10 +32,15 @@ class Score:
     quality: float
     """Q(P, a) in [0, 1]."""
     cost_bytes: int
-    """C(P, a): bytes of one fused frame over all participants but the ego."""
+    """Bytes of one fused frame over all participants but the ego."""
     value: float
     """Q - lambda C."""
     pace: Pace = USUAL
+
+    @property
+    def cost(self) -> float:
+        """lambda C, in quality."""
+        return self.quality - self.value
 
 
 class Scorer:
@@ -68,12 +74,11 @@ class Scorer:
         """The scorers of all paces that were asked for; they share it."""
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
-        areas = np.stack([c.area for c in robots])
-        evidence = np.stack([c.evidence for c in robots]).astype(np.float64)
-        shown, told = areas, evidence
-        if scene.unheard:
-            shown = np.concatenate([areas, [c.area for c in scene.unheard]])
-            told = np.concatenate([evidence, [c.evidence for c in scene.unheard]])
+        cells, things = _counting(scene, knowledge.quality)
+        everyone = (*robots, *scene.unheard)
+        shown = np.stack([c.area for c in everyone]) & cells
+        told = np.stack([c.evidence for c in everyone]).astype(np.float64) * things
+        areas, evidence = shown[: len(robots)], told[: len(robots)]
         area = int(shown.any(axis=0).sum())
         objects = float(told.max(axis=0).sum())
         alpha = self.objective.alpha if objects > 0.0 else 1.0
@@ -84,6 +89,8 @@ class Scorer:
         object_weight = self._known * (1.0 - alpha) / objects if objects > 0.0 else 0.0
         self.views = Views(areas, evidence, area_weight, object_weight)
         self.nothing_to_see = area == 0 and objects == 0.0
+        self.own_share = self.share([0])
+        """Of the ego alone."""
 
     def at(self, pace: Pace) -> Scorer:
         """The same scene at another pace."""
@@ -174,15 +181,34 @@ class Scorer:
         self, participants: tuple[str, ...], algorithm: Algorithm, share: float, cost: int
     ) -> Score:
         """The score of a choice whose expected share and cost in bytes are known already."""
-        quality = self.knowledge.factors[algorithm] * min(1.0, share)
-        quality *= self.freshness(algorithm, len(participants))
-        value = self.objective.value(quality, cost)
+        quality = self.quality(algorithm, share, len(participants))
+        value = quality - self.cost(participants, algorithm)
         return Score(participants, algorithm, quality, cost, value, self.pace)
+
+    def quality(self, algorithm: Algorithm, share: float, participants: int) -> float:
+        """Q of so many participants that show that share of all, the ego's included."""
+        quality = self.knowledge.quality.quality(algorithm, self.own_share, min(1.0, share))
+        return quality * self.freshness(algorithm, participants)
+
+    def cost(self, participants: Iterable[str], algorithm: Algorithm) -> float:
+        """lambda C of candidates, in quality: a sum over them."""
+        return sum(self.price(self.row_of[robot], algorithm) for robot in participants)
+
+    def price(self, row: int, algorithm: Algorithm) -> float:
+        """lambda C of one candidate. Raises KeyError where its size is not `known`."""
+        candidate = self.scene.candidates[row - 1]
+        answers = candidate.answers.get(algorithm)
+        known = self.knowledge
+        compute_s = known.encode_s(algorithm, answers.encode_s if answers else None)
+        compute_s += known.add_s(algorithm)
+        rate_hz = self.pace.rate_hz
+        size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps
+        return self.objective.cost(size, capacity_bps, compute_s, rate_hz)
 
     def most(self, algorithm: Algorithm) -> float:
         """More quality than any choice with this algorithm has at this pace."""
         share = self.share([0, *self._able(algorithm)], algorithm)
-        return self.knowledge.factors[algorithm] * share * self.freshness(algorithm, 0)
+        return self.quality(algorithm, share, 0)
 
     def slower_is_worse(self, algorithm: Algorithm) -> bool:
         """Whether no slower pace can bring anything: the link carries everyone at this one, and
@@ -214,6 +240,20 @@ class Scorer:
     def good_enough(self, score: Score) -> bool:
         """Q >= Q_min."""
         return score.quality >= self.objective.q_min
+
+
+def _counting(
+    scene: UnifiedScene, quality: QualityModel
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which cells, bool (G, G), and which objects, bool (K,), count: those in the area around the
+    ego in which quality is measured."""
+    pose, side = scene.ego.pose, len(scene.ego.area)
+    middles = (np.arange(side) + 0.5 - side // 2) * scene.cell_m
+    x, y = np.meshgrid(middles, middles)
+    cells = quality.counts(np.column_stack([x.ravel(), y.ravel()]), pose.heading)
+    ego = np.array([pose.x, pose.y])
+    objects = quality.counts(scene.objects[:, :2].astype(np.float64) - ego, pose.heading)
+    return cells.reshape(side, side), objects
 
 
 def _known_part(scene: UnifiedScene) -> float:

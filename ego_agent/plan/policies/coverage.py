@@ -74,7 +74,8 @@ def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
     share = at.share(rows, score.algorithm)
     text = (
         f"The ego and {len(score.participants)} of {len(scorer.scene.candidates)} robots in range "
-        f"see {100 * share:.0f} % of what all see; {score.algorithm} fusion costs "
+        f"see {100 * share:.0f} % of what all see{_expected(scorer, score)}; "
+        f"{score.algorithm} fusion costs "
         f"{score.cost_bytes / 1e3:.1f} of {at.budget_bytes / 1e3:.1f} kB a frame"
     )
     if score.pace != scorer.paces[0]:
@@ -84,6 +85,12 @@ def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
     if not scorer.good_enough(score):
         text += f"; {score.quality:.2f} is the best quality, below {scorer.objective.q_min:.2f}"
     return text + ("; kept, no change pays." if kept else ".")
+
+
+def _expected(scorer: Scorer, score: Score) -> str:
+    if not scorer.knowledge.quality.calibrated:
+        return ""
+    return f", AP@0.7 {score.quality:.2f} is expected"
 
 
 POLICIES = (Coverage,)

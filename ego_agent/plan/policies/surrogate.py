@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
-from ego_agent.knowledge.objective import BYTES_A_MEGABYTE
 from ego_agent.plan.choices.hysteresis import best_option, settle, still_possible
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.surrogate.estimate import Estimate
@@ -59,9 +58,8 @@ class BySurrogate:
 
 
 def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
-    expected = score.value + scorer.objective.lambda_cost * score.cost_bytes / BYTES_A_MEGABYTE
     return (
-        f"The surrogate expects AP@0.7 {expected:.2f} of the ego and "
+        f"The surrogate expects AP@0.7 {score.quality:.2f} of the ego and "
         f"{len(score.participants)} of {len(scorer.scene.candidates)} robots in range with "
         f"{score.algorithm} fusion, for {score.cost_bytes / 1e3:.1f} of "
         f"{scorer.budget_bytes / 1e3:.1f} kB a frame{'; kept, no change pays.' if kept else '.'}"

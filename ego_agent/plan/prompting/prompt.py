@@ -93,8 +93,10 @@ def _system(scorer: Scorer) -> str:
     """The objective and the algorithms: the same for every ego of a swarm, for minutes."""
     objective, knowledge = scorer.objective, scorer.knowledge
     return template("system").substitute(
-        # A megabyte may cost up to 1e6 in quality; in points of percent and kB that is a tenth.
-        **{"lambda": f"{objective.lambda_cost / 10:.3g}"},
+        base=f"{100 * knowledge.quality.base:.3g}",
+        own=f"{knowledge.quality.own:.2f}",
+        enough=f"{100 * knowledge.quality.enough:.3g}",
+        link=f"{100 * objective.lambda_link:.3g}",
         q_min=f"{100 * objective.q_min:.3g}",
         algorithms="\n".join(_algorithm(knowledge, name) for name in knowledge.algorithms),
         sizes=", ".join(f"{name} = its kB a frame" for name in _costly(knowledge)),
@@ -104,7 +106,10 @@ def _system(scorer: Scorer) -> str:
 def _algorithm(knowledge: Knowledge, name: Algorithm) -> str:
     paradigm, _, kind = name.partition("-")
     words = [_WORDS.get(paradigm, "a form of its own"), *([kind] if kind else [])]
-    return f"{name}: {', '.join(words)}, F {knowledge.factors[name]:.2f}."
+    compute_s = knowledge.encode_s(name, None) + knowledge.add_s(name)
+    points = 100 * knowledge.objective.cost(0.0, 1.0, compute_s, knowledge.objective.rate_hz)
+    gain = knowledge.quality.gain(name)
+    return f"{name}: {', '.join(words)}, F {gain:.2f}, {shown(coarse(points))} points a helper."
 
 
 def _cost(scorer: Scorer, name: Algorithm) -> str:

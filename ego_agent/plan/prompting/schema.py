@@ -60,7 +60,7 @@ def _needed(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> int:
     gains = [scorer.share([0, scorer.row_of[robot]]) - own for robot in robots]
     most = accumulate(sorted(gains, reverse=True), initial=own)
     enough = scorer.objective.q_min - ROUNDING
-    quality = [scorer.knowledge.factors[algorithm] * min(1.0, share) for share in most]
+    quality = [scorer.quality(algorithm, share, 0) for share in most]
     return max(1, next((k for k, q in enumerate(quality) if q >= enough), 1))
 
 

@@ -22,9 +22,7 @@ LEAST_GAIN = 1e-3
 class Estimate:
     """Predicts choices in the scorer's scene.
 
-    A score's `value` is the predicted AP@0.7 less lambda C. Its `quality` is that precision
-    relative to the best of what everyone in range could give, whatever it cost, so that Q_min means
-    what it means to `coverage`.
+    A score's `quality` is the predicted AP@0.7, its `value` that less lambda C.
     """
 
     def __init__(self, scorer: Scorer, model: Surrogate) -> None:
@@ -34,10 +32,6 @@ class Estimate:
         self._names = [candidate.robot for candidate in scorer.scene.candidates]
         self.algorithms = [a for a in scorer.knowledge.algorithms if a in model.algorithms]
         """Those that are available and known to the surrogate."""
-        everyone = tuple(range(1, len(self._names) + 1))
-        self._most = float(
-            self._predict([()] + [everyone] * len(self.algorithms), ["", *self.algorithms]).max()
-        )
 
     def score(self, participants: Collection[str], algorithm: Algorithm) -> Score:
         """The score of one choice. Raises KeyError where a size is not known, ValueError for an
@@ -105,11 +99,10 @@ class Estimate:
             alone = self._predict([()], [""])[0]
             precision = alone + (precision - alone) * np.array(arriving)
         for rows, algorithm, ap_70 in zip(sets, algorithms, precision.tolist(), strict=True):
-            cost = self._cost(rows, algorithm)
             chosen = tuple(self._names[row - 1] for row in rows)
-            value = self.scorer.objective.value(ap_70, cost)
-            quality = min(1.0, ap_70 / self._most)
-            yield Score(chosen, algorithm, quality, cost, value, self.scorer.pace)
+            value = ap_70 - self.scorer.cost(chosen, algorithm)
+            cost_bytes = self._cost(rows, algorithm)
+            yield Score(chosen, algorithm, ap_70, cost_bytes, value, self.scorer.pace)
 
     def _arriving(self, rows: tuple[int, ...], algorithm: Algorithm) -> float:
         """The share of the participants that is expected to be in time: as much of what they add

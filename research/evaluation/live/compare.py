@@ -10,9 +10,9 @@ import numpy as np
 from perception.fusion.registry import make_fusion
 from perception.metrics import Match, match, precision_of
 from perception.types import Boxes
-from research.evaluation.live.swarm import Recorded
+from research.evaluation.live.played import Comparison, Machine, compare_played, this_machine
+from research.evaluation.live.swarm import Recorded, boxes_of
 from research.evaluation.windows.scenarios import Scenario
-from swarm.arrays import unpack_finite
 from swarm.messages import Detections
 from worlds.base import World
 from worlds.cooperative.fusing import fuse_frame
@@ -47,10 +47,19 @@ class LiveRow:
     bytes_live: float | None
     """Payloads a frame, of the compared ones."""
     bytes_offline: float | None
+    played: Comparison
+    """All fused frames, whoever is missing in them, beside what a played window predicts."""
 
 
-def compare_live(scenario: Scenario, policy: str, link_bps: int, recorded: Recorded) -> LiveRow:
-    """Fuses some of the frames again, from the same robots' scans, and compares.
+def compare_live(
+    scenario: Scenario,
+    policy: str,
+    link_bps: int,
+    recorded: Recorded,
+    machine: Machine | None = None,
+) -> LiveRow:
+    """Fuses some of the frames again, from the same robots' scans, and compares; plays the window
+    on that machine, by default this one by the packaged model of compute.
 
     The frames that are compared had an answer of everyone who took part: which those are is the
     network's doing, what they hold is not.
@@ -63,7 +72,7 @@ def compare_live(scenario: Scenario, policy: str, link_bps: int, recorded: Recor
     compared = [complete[i] for i in spread]
     latency = [frame.latency_ms for frame in frames]
     p50, p99 = np.percentile(latency, [50, 99]).tolist() if latency else (None, None)
-    found = [_found(frame) for frame in compared]
+    found = [boxes_of(frame) for frame in compared]
     again = [_again(world, frame) for frame in compared]
     return LiveRow(
         scenario=scenario.name,
@@ -89,18 +98,7 @@ def compare_live(scenario: Scenario, policy: str, link_bps: int, recorded: Recor
         if compared
         else None,
         bytes_offline=float(np.mean([size for _, size in again])) if compared else None,
-    )
-
-
-def _found(frame: Detections) -> Boxes:
-    """The boxes of a message, in the world frame."""
-    table = unpack_finite(frame.boxes, "boxes", 7)
-    return Boxes(
-        centers=table[:, :3].astype(np.float64),
-        sizes=table[:, 3:6].astype(np.float64),
-        headings=table[:, 6].astype(np.float64),
-        scores=unpack_finite(frame.scores, "scores", 1)[:, 0].astype(np.float64),
-        labels=frame.labels,
+        played=compare_played(scenario, link_bps, recorded, machine or this_machine()),
     )
 
 

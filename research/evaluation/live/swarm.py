@@ -9,13 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Queue
 
+import numpy as np
+
 from deploy import ready, runtimes
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
+from perception.types import Boxes
 from research.evaluation.windows.scenarios import Scenario
+from swarm.arrays import unpack_finite
 from swarm.errors import DeployError
-from swarm.listening import listen
-from swarm.messages import Detections
+from swarm.listening import Handlers, listen
+from swarm.messages import Decision, Detections
 
 START_S = 90.0
 SETTLE_S = 5.0
@@ -31,6 +35,21 @@ class Recorded:
 
     seconds: float
     frames: tuple[Detections, ...]
+    decisions: tuple[Decision, ...] = ()
+    """In the same time."""
+
+
+def boxes_of(frame: Detections) -> Boxes:
+    """The boxes of a message, in the world frame. Raises MessageError for a table that cannot be
+    read."""
+    table = unpack_finite(frame.boxes, "boxes", 7)
+    return Boxes(
+        centers=table[:, :3].astype(np.float64),
+        sizes=table[:, 3:6].astype(np.float64),
+        headings=table[:, 6].astype(np.float64),
+        scores=unpack_finite(frame.scores, "scores", 1)[:, 0].astype(np.float64),
+        labels=frame.labels,
+    )
 
 
 def record(
@@ -49,10 +68,11 @@ def record(
         ready.wait_ready(chosen, state, START_S)
         time.sleep(SETTLE_S)
         heard: Queue[Detections] = Queue()
-        with listen(
-            state.router, spec.swarm, {Detections: heard.put}, spec.ego, timeout_s=CONNECT_S
-        ):
-            return _collect(heard, seconds)
+        decided: list[Decision] = []
+        handlers: Handlers = {Detections: heard.put, Decision: decided.append}
+        with listen(state.router, spec.swarm, handlers, spec.ego, timeout_s=CONNECT_S):
+            frames = _collect(heard, seconds)
+            return Recorded(seconds, frames, tuple(decided))
     finally:
         chosen.down(spec.swarm)
 
@@ -97,7 +117,7 @@ def _free_ports() -> int:
     raise DeployError(f"no {PORTS.step} free ports in a row from {PORTS.start} to {PORTS.stop}")
 
 
-def _collect(heard: Queue[Detections], seconds: float) -> Recorded:
+def _collect(heard: Queue[Detections], seconds: float) -> tuple[Detections, ...]:
     end = time.monotonic() + seconds
     frames = []
     while (left_s := end - time.monotonic()) > 0:
@@ -105,4 +125,4 @@ def _collect(heard: Queue[Detections], seconds: float) -> Recorded:
             frames.append(heard.get(timeout=left_s))
         except Empty:
             break
-    return Recorded(seconds, tuple(frames))
+    return tuple(frames)

@@ -14,6 +14,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from ego_agent.knowledge.compute import ComputeModel
 from research.evaluation.machine import machine_facts
 from research.evaluation.policies.beside import LLM
 from research.evaluation.policies.results import Means, Row
@@ -24,7 +27,10 @@ OWN_SELECTION = (
     "policy", "window", "source", "predicted_bytes", "decision_ms", "link", "pose_noise_m",
     "repairs",
 )  # fmt: skip
-OWN_EVAL = ("policy", "window", "value", "regret", "held_out_regret", "infeasible", "ground_truth")
+OWN_EVAL = (
+    "policy", "window", "value", "regret", "held_out_regret", "infeasible", "ground_truth",
+    "delivered_ap_07", "ego_ms_per_frame", "in_time_ratio",
+)  # fmt: skip
 
 
 def write_selection(path: Path, rows: Sequence[Row]) -> None:
@@ -78,6 +84,9 @@ def write_eval(path: Path, rows: Sequence[Row]) -> None:
                 "held_out_regret": _rounded(row.held_out_regret),
                 "infeasible": int(row.infeasible),
                 "ground_truth": row.outcome.ground_truth,
+                "delivered_ap_07": round(row.delivered_ap_70, 4),
+                "ego_ms_per_frame": round(row.outcome.arrived.ego_ms_per_frame, 2),
+                "in_time_ratio": round(row.outcome.arrived.in_time_ratio, 4),
             }
             for row in rows
         ],
@@ -88,6 +97,11 @@ def write_headline(path: Path, means: Sequence[Means], more: Mapping[str, Any]) 
     """The means as JSON, with the machine's facts and whatever else is given."""
     report = {"rows": [asdict(one) for one in means], **more, "machine": machine_facts()}
     write_whole(path, json.dumps(_plain(report), indent=1) + "\n")
+
+
+def write_compute(path: Path, model: ComputeModel) -> None:
+    """The model of compute that windows were played with."""
+    write_whole(path, json.dumps(msgspec.to_builtins(model), indent=1) + "\n")
 
 
 def _common(row: Row) -> dict[str, Any]:

@@ -33,7 +33,7 @@ class Row:
     infeasible: bool
     """It needs more than all of C(t)."""
     delivered_ap_70: float
-    """AP@0.7 of what comes in time: that of the ego alone where the choice is infeasible."""
+    """AP@0.7 of what came in time when the window was played."""
     value: float
     """AP@0.7 - lambda C of what comes in time."""
     regret: float
@@ -53,6 +53,12 @@ class Means:
     ap_70: float
     delivered_ap_70: float
     bytes_per_frame: float
+    ego_ms_per_frame: float
+    """The ego's work for a fused frame, by the model of compute."""
+    in_time_ratio: float
+    """Contributions in time, of those that fused frames could have had."""
+    fused_ratio: float
+    """Frames fused, of those of the windows."""
     infeasible_ratio: float
     participants_mean: float
     """The ego included."""
@@ -110,18 +116,17 @@ def _row(
     objective, capacity_bps = knowledge.objective, scenario.capacity_bps(one.window)
     outcome = known[one.choice]
     infeasible = outcome.overruns(objective, capacity_bps)
-    arrived = known[ALONE_CHOICE] if infeasible else outcome
-    value = arrived.value(objective)
+    value = outcome.value(objective)
     return Row(
         scenario=scenario,
         decided=one,
         outcome=outcome,
         capacity_bps=capacity_bps,
         infeasible=infeasible,
-        delivered_ap_70=arrived.ap_70,
+        delivered_ap_70=outcome.arrived.ap_70,
         value=value,
         regret=top.value(objective) - value,
-        held_out_regret=held_out_regret(known, arrived, capacity_bps, knowledge),
+        held_out_regret=held_out_regret(known, outcome, capacity_bps, knowledge),
     )
 
 
@@ -198,6 +203,9 @@ def _means(name: str, rows: Sequence[Row], beside: _Beside) -> Means:
         ap_70=float(np.mean([outcome.ap_70 for outcome in outcomes])),
         delivered_ap_70=float(np.mean([row.delivered_ap_70 for row in rows])),
         bytes_per_frame=used,
+        ego_ms_per_frame=float(np.mean([one.arrived.ego_ms_per_frame for one in outcomes])),
+        in_time_ratio=float(np.mean([one.arrived.in_time_ratio for one in outcomes])),
+        fused_ratio=float(np.mean([one.arrived.fused_ratio for one in outcomes])),
         infeasible_ratio=float(np.mean([row.infeasible for row in rows])),
         participants_mean=float(np.mean([1 + len(r.decided.choice.participants) for r in rows])),
         regret_mean=float(np.mean([row.regret for row in rows])),

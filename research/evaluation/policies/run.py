@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.compute import ComputeModel, packaged_compute
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.prompting import STYLES
 from ego_agent.plan.surrogate.model import packaged_surrogate
@@ -20,7 +21,12 @@ from research.evaluation.policies.claims import claims_of
 from research.evaluation.policies.controls import RANDOM_JUDGED, controls
 from research.evaluation.policies.decide import Decided, decisions, policy_of
 from research.evaluation.policies.figures import Places, draw_figures, need_drawing
-from research.evaluation.policies.files import write_eval, write_headline, write_selection
+from research.evaluation.policies.files import (
+    write_compute,
+    write_eval,
+    write_headline,
+    write_selection,
+)
 from research.evaluation.policies.guessing import RandomJudged
 from research.evaluation.policies.report import report
 from research.evaluation.policies.results import means_of, rows_of
@@ -54,14 +60,15 @@ def compare(
     models: Sequence[str] = (),
     prompts: Sequence[str] = ("table",),
     published: Sequence[Summary] = (),
+    compute: ComputeModel | None = None,
 ) -> None:
     """Compares the policies on the scenarios and writes selection.csv, eval.csv, headline.json,
-    report.md and the figures into the folder; progress goes to standard error.
+    report.md, compute.json and the figures into the folder; progress goes to standard error.
 
     `algorithms`: those that policies decide among, by default the three paradigms as in an ego.
     `models`: language models to ask for advice (evaluation.policies.advice), each with each of the
-    `prompts` (ego_agent.plan.prompting.styles). `published` results
-    are drawn beside ours.
+    `prompts` (ego_agent.plan.prompting.styles). `published` results are drawn beside ours.
+    `compute`: what windows are played with, by default the packaged model.
 
     What is finished is kept in the folder, for a run that goes on after this one was ended; nothing
     is measured before all that was asked for can be done. Raises WorldError for a world that cannot
@@ -71,6 +78,7 @@ def compare(
     if models and RANDOM_JUDGED not in policies:
         policies = (*policies, RANDOM_JUDGED)
     _check(suite, policies, algorithms)
+    compute = compute or packaged_compute()
     styles = [_style(name) for name in dict.fromkeys(prompts)]
     kept, answers = (
         ResultStore(folder / "kept", MADE_FROM),
@@ -85,7 +93,11 @@ def compare(
         for model in advisers:
             model.start()
         items = listen(
-            [WorkItem(one, window, names) for one in suite for window in range(one.windows)],
+            [
+                WorkItem(one, window, names, compute=compute)
+                for one in suite
+                for window in range(one.windows)
+            ],
             workers,
             kept,
         )
@@ -121,8 +133,9 @@ def compare(
         },
     )
     write_whole(folder / "report.md", report(means, claims, rows, held))
+    write_compute(folder / "compute.json", compute)
     figures = draw_figures(folder, rows, means, _places(items), held, published)
-    files = ["selection.csv", "eval.csv", "headline.json", "report.md", *figures]
+    files = ["selection.csv", "eval.csv", "headline.json", "report.md", "compute.json", *figures]
     print(f"wrote {', '.join(files)} to {folder}", file=sys.stderr)
 
 

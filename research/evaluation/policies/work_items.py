@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.compute import ComputeModel, packaged_compute
+from ego_agent.knowledge.model import Snapshot
 from ego_agent.knowledge.objective import Objective
 from perception.fusion.base import Fusion
 from research.evaluation.result_store import ResultStore
@@ -17,20 +19,23 @@ from research.evaluation.windows import announcements
 from research.evaluation.windows.announcements import Announced
 from research.evaluation.windows.choice import Choice, Outcome
 from research.evaluation.windows.contents import Contents, Uncoded, contents
+from research.evaluation.windows.fused import packed_frames, unpacked_frames
 from research.evaluation.windows.measure import NotMeasuredError, Window, packed, unpacked
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.windows.search import explore
+from research.evaluation.windows.timing import Timing
+from research.evaluation.windows.traffic import control_bps
 from research.evaluation.workers import each
 from swarm.errors import EvaluationError
 
 MADE_FROM = (
     "research/evaluation/sharing.py",
     "research/evaluation/windows/frames.py", "research/evaluation/windows/announcements.py",
-    "research/evaluation/windows/measure.py", "research/evaluation/windows/contents.py",
+    "research/evaluation/windows/fused.py", "research/evaluation/windows/contents.py",
     "perception",
     "swarm/arrays.py", "swarm/geometry.py", "swarm/messages", "worlds",
 )  # fmt: skip
-"""What decides messages and outcomes, apart from what their keys name."""
+"""What decides messages and fused frames, apart from what their keys name."""
 
 Outcomes = dict[Choice, Outcome]
 Place = tuple[str, int]
@@ -47,7 +52,10 @@ class WorkItem:
     algorithms: tuple[str, ...]
     heard: Announced | None = None
     wanted: tuple[Choice, ...] = ()
-    known: tuple[tuple[Choice, Outcome], ...] = ()
+    known: tuple[Any, ...] = ()
+    """Frames that were fused before, packed."""
+    compute: ComputeModel = field(default_factory=packaged_compute)
+    """Of the machines that the window is played with."""
 
     @property
     def place(self) -> Place:
@@ -63,10 +71,10 @@ class WorkItem:
         frame, reach_m = self.scenario.decision_frame(self.window), _reach_m(self.scenario)
         return f"heard {self.scenario.setting()} {frame} {reach_m} {sorted(self.algorithms)}"
 
-    def outcomes_key(self) -> str:
-        """By which outcomes are kept."""
+    def frames_key(self) -> str:
+        """By which fused frames are kept: on whatever link, with whatever model of compute."""
         frames = self.scenario.sampled_frames(self.window)
-        return f"outcomes {self.scenario.setting()} {frames}"
+        return f"frames {self.scenario.setting()} {frames}"
 
     def contents_key(self) -> str:
         """By which what robots have to send is kept."""
@@ -75,7 +83,8 @@ class WorkItem:
 
 def knowledge_of(algorithms: Sequence[str], scenario: Scenario) -> Knowledge:
     """What an ego knows beforehand: the objective, and the algorithms that it decides among."""
-    return Knowledge(Objective(comm_range_m=scenario.comm_range_m), algorithms)
+    objective = Objective(comm_range_m=scenario.comm_range_m)
+    return Knowledge.of_detector(scenario.detector, objective, algorithms)
 
 
 def listen(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[WorkItem]:
@@ -97,10 +106,7 @@ def measure(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[
 
     What was measured before is looked up; which of it counts does not depend on what there is.
     """
-    items = [
-        replace(item, known=tuple(unpacked(kept.get(item.outcomes_key()) or []).items()))
-        for item in items
-    ]
+    items = [replace(item, known=tuple(kept.get(item.frames_key()) or ())) for item in items]
     found = [_looked_up(item) for item in items]
     missing = [at for at, one in enumerate(found) if one is None]
     # Large swarms take longest: begun first, they do not keep one core busy at the end.
@@ -109,7 +115,7 @@ def measure(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[
         _measure, [items[at] for at in missing], workers, "measured"
     ):
         item = items[missing[place]]
-        kept.put(item.outcomes_key(), every)
+        kept.put(item.frames_key(), every)
         found[missing[place]] = unpacked(considered)
     return [one for one in found if one is not None]
 
@@ -155,24 +161,35 @@ def _listen(item: WorkItem) -> bytes:
 def _looked_up(item: WorkItem) -> Outcomes | None:
     """The outcomes that count, where all of them are known."""
     try:
-        return _explored(Window(item.scenario, item.window, dict(item.known), measures=False), item)
+        return _explored(_window(item, measures=False), item)
     except NotMeasuredError:
         return None
 
 
 def _measure(item: WorkItem) -> tuple[list[Any], list[Any]]:
-    """All outcomes that are known then, and those that count."""
-    window = Window(item.scenario, item.window, dict(item.known))
+    """All frames that are known then, and the outcomes that count."""
+    window = _window(item, measures=True)
     considered = _explored(window, item)
-    return packed(window.outcomes), packed(considered)
+    return packed_frames(window.known), packed(considered)
+
+
+def _window(item: WorkItem, *, measures: bool) -> Window:
+    timing = Timing(item.compute, control_bps(_seen(item)))
+    known = unpacked_frames(list(item.known))
+    return Window(item.scenario, item.window, known, timing=timing, measures=measures)
 
 
 def _explored(window: Window, item: WorkItem) -> Outcomes:
+    knowledge = item.knowledge()
+    return explore(window, analyze(_seen(item), knowledge), knowledge, item.wanted)
+
+
+def _seen(item: WorkItem) -> Snapshot:
+    """What the ego knows at the beginning of the window."""
     if item.heard is None:
         raise EvaluationError(f"nothing was heard in {item.place}")
-    knowledge, known_bps = item.knowledge(), item.scenario.known_bps(item.window)
-    seen = announcements.snapshot(window.ego, item.heard, known_bps)
-    return explore(window, analyze(seen, knowledge), knowledge, item.wanted)
+    ego = tuple(item.heard)[item.scenario.ego]
+    return announcements.snapshot(ego, item.heard, item.scenario.known_bps(item.window))
 
 
 def _each(

@@ -1,4 +1,4 @@
-"""How far a surrogate is off, beside how far off what it is judged by is itself."""
+"""How far predictions are off, beside how far off what they are judged by is itself."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ego_agent.plan.surrogate.model import Surrogate
 from research.evaluation.machine import machine_facts
-from research.evaluation.surrogate.samples import Samples
 from research.evaluation.tables import markdown
 from swarm.files import write_whole
 
@@ -36,15 +34,12 @@ class Errors:
     """The same of differences from the mean of the window."""
 
 
-def errors_of(setting: str, model: Surrogate, windows: Sequence[Samples]) -> Errors:
-    """The errors on these windows, of which there must be one at least."""
-    off = [model.predict(one.features) - one.ap_70.astype(np.float64) for one in windows]
-    halves = [
-        (one.halves[:, 0] - one.halves[:, 1]) / 2
-        for one in windows
-        if np.isfinite(one.halves).all()
-    ]
-    return Errors(setting, len(windows), _mean(off), _within(off), _mean(halves), _within(halves))
+def errors_of(setting: str, off: Sequence[Floats], halves: Sequence[Floats]) -> Errors:
+    """The errors in windows, of which there must be one at least: by how much each choice's
+    prediction is off, (n,), and AP@0.7 on either half of the frames, (n, 2), NaN where a half holds
+    no true box."""
+    apart = [(one[:, 0] - one[:, 1]) / 2 for one in halves if np.isfinite(one).all()]
+    return Errors(setting, len(off), _mean(off), _within(off), _mean(apart), _within(apart))
 
 
 def _mean(windows: Sequence[Floats]) -> float:

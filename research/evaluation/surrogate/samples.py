@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -15,22 +15,21 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.plan.surrogate.features import SceneFeatures, with_algorithm
-from perception.fusion.registry import fusion_names
 from research.evaluation.windows import announcements
 from research.evaluation.windows.announcements import Announced
-from research.evaluation.windows.choice import ALONE, Choice
+from research.evaluation.windows.choice import Choice
 from research.evaluation.windows.links import shift
-from research.evaluation.windows.measure import Window, candidates_of, packed, unpacked
+from research.evaluation.windows.measure import candidates_of, unpacked
 from research.evaluation.windows.scenarios import NOISE_M, SURROGATE_SEEDS, Scenario
-from swarm.messages import ALGORITHMS
 from worlds.factory.scenarios import SCENARIOS
+from worlds.registry import world_kind
 
-CHOICES = 24
-"""Measured in each window..."""
 FRAMES = 4
-"""...on so many frames: many different windows teach more than much of one."""
-PARADIGM_SHARE = 2 / 3
-"""Of the random choices use one of the three paradigms that an ego decides among by default."""
+"""On which a window's choices are measured: many different windows teach more than much of one."""
+VEHICLES = (2, 3, 4, 5)
+"""On a street, in turn: OPV2V has 2 to 7."""
+STREET_FRAMES = 40
+"""Windows begin before this one."""
 ROBOTS = (3, 4, 5, 6, 6, 7, 8, 9, 10, 12, 16, 24)
 """In turn; the largest are few, since a window of many robots takes long."""
 
@@ -50,8 +49,24 @@ class Samples:
     """(n, 2): AP@0.7 of the two halves of the frames; NaN where one holds no true box."""
 
 
-def training_windows(count: int) -> list[Scenario]:
-    """Scenarios of one window each, all on floors of their own."""
+def training_windows(count: int, detector: str = "factory") -> list[Scenario]:
+    """Scenarios of one window each, all on floors, or streets, of their own."""
+    if detector == "road":
+        return [
+            Scenario(
+                f"street-{index}",
+                VEHICLES[index % len(VEHICLES)],
+                shift(),
+                seed,
+                ego=index // len(VEHICLES) % VEHICLES[index % len(VEHICLES)],
+                pose_noise_m=NOISE_M if index // len(VEHICLES) % 2 else 0.0,
+                first_frame=index * 37 % STREET_FRAMES,
+                windows=1,
+                sampled=FRAMES,
+                generated="road",
+            )
+            for index, seed in enumerate(islice(SURROGATE_SEEDS, count))
+        ]
     return [
         Scenario(
             f"training-{index}",
@@ -80,41 +95,25 @@ def other_settings(windows: Sequence[Scenario]) -> dict[str, list[Scenario]]:
     return {name: [replace(one, **what) for one in windows] for name, what in changes.items()}
 
 
-def measure(scenario: Scenario) -> list[Any]:
-    """Measures CHOICES choices of a scenario's window, as plain values for `samples`."""
-    window = Window(scenario, 0)
-    reach_m = Objective().comm_range_m + 1.0
-    # Sizes play no part in the features: one algorithm's make everyone in range a candidate.
-    fusions = {"late": window.fusion("late")}
-    messages = announcements.heard(
-        window.world,
-        scenario.decision_frame(0),
-        window.ego,
-        dict(fusions),
-        scenario.pose_noise_m,
-        reach_m,
-    )
-    candidates = candidates_of(_scene(window.ego, messages))
-    for choice in random_choices(candidates, fusion_names(window.world.detector), scenario.seed):
-        window.outcome(choice)
-    return [window.ego, announcements.packed(messages), packed(window.outcomes)]
-
-
 def samples(values: Sequence[Any], algorithms: Sequence[str]) -> Samples | None:
-    """The features and precisions of what `measure` returned; None without a true box."""
+    """The features and precisions of what `measuring.measure` returned; None without a true
+    box."""
     ego, messages, measured = values
     outcomes = unpacked(measured)
     if not next(iter(outcomes.values())).ground_truth:
         return None
-    scene = _scene(ego, announcements.unpacked(messages))
+    scene = scene_of(ego, announcements.unpacked(messages), "factory")
     features = choice_features(scene, list(outcomes), algorithms)
     ap_70 = np.array([one.ap_70 for one in outcomes.values()], np.float32)
     halves = [one.halves or (np.nan, np.nan) for one in outcomes.values()]
     return Samples(features, ap_70, np.array(halves, np.float64))
 
 
-def _scene(ego: str, messages: Announced) -> UnifiedScene:
-    return analyze(announcements.snapshot(ego, messages, 1e9), Knowledge())
+def scene_of(ego: str, messages: Announced, detector: str) -> UnifiedScene:
+    """The scene of an ego that has heard that, in range for robots with that detector."""
+    reach_m = world_kind(detector).comm_range_m or Objective().comm_range_m
+    knowledge = Knowledge(Objective(comm_range_m=reach_m))
+    return analyze(announcements.snapshot(ego, messages, 1e9), knowledge)
 
 
 def choice_features(
@@ -127,24 +126,3 @@ def choice_features(
         members[at, [row_of[robot] for robot in choice.participants]] = True
     sets = SceneFeatures(scene).sets(members)
     return with_algorithm(sets, [choice.algorithm for choice in choices], algorithms)
-
-
-def random_choices(
-    candidates: Sequence[str], algorithms: Sequence[str], seed: int
-) -> Iterator[Choice]:
-    """The ego alone, everyone with every algorithm, and random sets, small ones more often."""
-    rng = np.random.default_rng(seed)
-    yield Choice((), ALONE)
-    if not candidates:
-        return
-    found = {Choice((), ALONE)}
-    for algorithm in algorithms:
-        found.add(Choice(tuple(sorted(candidates)), algorithm))
-    possible = 1 + len(algorithms) * (2 ** min(len(candidates), 20) - 1)
-    while len(found) < min(CHOICES, possible):
-        size = min(len(candidates), int(rng.geometric(0.35)))
-        members = rng.choice(len(candidates), size, replace=False)
-        names = ALGORITHMS if rng.random() < PARADIGM_SHARE else algorithms
-        algorithm = names[int(rng.integers(len(names)))]
-        found.add(Choice(tuple(sorted(candidates[i] for i in members)), algorithm))
-    yield from sorted(found - {Choice((), ALONE)})

@@ -13,18 +13,15 @@ from torch import Tensor, nn
 from ego_agent.plan.surrogate.features import NAMES
 from ego_agent.plan.surrogate.model import Surrogate, write_surrogate
 from perception.fusion.registry import fusion_names
-from research.evaluation.policies.work_items import MADE_FROM
-from research.evaluation.result_store import ResultStore
 from research.evaluation.surrogate.errors import Errors, errors_of, table, write_errors
+from research.evaluation.surrogate.measuring import measured_windows
 from research.evaluation.surrogate.samples import (
     Samples,
-    measure,
     other_settings,
     samples,
     training_windows,
 )
 from research.evaluation.windows.scenarios import Scenario
-from research.evaluation.workers import each
 from swarm.errors import EvaluationError
 
 HIDDEN = (48, 24)
@@ -48,24 +45,30 @@ def train(windows: int, workers: int, folder: Path, output: Path) -> list[Errors
     """Writes the surrogate to `output`, and ERRORS to `folder`, where what was measured is kept.
 
     Returns the errors on windows that were held out, as they are and from other settings of the
-    generator. Raises EvaluationError for an output that cannot be
-    written, before anything is measured, and for too few windows.
+    generator. Raises EvaluationError for an output that cannot be written, before anything is
+    measured, and for too few windows.
     """
     if output.is_dir() or not output.parent.is_dir():
         raise EvaluationError(f"{output} cannot be written: name a file in a folder that exists")
     algorithms = fusion_names("factory")
     scenarios = training_windows(windows)
     held_out = scenarios[::HELD_OUT]
-    kept = ResultStore(folder / "kept", (*MADE_FROM, "research/evaluation/surrogate/samples.py"))
     tests = {AS_LEARNT: held_out, **other_settings(held_out)}
-    learning = _measured([s for s in scenarios if s not in held_out], workers, kept, algorithms)
-    measured = {name: _measured(own, workers, kept, algorithms) for name, own in tests.items()}
+    learning = _measured([s for s in scenarios if s not in held_out], workers, folder, algorithms)
+    measured = {name: _measured(own, workers, folder, algorithms) for name, own in tests.items()}
     if not learning or not all(measured.values()):
         raise EvaluationError(f"{windows} windows are too few to learn from")
     facts = {"windows": str(len(learning)), "steps": str(STEPS), "seed": str(SEED)}
     model = as_surrogate(learn(learning, STEPS), algorithms, facts)
     write_surrogate(output, model)
-    errors = [errors_of(name, model, own) for name, own in measured.items()]
+    errors = [
+        errors_of(
+            name,
+            [model.predict(one.features) - one.ap_70.astype(np.float64) for one in own],
+            [one.halves for one in own],
+        )
+        for name, own in measured.items()
+    ]
     write_errors(folder / ERRORS, errors)
     print(
         f"wrote {output} and {folder / ERRORS}: {len(learning)} windows to learn from; of AP@0.7 "
@@ -88,24 +91,12 @@ def as_surrogate(
     )
 
 
-def key_of(scenario: Scenario) -> str:
-    """By which what was measured in a window is kept."""
-    return f"surrogate {scenario.setting()} {scenario.sampled_frames(0)}"
-
-
 def _measured(
-    scenarios: Sequence[Scenario], workers: int, kept: ResultStore, algorithms: Sequence[str]
+    scenarios: Sequence[Scenario], workers: int, folder: Path, algorithms: Sequence[str]
 ) -> list[Samples]:
     """Samples of the windows that hold a true box."""
-    keys = [key_of(scenario) for scenario in scenarios]
-    known = [kept.get(key) for key in keys]
-    missing = [at for at, values in enumerate(known) if values is None]
-    work = each(measure, [scenarios[at] for at in missing], workers, "factory")
-    for done, (place, values) in enumerate(work, 1):
-        known[missing[place]] = values
-        kept.put(keys[missing[place]], values)
-        print(f"measured {done}/{len(missing)} windows", file=sys.stderr, flush=True)
-    found = [samples(values, algorithms) for values in known if values is not None]
+    values = measured_windows(scenarios, workers, folder)
+    found = [samples(one, algorithms) for one in values]
     return [one for one in found if one is not None]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -27,8 +28,29 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True)
+class Delivered:
+    """What came in time of a choice when its window was played."""
+
+    ap_70: float
+    halves: tuple[float, float] | None
+    """As those of the outcome."""
+    bytes_per_frame: float
+    """That the link carried, in time or not, for each frame of the window."""
+    ego_ms_per_frame: float
+    """The ego's work for a fused frame, by the model of compute."""
+    helping_ms_per_frame: float
+    """What of that is for contributions, and the participants' work."""
+    capacity_bps: float
+    """Mean of C(t) over the window."""
+    in_time_ratio: float
+    """Contributions in time, of those that the fused frames could have had; 1 without any."""
+    fused_ratio: float
+    """Frames fused, of those of the window."""
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a choice brought over the sampled frames of a window."""
+    """What a choice brought over the sampled frames of a window, had all of it come at once."""
 
     ap_30: float
     ap_50: float
@@ -41,17 +63,31 @@ class Outcome:
     halves: tuple[float, float] | None
     """AP@0.7 of every other frame from the first, and of the rest; None unless both hold true
     boxes."""
+    delivered: Delivered | None = None
+    """What came in time; None where no time was played."""
+
+    @property
+    def arrived(self) -> Delivered:
+        """What came in time: everything where no time was played."""
+        return self.delivered or Delivered(
+            self.ap_70, self.halves, self.bytes_per_frame, 0.0, 0.0, math.inf, 1.0, 1.0
+        )
 
     def value(self, objective: Objective) -> float:
-        """AP@0.7 - lambda C: the objective with measured precision as Q."""
-        return objective.value(self.ap_70, round(self.bytes_per_frame))
+        """AP@0.7 - lambda C of what came in time: the objective with measured precision as Q."""
+        return self._value(objective, self.arrived.ap_70)
 
     def half_value(self, objective: Objective, half: int) -> float:
         """The same on one half of the frames; 0 where there are no halves."""
-        if self.halves is None:
-            return 0.0
-        return objective.value(self.halves[half], round(self.bytes_per_frame))
+        halves = self.arrived.halves
+        return 0.0 if halves is None else self._value(objective, halves[half])
 
     def overruns(self, objective: Objective, capacity_bps: float) -> bool:
         """Whether it needs more than all of the link."""
         return self.bytes_per_frame * 8 * objective.rate_hz > capacity_bps
+
+    def _value(self, objective: Objective, ap_70: float) -> float:
+        came = self.arrived
+        work_s = came.helping_ms_per_frame * 1e-3
+        rate_hz = objective.rate_hz
+        return ap_70 - objective.cost(came.bytes_per_frame, came.capacity_bps, work_s, rate_hz)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from network_controller.mahimahi import read_trace
 from network_controller.profiles import Fixed, Profile, Series, Shift
+from research.evaluation.windows.cell import STEP_S
 from worlds.sample import data_folder
 
 WINDOW_S = 5.0
@@ -17,6 +18,8 @@ LOW_TIER_BPS = 5e6
 SHIFT_TIERS = 4
 """Of six hours, in a day."""
 TRACES = Path("traces")
+TRACE_STEP_S = 1.0
+"""Capacity is told by the second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +37,16 @@ class Link:
         """C(t) in bit/s; at least 1."""
         return max(1.0, self.share * self.profile.rate_bps(elapsed_s))
 
+    def mean_bps(self, begin_s: float, end_s: float) -> float:
+        """The mean of C(t) in a stretch of time, bit/s."""
+        count = max(1, round((end_s - begin_s) / STEP_S))
+        return sum(self.rate_bps(begin_s + STEP_S * i) for i in range(count)) / count
+
     def known_bps(self, elapsed_s: float) -> float:
-        """What an ego takes C(t) to be, bit/s."""
-        return self.rate_bps(elapsed_s - self.lag_s)
+        """What an ego takes C(t) to be, bit/s: what it is, or its mean over the lag."""
+        if not self.lag_s:
+            return self.rate_bps(elapsed_s)
+        return self.mean_bps(elapsed_s - self.lag_s, elapsed_s)
 
 
 def shift(telemetry: bool = False) -> Link:
@@ -54,13 +64,13 @@ def low_tier_with_telemetry() -> Link:
 
 def recorded() -> list[Link]:
     """The recorded links in the data folder (worlds.sample), by name; none where there are
-    none. A step lasts a control window, and an ego knows the one before. Raises NetworkError for
-    a file (*.down, *.up) that is no recording."""
+    none. A step lasts a second, and an ego knows the mean of the control window before. Raises
+    NetworkError for a file (*.down, *.up) that is no recording."""
     folder = data_folder(TRACES)
     if folder is None:
         return []
     return [
-        Link(path.name, Series(read_trace(path, WINDOW_S), WINDOW_S), lag_s=WINDOW_S)
+        Link(path.name, Series(read_trace(path, TRACE_STEP_S), TRACE_STEP_S), lag_s=WINDOW_S)
         for path in sorted(folder.iterdir())
         if path.suffix in (".down", ".up")
     ]

@@ -24,7 +24,7 @@ from worlds.registry import open_world, world_kind
 SUITE_SEEDS = range(TEST_SEEDS.start + 500_000, TEST_SEEDS.start + 600_000)
 """Floors of the comparison; neither the detector's training nor the surrogate's uses them."""
 SURROGATE_SEEDS = range(TEST_SEEDS.start + 600_000, TEST_SEEDS.start + 700_000)
-"""Floors that the surrogate is trained on."""
+"""Floors and streets that the surrogate and the quality models learn from."""
 WINDOWS = 3
 RINGS = 32
 SAMPLED = 6
@@ -85,7 +85,9 @@ class Scenario:
     sampled: int = SAMPLED
     """Frames of a window on which precision is measured."""
     folder: Path | None = None
-    """Of a recorded world, in place of the factory."""
+    """Of a recorded world, in place of a generated one."""
+    generated: str = "factory"
+    """The generated world."""
     expectation: Expectation | None = None
 
     def open(self) -> World:
@@ -112,8 +114,8 @@ class Scenario:
         return [first + int(self.window_frames * (i + 0.5) / count) for i in range(count)]
 
     def capacity_bps(self, window: int) -> float:
-        """C(t) in a window."""
-        return self.link.rate_bps(window * WINDOW_S)
+        """The mean of C(t) in a window."""
+        return self.link.mean_bps(window * WINDOW_S, (window + 1) * WINDOW_S)
 
     def known_bps(self, window: int) -> float:
         """What the ego takes C(t) to be when it decides for the window."""
@@ -130,9 +132,14 @@ class Scenario:
         return world_kind(self.world).comm_range_m or Objective().comm_range_m
 
     @property
+    def detector(self) -> str:
+        """Whose quality and work count."""
+        return self.generated if self.folder is None else "road"
+
+    @property
     def world(self) -> str:
         """Whose robots these are."""
-        return "factory" if self.folder is None else "opv2v"
+        return self.generated if self.folder is None else "opv2v"
 
     def setting(self) -> str:
         """In words, all that decides what is said and measured in it, apart from the frames."""

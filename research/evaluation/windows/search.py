@@ -62,8 +62,8 @@ def explore(
 
 
 def best(considered: Mapping[Choice, Outcome], capacity_bps: float, knowledge: Knowledge) -> Choice:
-    """The choice of the greatest AP@0.7 - lambda C among those that the link carries and whose
-    algorithms may be used; the fewer bytes where several are equal."""
+    """The choice of the greatest delivered AP@0.7 - lambda C among those that the link carries and
+    whose algorithms may be used; the fewer bytes where several are equal."""
     objective = knowledge.objective
     return min(
         _possible(considered, capacity_bps, knowledge),
@@ -79,7 +79,7 @@ def held_out_regret(
 
     The best of many choices on few frames is partly luck; here luck does not count.
     """
-    if value.halves is None:
+    if value.arrived.halves is None:
         return None
     objective = knowledge.objective
     possible = _possible(considered, capacity_bps, knowledge)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +12,23 @@ import pytest
 from coadapt.main import main
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.state import read_state
+from ego_agent.knowledge.compute import ComputeModel, Work
 from perception.types import Boxes
 from research.evaluation.live.compare import compare_live
+from research.evaluation.live.played import Comparison, Machine, stretches
 from research.evaluation.live.run import agreement, live_suite
 from research.evaluation.live.swarm import Recorded
 from research.evaluation.windows import links
 from research.evaluation.windows.scenarios import Scenario
 from research.training.plans import TEST_SEEDS
 from swarm.arrays import pack
-from swarm.messages import Detections
+from swarm.messages import Decision, Detections
 from worlds.cooperative.fusing import fuse_frame
 
+QUICK, SLOW = (
+    Machine(ComputeModel("made up", {"factory": {"intermediate": work, "single": work}}), 2)
+    for work in (Work(1.0, 1.0, 0.0), Work(300.0, 1.0, 0.0))
+)
 SCENARIO = Scenario("live", 3, links.shift(), TEST_SEEDS.start + 555_558)
 
 
@@ -80,7 +87,52 @@ def test_a_swarm_that_delivers_nothing_has_no_precision() -> None:
     row = compare_live(SCENARIO, "static-late", 5_000_000, Recorded(1.0, ()))
     assert row.delivered_ratio == 0
     assert row.ap_70_live is row.bytes_live is row.latency_ms_p50 is None
+    assert row.played == Comparison()
+    assert not agreement([row])["delivered_ap_70_agrees"]
     assert not agreement([row])["bytes_agree"]
+
+
+def decision(cycle: int, participants: tuple[str, ...], deadline_s: float | None) -> Decision:
+    return Decision(
+        ego="R1", cycle=cycle, decided_ns=0, participants=("R1", *participants), algorithm="late",
+        reason="", source="policy", policy="coverage", valid=True, deadline_s=deadline_s,
+    )  # fmt: skip
+
+
+def test_published_frames_belong_to_their_decisions() -> None:
+    frames = tuple(
+        message(number, Boxes.empty(), sizes, cycle=cycle, missing=missing)
+        for number, cycle, sizes, missing in (
+            (10, 1, {"R2": 9}, {"R3": "busy"}), (12, 2, {"R3": 9}, {}), (16, 2, {}, {}),
+            (18, 3, {"R2": 9}, {}), (19, 4, {"R2": 9}, {}),
+        )
+    )  # fmt: skip
+    decided = (decision(2, ("R2", "R3"), None), decision(3, ("R2",), 1.0))
+    first, second, third = stretches(Recorded(1.0, frames, decided))
+    assert (first.robots, first.deadline_s) == (("R2", "R3"), 0.25)
+    assert [frame.frame for frame in first.frames] == [10, 12, 16]
+    assert (first.step, first.due) == (2, 4), "at half the sensors' rate, and one was skipped"
+    assert (second.robots, second.deadline_s) == (("R2",), 1.0)
+    assert (third.robots, third.deadline_s, third.due) == (("R2",), 0.25, 1)
+
+
+def test_frames_without_a_robot_are_compared_with_what_a_played_window_predicts() -> None:
+    alone = fuse_frame(SCENARIO.open(), 11, "R1", [], "late")
+    whole, half = delivered(10), message(11, alone.boxes, {}, missing={"R2": "deadline"})
+    recorded = Recorded(0.3, (whole, half, delivered(12)))
+    quick = compare_live(SCENARIO, "static-late", 5_000_000, recorded, QUICK).played
+    assert (quick.frames, quick.in_time_played, quick.fused_played) == (3, 1.0, 1.0)
+    assert quick.in_time_live == pytest.approx(2 / 3)
+    assert 2.0 < (quick.latency_ms_p50_played or 0) < 10.0, "2 ms of work, and a kilobyte"
+    # A machine that takes longer to encode than a frame waits: the ego is always alone.
+    slow = compare_live(SCENARIO, "static-late", 5_000_000, recorded, SLOW).played
+    assert (slow.in_time_played, slow.fused_live) == (0.0, 1.0)
+    assert slow.ap_70_live == quick.ap_70_live
+    assert slow.ap_70_played != quick.ap_70_played
+    both = replace(recorded, frames=(whole, delivered(11), delivered(12)))
+    row = compare_live(SCENARIO, "static-late", 5_000_000, both, QUICK)
+    assert row.played.ap_70_live == pytest.approx(row.played.ap_70_played, abs=1e-6)
+    assert agreement([row])["delivered_ap_70_agrees"]
 
 
 def test_the_live_suite_is_small_and_clean() -> None:
@@ -103,6 +155,7 @@ def test_a_real_swarm_is_compared_and_gone_afterwards(
     assert main(["eval", "live", *options, "--output", str(tmp_path)]) == 0
     report = json.loads((tmp_path / "live.json").read_text())
     (row,) = report["rows"]
+    assert row["played"]["frames"] > 0
     assert row["frames_compared"] > 0
     assert row["bytes_live"] == pytest.approx(row["bytes_offline"], rel=0.02)
     # Robots that a busy machine starves lag by a scan or two; of another world nothing would match.

@@ -65,6 +65,13 @@ def test_explain_tells_what_each_robot_offers_and_who_is_left_out(
     offers = {c["robot"]: c["adds_to_ego"] for c in explanation["candidates"]}
     assert list(offers) == ["R2", "R4", "R3"]
     assert offers["R2"] < offers["R4"] < offers["R3"]
+    parts = {c["robot"]: c for c in explanation["candidates"]}
+    assert not parts["R2"]["chosen"]
+    assert parts["R2"]["adds"] < parts["R2"]["costs"]
+    assert parts["R2"]["why"].startswith("out: it adds 0.0")
+    assert parts["R3"]["chosen"]
+    assert parts["R3"]["adds"] > parts["R3"]["costs"] > 0
+    assert parts["R3"]["why"].startswith("in: it adds 0.")
     assert "61.8 m away" in explanation["excluded"]["R5"]
     assert "3.2 s old" in explanation["excluded"]["R6"]
 

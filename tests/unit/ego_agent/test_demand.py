@@ -94,7 +94,7 @@ def test_the_time_counts_while_living_robots_are_not_heard() -> None:
 
 
 def test_the_time_does_not_count_while_no_link_could_help() -> None:
-    known, meter = knowledge(q_min=0.95), DemandMeter()
+    known, meter = knowledge(q_min=0.97), DemandMeter()
     say(NARROW, known, 10.0, meter)
     alone = replace(NARROW, candidates=(FLOOR.candidates[0],), capacity_bps=1e6)
     blind = replace(alone, candidates=(replace(FLOOR.candidates[0], sizes={"late": 600}),))

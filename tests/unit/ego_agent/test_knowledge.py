@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from ego_agent.knowledge.base import MAX_SERIES, PRIOR_FACTORS, CycleResult, Knowledge
+from ego_agent.knowledge.base import MAX_SERIES, CycleResult, Knowledge
+from ego_agent.knowledge.quality import USUAL_GAINS, QualityModel
 from swarm.errors import DecisionError
 from tests.support.ego_scenes import NOW_NS
 
@@ -15,17 +16,11 @@ def test_without_an_algorithm_nothing_can_be_decided() -> None:
 
 
 def test_an_algorithm_that_somebody_added_counts_like_a_way_to_fuse_features() -> None:
-    known = Knowledge(algorithms=["early", "twice", "late"])
-    assert known.factors["twice"] == known.factors["early"] * PRIOR_FACTORS["intermediate"]
+    assert QualityModel().gain("twice") == USUAL_GAINS["intermediate"]
 
 
-def test_a_quality_factor_outside_its_range_is_refused() -> None:
-    with pytest.raises(DecisionError, match=r"late is 1\.2"):
-        Knowledge(algorithms=["late"], factors={"late": 1.2})
-
-
-def test_factors_rank_early_before_intermediate_before_late() -> None:
-    assert PRIOR_FACTORS["early"] > PRIOR_FACTORS["intermediate"] > PRIOR_FACTORS["late"]
+def test_gains_rank_early_before_intermediate_before_late() -> None:
+    assert USUAL_GAINS["early"] > USUAL_GAINS["intermediate"] > USUAL_GAINS["late"]
     assert Knowledge(algorithms=["late", "early"]).best_algorithm() == "early"
     assert Knowledge(algorithms=["late"]).best_algorithm() == "late"
 

@@ -119,12 +119,12 @@ def _changes(decisions: list[Decision]) -> int:
 def test_decisions_do_not_flap_with_a_link_that_hovers_at_a_threshold() -> None:
     found = scene(candidate("E", range(20)), candidate("A", range(20, 64)))
     hovering = [0.98e6, 0.94e6] * 10  # 12.2 and 11.7 kB: the points just fit, or just do not
-    calm = _flapping(found, knowledge(headroom=1), hovering)
-    nobody_waits = knowledge(headroom=1, upgrade_reserve=0, switch_gain=0, dwell_s=0)
+    calm = _flapping(found, knowledge(headroom=1, lambda_link=0), hovering)
+    nobody_waits = knowledge(headroom=1, lambda_link=0, upgrade_reserve=0, switch_gain=0, dwell_s=0)
     nervous = _flapping(found, nobody_waits, hovering)
     assert _changes(calm) == 1
     assert _changes(nervous) == 19
-    wider = _flapping(found, knowledge(headroom=1, dwell_s=0), [0.94e6, 1.1e6])
+    wider = _flapping(found, knowledge(headroom=1, lambda_link=0, dwell_s=0), [0.94e6, 1.1e6])
     assert wider[-1].algorithm == "early"
 
 
@@ -195,17 +195,16 @@ def _all_choices(scorer: Scorer) -> list[Score]:
 def test_greedy_gains_at_least_the_share_of_the_best_that_theory_promises(
     found: UnifiedScene,
 ) -> None:
-    known = knowledge(lambda_cost=0, q_min=0)
+    known = knowledge(lambda_link=0, q_min=0)
     scorer = Scorer(found, known)
-    alone = scorer.share([0])
+    alone = scorer.score((), "early").quality
     best = max(c.quality for c in _all_choices(scorer))
     decision = decide(found, known)
     bound = (1 - 1 / math.e) / 2
     for algorithm in BOTH:
-        factor = known.factors[algorithm]
         choices = [c for c in _all_choices(scorer) if c.algorithm == algorithm]
-        top = max((c.quality / factor for c in choices), default=alone)
-        assert decision.quality >= factor * (alone + bound * (top - alone)) - 1e-9
+        top = max((c.quality for c in choices), default=alone)
+        assert decision.quality >= alone + bound * (top - alone) - 1e-9
     assert decision.quality <= best + 1e-9
 
 

@@ -121,11 +121,11 @@ def test_a_scorer_that_is_there_already_changes_nothing() -> None:
 
 
 def test_the_objective_and_the_algorithms_stand_in_the_constant_part() -> None:
-    known = knowledge(ALL, q_min=0.65, lambda_cost=2.0)
+    known = knowledge(ALL, q_min=0.65, lambda_link=0.02)
     system, _ = make_prompt(floor(6, known), known, None, None).messages
     assert system.role == "system"
     assert "reach 65" in system.content
-    assert "0.2 points" in system.content
+    assert "cost = 2 points for each tenth of the link" in system.content
     for name in ALL:
         assert f"{name}: " in system.content
 
@@ -134,8 +134,8 @@ def test_every_way_to_fuse_there_is_and_any_other_can_be_asked_about() -> None:
     names = (*all_fusions(), "telepathy")
     known = knowledge(names)
     system, _ = make_prompt(floor(6, known), known, None, None).messages
-    assert "intermediate-sparse: feature maps, sparse, F 0.97." in system.content
-    assert "telepathy: a form of its own, F 0.97." in system.content
+    assert "intermediate-sparse: feature maps, sparse, F 0.97, 0 points a helper." in system.content
+    assert "telepathy: a form of its own, F 0.97, 0 points a helper." in system.content
 
 
 def test_a_change_of_bandwidth_changes_the_last_line_only() -> None:

@@ -68,13 +68,25 @@ def test_headings_along_the_aisles_are_amid_a_step(heading: float) -> None:
     assert fingerprint(low, KNOWN) == fingerprint(high, KNOWN)
 
 
+def with_objects(found: UnifiedScene, count: int) -> UnifiedScene:
+    def shown(robot: Candidate) -> Candidate:
+        return dataclasses.replace(robot, evidence=np.zeros(count, np.float32))
+
+    return dataclasses.replace(
+        found,
+        ego=shown(found.ego),
+        candidates=tuple(shown(robot) for robot in found.candidates),
+        objects=np.zeros((count, 3), np.float32),
+    )
+
+
 def test_whatever_matters_changes_it() -> None:
     x = FLOOR.candidates[0].pose.x
     others = [
         moved(FLOOR, x=x + STEP_M),
         moved(FLOOR, yaw=math.pi / 2),
         dataclasses.replace(FLOOR, candidates=FLOOR.candidates[1:]),
-        dataclasses.replace(FLOOR, objects=np.zeros((99, 3), np.float32)),
+        with_objects(FLOOR, 99),
         dataclasses.replace(FLOOR, ego=dataclasses.replace(FLOOR.ego, robot="R9")),
         *(dataclasses.replace(FLOOR, capacity_bps=bps) for bps in (1.0, 5e6, 55e6, 1e9)),
     ]

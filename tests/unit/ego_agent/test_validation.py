@@ -23,7 +23,7 @@ FLOOR = scene(
 def check(
     wanted: Proposal, found: UnifiedScene = FLOOR, known: Knowledge | None = None
 ) -> tuple[Decision | None, tuple[str, ...]]:
-    known = known or knowledge()
+    known = known or knowledge(lambda_link=0)
     result = validate(wanted, found, known, policy="test", cycle=3, now_ns=NOW_NS)
     if isinstance(result, Unusable):
         assert result.repairs[-1] == f"refused: {result.why}"
@@ -46,7 +46,8 @@ def test_a_sound_proposal_becomes_the_decision_unchanged() -> None:
     assert (decision.source, decision.policy, decision.reason) == ("policy", "test", "because")
     assert (decision.cycle, decision.decided_ns) == (3, NOW_NS)
     assert decision.cost_bytes == 1_200
-    assert decision.quality == pytest.approx(0.9 * 50 / 52)
+    own = 20 / 52
+    assert decision.quality == pytest.approx(own + 0.9 * (50 / 52 - own))
     assert decision.valid
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from coadapt.main import main
+from ego_agent.knowledge.compute import packaged_compute, read_compute
 from ego_agent.knowledge.model import Proposal
 from ego_agent.knowledge.objective import Objective
 from network_controller.profiles import Fixed
@@ -25,7 +26,7 @@ from research.evaluation.policies.results import ORACLE, means_of, rows_of
 from research.evaluation.policies.work_items import Outcomes, knowledge_of
 from research.evaluation.published import EVAL_COLUMNS, SELECTION_COLUMNS
 from research.evaluation.windows import announcements, links
-from research.evaluation.windows.choice import ALONE, Choice, Outcome
+from research.evaluation.windows.choice import ALONE, Choice, Delivered, Outcome
 from research.evaluation.windows.measure import Window
 from research.evaluation.windows.scenarios import Expectation, Scenario, factory_suite
 from research.training.plans import TEST_SEEDS
@@ -77,7 +78,9 @@ def test_regret_savings_and_infeasible_windows() -> None:
     known: Outcomes = {
         everyone: outcome(0.9, 12_000), two: outcome(0.89, 4_000), alone: outcome(0.4, 0),
     }  # fmt: skip
-    thin = {**known, everyone: outcome(0.9, 1_000_000)}
+    # What the link does not carry leaves the ego alone, at a cost all the same.
+    nothing = Delivered(0.4, (0.4, 0.4), 100_000, 25.0, 0.0, 20e6, 0.0, 0.5)
+    thin = {**known, everyone: replace(outcome(0.9, 1_000_000), delivered=nothing)}
     empty = {choice: replace(one, ground_truth=0) for choice, one in known.items()}
     choices = [("static-early", everyone), ("coverage", two)]
     all_decided = [decided(name, choice, w) for w in (0, 1, 2) for name, choice in choices]
@@ -91,11 +94,17 @@ def test_regret_savings_and_infeasible_windows() -> None:
     assert set(means) == {"static-early", "coverage", ORACLE}
     assert {one.windows for one in means.values()} == {2}, "a window without true boxes is none"
     assert means[ORACLE].regret_mean == 0
-    assert means["coverage"].regret_mean == pytest.approx(((0.888 - 0.886) + 0) / 2)
+    assert means["coverage"].regret_mean == pytest.approx(((0.9 - 0.89) + 0) / 2)
     assert means["coverage"].infeasible_ratio == 0
     assert means["static-early"].infeasible_ratio == 0.5
-    # What the link does not carry leaves the ego alone.
-    assert means["static-early"].regret_mean == pytest.approx((0 + 0.886 - 0.4) / 2)
+    static = means["static-early"]
+    # 8 Mbit/s of 20 cost four tenths of the link, though little of it was of use.
+    price = 4 * Objective().lambda_link
+    assert static.regret_mean == pytest.approx((0 + 0.89 - (0.4 - price)) / 2)
+    assert static.ap_70 == pytest.approx(0.9)
+    assert static.delivered_ap_70 == pytest.approx((0.9 + 0.4) / 2)
+    assert (static.in_time_ratio, static.fused_ratio) == (0.5, 0.75)
+    assert static.ego_ms_per_frame == pytest.approx(25.0 / 2)
     assert means["coverage"].saved == pytest.approx(1 - 4_000 / 506_000)
     assert means["coverage"].lost_ap_70.mean == pytest.approx(-0.01)
     assert means["coverage"].participants_mean == 2
@@ -171,8 +180,22 @@ def test_the_command_writes_all_files_and_repeats_itself(
     assert counted["coverage"]["published_bytes_per_frame"] > 50_000
     assert "coverage~first" not in first["regret.svg"], "figures show policies only"
     assert rows["oracle"]["regret_mean"] == 0
+    told = {"policy", "participants_mean", "bytes_per_frame", "delivered_ap_70"}
+    assert all(told | {"ego_ms_per_frame", "in_time_ratio"} <= set(row) for row in rows.values())
+    assert all(0 <= row["in_time_ratio"] <= 1 for row in rows.values())
+    assert read_compute(tmp_path / "compute.json") == packaged_compute()
     assert rows["coverage"]["infeasible_ratio"] == 0
     assert all(row["regret_mean"] >= 0 for row in rows.values() if not row["infeasible_ratio"])
+
+    slow = tmp_path / "slow.json"
+    work = {"encode_ms": 1.0, "fixed_ms": 150.0, "add_ms": 0.0}
+    model = {"machine": "slow", "detectors": {"factory": {"intermediate": work, "single": work}}}
+    slow.write_text(json.dumps(model))
+    assert main([*options, "--compute", str(slow)]) == 0
+    slower = json.loads((tmp_path / "headline.json").read_text())["rows"]
+    assert {row["ego_ms_per_frame"] for row in slower} == {150.0}
+    assert read_compute(tmp_path / "compute.json").machine == "slow"
+    capsys.readouterr()
 
     assert main(options) == 0
     assert "measured:" not in capsys.readouterr().err, "what was measured was measured again"
@@ -198,6 +221,7 @@ def test_the_command_writes_all_files_and_repeats_itself(
         (["--prompt", "poem"], "prompt 'poem' is not known; allowed: table, paper"),
         (["--policies", ","], "there is nothing to compare"),
         (["--scenarios", "moon"], "scenario 'moon' is not known; allowed: redundant-cluster"),
+        (["--compute", "nowhere"], "nowhere is no model of compute"),
         (["--data", "nowhere"], "data directory nowhere is not a readable directory"),
     ],
 )

@@ -13,17 +13,13 @@ from coadapt.main import main
 from ego_agent.plan.surrogate.features import NAMES
 from ego_agent.plan.surrogate.model import read_surrogate
 from perception.fusion.registry import fusion_names
-from research.evaluation.policies.work_items import MADE_FROM
 from research.evaluation.result_store import ResultStore
-from research.evaluation.surrogate import samples as sampling
+from research.evaluation.surrogate import measuring
 from research.evaluation.surrogate import train as training
 from research.evaluation.surrogate.errors import errors_of
-from research.evaluation.surrogate.samples import (
-    Samples,
-    other_settings,
-    random_choices,
-    training_windows,
-)
+from research.evaluation.surrogate.measuring import random_choices
+from research.evaluation.surrogate.quality import Shares, fitted
+from research.evaluation.surrogate.samples import Samples, other_settings, training_windows
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
 from research.evaluation.windows.measure import Window
 from research.evaluation.windows.scenarios import SUITE_SEEDS, SURROGATE_SEEDS
@@ -51,7 +47,7 @@ def test_windows_mix_sizes_kinds_and_noise_on_floors_of_their_own() -> None:
 def test_choices_are_different_and_the_same_each_time(candidates: tuple[str, ...]) -> None:
     choices = list(random_choices(candidates, ALGORITHMS, 5))
     assert choices == list(random_choices(candidates, ALGORITHMS, 5))
-    assert len(set(choices)) == len(choices) <= sampling.CHOICES
+    assert len(set(choices)) == len(choices) <= measuring.CHOICES
     assert choices[0] == Choice((), ALONE)
     if candidates:
         assert {Choice(tuple(sorted(candidates)), name) for name in ALGORITHMS} <= set(choices)
@@ -79,14 +75,13 @@ def test_measured_windows_are_kept_and_trained_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(training, "STEPS", 20)
-    monkeypatch.setattr(sampling, "CHOICES", 8)
+    monkeypatch.setattr(measuring, "CHOICES", 8)
     monkeypatch.setattr(Window, "_measure", _pretended)
-    made_from = (*MADE_FROM, "research/evaluation/surrogate/samples.py")
-    kept = ResultStore(tmp_path / "kept", made_from)
+    kept = ResultStore(tmp_path / "kept", measuring.SAMPLES_FROM)
     held_out = training_windows(3)[:1]
     others = [one for own in other_settings(held_out).values() for one in own]
     for scenario in (*training_windows(3), *others):
-        kept.put(training.key_of(scenario), sampling.measure(scenario))
+        kept.put(measuring.key_of(scenario), measuring.measure(scenario))
     output = tmp_path / "model.safetensors"
     errors = training.train(3, 1, tmp_path, output)
     names = ["as learnt", "16 rings", "pose noise 0.4 m", "2 times the floor"]
@@ -101,16 +96,25 @@ def test_measured_windows_are_kept_and_trained_on(
     assert "2 windows to learn from" in said
 
 
-def test_errors_stand_beside_those_of_what_they_are_measured_by() -> None:
-    class Off:
-        def predict(self, features: np.ndarray) -> np.ndarray:
-            return features[:, 0].astype(np.float64)
+def test_the_quality_model_is_the_line_that_was_measured() -> None:
+    rng = np.random.default_rng(3)
+    windows = []
+    for _ in range(40):
+        own = np.full(6, rng.uniform(0.2, 0.6))
+        shown = np.where(np.arange(6) > 0, rng.uniform(own, 1.0), own)
+        names = ("", "early", "late", "early", "late", "early")
+        gain = np.array([{"": 0.0, "early": 0.5, "late": 0.3}[name] for name in names])
+        ap_70 = 0.3 + 0.4 * own + gain * (shown - own)
+        windows.append(Shares(names, np.column_stack([own, shown]), ap_70, np.zeros((6, 2))))
+    model = fitted(windows, ["early", "late"], (25.0, 25.0))
+    assert model.calibrated
+    assert (model.base, model.own, model.enough) == (0.3, 0.4, 1.0)
+    assert model.gains == {"early": 0.5, "late": 0.3}
 
-    measured = np.array([0.5, 0.7], np.float32)
-    halves = np.array([[0.6, 0.4], [0.6, 0.8]])
-    off = Samples(np.array([[0.7], [0.9]], np.float32), measured, halves)
-    crossed = Samples(np.array([[0.6], [0.6]], np.float32), measured, np.full((2, 2), np.nan))
-    found = errors_of("here", Off(), [off, crossed])  # type: ignore[arg-type]
+
+def test_errors_stand_beside_those_of_what_they_are_measured_by() -> None:
+    halves = [np.array([[0.6, 0.4], [0.6, 0.8]]), np.full((2, 2), np.nan)]
+    found = errors_of("here", [np.array([0.2, 0.2]), np.array([0.1, -0.1])], halves)
     assert found.windows == 2
     assert found.mae == pytest.approx((0.2 + 0.1) / 2)
     assert found.mae_within == pytest.approx((0.0 + 0.1) / 2)

@@ -10,14 +10,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import msgpack
 
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.compute import ComputeModel, Work, packaged_compute
 from ego_agent.knowledge.objective import Objective
+from network_controller.profiles import Fixed
 from perception.fusion.registry import fusion_names
 from research.evaluation.policies.work_items import knowledge_of
 from research.evaluation.windows import announcements, links
 from research.evaluation.windows.choice import ALONE, Choice, Outcome
+from research.evaluation.windows.fused import packed_frames, unpacked_frames
 from research.evaluation.windows.measure import (
     NotMeasuredError,
     Window,
@@ -33,8 +37,11 @@ from research.evaluation.windows.scenarios import (
     recorded_suite,
 )
 from research.evaluation.windows.search import best, every_choice, explore, held_out_regret
+from research.evaluation.windows.timing import Timing
+from research.evaluation.windows.traffic import HEADERS, control_bps
 from research.training.plans import TEST_SEEDS
 from swarm.errors import CoAdaptError, EvaluationError
+from swarm.messages import encode
 from worlds.cooperative.fusing import fuse_frame
 from worlds.cooperative.judging import evaluate
 from worlds.sample import data_folder
@@ -69,7 +76,7 @@ def test_the_suite_is_what_docs_promise() -> None:
 
 def test_each_window_is_another_part_of_the_day() -> None:
     rates = [replace(SMALL, link=links.shift()).capacity_bps(window) / 1e6 for window in range(4)]
-    assert [round(rate) for rate in rates] == pytest.approx([55, 22, 5, 5], abs=1)
+    assert [round(rate) for rate in rates] == pytest.approx([57, 22, 5, 5], abs=1)
     busy = replace(SMALL, link=links.shift(telemetry=True))
     assert busy.capacity_bps(0) / 1e6 == pytest.approx(rates[0] * 0.15)
     assert links.low_tier_with_telemetry().rate_bps(3) == pytest.approx(0.75e6)
@@ -80,16 +87,19 @@ def test_recorded_links_are_scenarios_where_there_are_any(
 ) -> None:
     folder = tmp_path / "traces"
     folder.mkdir()
-    # 1.2 Mbit/s for two windows, then 0.6.
-    times = [*range(10, 10_001, 10), *range(10_020, 15_001, 20)]
+    # 1.2 Mbit/s for two windows, then 0.6; in the first window four seconds of 1.5 and a pause.
+    times = [*range(8, 4_001, 8), *range(5_010, 10_001, 10), *range(10_020, 15_001, 20)]
     (folder / "train.down").write_text("".join(f"{ms}\n" for ms in times))
     monkeypatch.setenv("COADAPT_DATA", str(tmp_path))
     (link,) = links.recorded()
     (folder / "README").write_text("no recording")
     assert len(links.recorded()) == 1
     assert link.rate_bps(7.0) == pytest.approx(1.2e6, rel=0.01)
+    assert link.rate_bps(3.5) == pytest.approx(1.5e6, rel=0.01)
+    assert link.rate_bps(4.5) == 1, "a trace moves inside a window"
     scenario = factory_suite()[-1]
     assert scenario.link.name == "train.down"
+    assert scenario.capacity_bps(0) == pytest.approx(1.2e6, rel=0.01)
     assert scenario.capacity_bps(2) == pytest.approx(0.6e6, rel=0.01)
     assert scenario.known_bps(2) == pytest.approx(1.2e6, rel=0.01), (
         "the window to come is not known"
@@ -146,7 +156,7 @@ def test_keys_are_the_same_in_every_process() -> None:
         "from research.evaluation.policies.work_items import WorkItem\n"
         "from research.evaluation.windows.scenarios import factory_suite\n"
         "items = [WorkItem(s, 1, ('early', 'late')) for s in factory_suite()]\n"
-        "print([(p.heard_key(), p.outcomes_key()) for p in items])"
+        "print([(p.heard_key(), p.frames_key()) for p in items])"
     )
     said = {
         subprocess.run(
@@ -184,6 +194,75 @@ def test_an_outcome_is_what_an_experiment_on_the_same_frames_finds() -> None:
     assert mine.bytes_per_frame == pytest.approx(theirs.bytes_per_robot_frame * len(others))
     assert window.outcome(Choice((), ALONE)).bytes_per_frame == 0
     assert unpacked(packed(window.outcomes)) == window.outcomes
+    assert window.outcome(Choice(others, "late")).delivered is None, "no time was played"
+
+
+def test_what_was_fused_once_is_known_on_every_link_and_machine() -> None:
+    timing = Timing(packaged_compute(), control_bps=10_000.0)
+    wide = Window(SMALL, 0, timing=timing)
+    others = tuple(sorted(robot for robot in wide.world.robots if robot != wide.ego))
+    choices = list(every_choice(others, ("late",)))
+    outcomes = {choice: wide.outcome(choice) for choice in choices}
+    everyone, alone = Choice(others, "late"), Choice((), ALONE)
+    delivered = outcomes[everyone].arrived
+    assert delivered.ap_70 == outcomes[everyone].ap_70
+    assert delivered.halves == outcomes[everyone].halves
+    assert delivered.bytes_per_frame == pytest.approx(outcomes[everyone].bytes_per_frame, rel=0.05)
+    assert (delivered.in_time_ratio, delivered.fused_ratio) == (1.0, 1.0)
+    late, single = (timing.compute.work("factory", name) for name in ("late", "single"))
+    assert delivered.ego_ms_per_frame == pytest.approx(late.ego_ms(2))
+    assert outcomes[alone].arrived.ego_ms_per_frame == pytest.approx(single.fixed_ms)
+
+    known = unpacked_frames(msgpack.decode(msgpack.encode(packed_frames(wide.known))))
+    thin = replace(SMALL, link=links.Link("thin", Fixed(12_000)))
+    narrow = Window(thin, 0, known, timing=timing, measures=False)
+    assert narrow.outcome(everyone).ap_70 == outcomes[everyone].ap_70
+    nothing = narrow.outcome(everyone).arrived
+    assert (nothing.ap_70, nothing.in_time_ratio) == (outcomes[alone].ap_70, 0.0)
+    assert nothing.ego_ms_per_frame == pytest.approx(late.fixed_ms)
+    # A machine on which nobody encodes in time.
+    slow = Work(encode_ms=300, fixed_ms=20, add_ms=1)
+    model = ComputeModel("slow", {"factory": {"intermediate": slow, "single": slow}})
+    tired = Window(SMALL, 0, known, timing=Timing(model), measures=False)
+    assert tired.outcome(everyone).arrived.ap_70 == outcomes[alone].ap_70
+    with pytest.raises(NotMeasuredError):
+        narrow.outcome(Choice(others, "early"))
+
+
+def test_of_half_a_robots_frames_those_in_time_are_fused() -> None:
+    """One robot's answers take the link three frames, so that it is in some frames only."""
+    window = Window(SMALL, 0)
+    (robot, *_) = (robot for robot in window.world.robots if robot != window.ego)
+    choice = Choice((robot,), "early")
+    size = window.outcome(choice).bytes_per_frame
+    link = links.Link("half", Fixed(round(8 * size / 0.19 * HEADERS)))
+    timed = Window(replace(SMALL, link=link), 0, window.known, timing=Timing(packaged_compute()))
+    outcome = timed.outcome(choice)
+    with_robot, alone = window.outcome(choice).ap_70, timed.outcome(Choice((), ALONE)).ap_70
+    assert 0.1 < outcome.arrived.in_time_ratio < 0.5
+    assert outcome.arrived.ap_70 not in (with_robot, alone)
+    assert outcome.arrived.bytes_per_frame < 0.6 * outcome.bytes_per_frame
+    came = outcome.arrived
+    assert came.capacity_bps == pytest.approx(link.rate_bps(0.0))
+    assert came.helping_ms_per_frame > 0.0
+    price = KNOWLEDGE.objective.cost(
+        came.bytes_per_frame, came.capacity_bps, came.helping_ms_per_frame * 1e-3, 10.0
+    )
+    assert outcome.value(KNOWLEDGE.objective) == pytest.approx(came.ap_70 - price)
+
+
+def test_beacons_and_scenes_take_what_the_ego_grants() -> None:
+    window = Window(SMALL, 0)
+    messages = announcements.heard(window.world, 40, window.ego, {"late": window.fusion("late")})
+    told = sum(
+        8 * (10 * len(encode(beacon)) + 2 * len(encode(scene)))
+        for robot, (beacon, scene) in messages.items()
+        if robot != window.ego
+    )
+    assert control_bps(announcements.snapshot(window.ego, messages, 50e6)) == told > 10_000
+    # Of 100 kbit/s a fifth, shared by three.
+    granted = control_bps(announcements.snapshot(window.ego, messages, 100e3))
+    assert granted == pytest.approx(2 * 7_000, rel=0.01)
 
 
 def test_what_an_ego_knows_is_what_robots_would_send() -> None:
@@ -267,6 +346,6 @@ def test_the_search_beyond_exhaustion_measures_growing_sets_and_neighbours() -> 
     # What was measured for others plays no part.
     window.outcome(Choice(("R2", "R3", "R5", "R7"), "early"))
     assert explore(window, scene, knowledge, wanted) == considered
-    blank = Counted(scenario, 0, measures=False)
+    blank = Window(scenario, 0, measures=False)
     with pytest.raises(NotMeasuredError):
         explore(blank, scene, knowledge, wanted)

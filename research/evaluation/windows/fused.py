@@ -1,0 +1,72 @@
+"""What a frame's fusion with exactly these robots brought, whatever link they came over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from perception.fusion.base import Fusion
+from perception.metrics import Match, match
+from research.evaluation.windows.choice import Choice
+from worlds.base import World
+from worlds.cooperative.fusing import Disturbance, fuse_frame
+from worlds.cooperative.judging import judge
+
+IOUS = (0.3, 0.5, 0.7)
+
+
+@dataclass(frozen=True, slots=True)
+class FusedFrame:
+    """One fused frame against its true boxes."""
+
+    matches: tuple[Match, ...]
+    """By IOUS."""
+    bytes: Mapping[str, int]
+    """Request and payload of each participant."""
+
+
+FusedFrames = dict[tuple[int, Choice], FusedFrame]
+"""By number of the frame in its world, and who took part."""
+
+
+def fused_frame(
+    world: World,
+    frame: int,
+    ego: str,
+    participants: tuple[str, ...],
+    fusion: str | Fusion,
+    pose_noise_m: float,
+) -> FusedFrame:
+    """Fuses a frame. Raises what `fuse_frame` raises."""
+    noise = Disturbance(pose_noise_m=pose_noise_m)
+    fused = fuse_frame(world, frame, ego, participants, fusion, noise)
+    found, truth = judge(world, frame, ego, fused.boxes)
+    return FusedFrame(tuple(match(found, truth, iou) for iou in IOUS), fused.bytes)
+
+
+def packed_frames(frames: FusedFrames) -> list[Any]:
+    """What `unpacked_frames` restores, as plain values."""
+    return [
+        [
+            frame, choice.participants, choice.algorithm, dict(one.bytes), one.matches[0].truths,
+            [[m.scores.astype("<f8").tobytes(), m.hits.tobytes()] for m in one.matches],
+        ]
+        for (frame, choice), one in frames.items()
+    ]  # fmt: skip
+
+
+def unpacked_frames(values: list[Any]) -> FusedFrames:
+    """The frames whose `packed_frames` gave these values."""
+    return {
+        (frame, Choice(tuple(participants), algorithm)): FusedFrame(
+            tuple(
+                Match(np.frombuffer(scores, "<f8"), np.frombuffer(hits, np.bool_), truths)
+                for scores, hits in matches
+            ),
+            sizes,
+        )
+        for frame, participants, algorithm, sizes, truths, matches in values
+    }
