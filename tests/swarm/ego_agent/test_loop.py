@@ -237,7 +237,7 @@ def test_on_a_link_that_does_not_change_decisions_change_at_most_every_ten_secon
 
 
 def test_dwelling_ends_when_quality_is_lost_and_never_outlasts_what_the_link_carries() -> None:
-    rig = Rig(quick, known=Knowledge(Objective(), ("early", "late")), capacity_bps=6e6)
+    rig = Rig(quick, known=Knowledge(Objective(lambda_link=0), ("early", "late")), capacity_bps=6e6)
     assert rig.cycle().algorithm == "early"
     rig.capacity_bps = 4e6
     assert rig.cycle().algorithm == "late"
