@@ -63,8 +63,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     llm_value_margin: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.005
     """Advice may be predicted to be worse than the fallback by no more than this."""
     llm_judge: Literal["auto", "coverage", "surrogate"] = "auto"
-    """Who predicts it: what `coverage` counts, or the surrogate; by default the surrogate in the
-    world that it has learnt in."""
+    """Who predicts it: what `coverage` expects, also by `auto`, or the surrogate."""
     llm_prompt: PromptStyle = "table"
     """docs/prompt.md says how the two differ."""
     journal: str = ""

@@ -32,7 +32,9 @@ def register(commands: Any) -> None:
         help="coverage, rules, static-early, ... (default: %(default)s); an unknown name lists all",
     )
     parser.add_argument(
-        "--explain", action="store_true", help="add what each robot adds and costs, and why it is in or out"
+        "--explain",
+        action="store_true",
+        help="add what each robot adds and costs, and why it is in or out",
     )
     parser.set_defaults(run=run)
 

@@ -22,7 +22,7 @@ from ego_agent.plan.choices.validation import make_decision
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting import prompt_maker, read_answer
 from ego_agent.plan.prompting.fingerprint import scene_fingerprint
-from ego_agent.plan.surrogate.model import LEARNT_IN, Surrogate, packaged_surrogate
+from ego_agent.plan.surrogate.model import Surrogate, packaged_surrogate
 from ego_agent.settings import EgoSettings
 from swarm.errors import DecisionError
 from swarm.messages import AdviceReport, AdviceState, Decision
@@ -67,8 +67,7 @@ class Llm:
         """Takes up how to ask, and who predicts what advice would bring. Raises DecisionError when
         that is a surrogate that cannot be read."""
         self._make_prompt = prompt_maker(settings.llm_prompt)
-        learnt = settings.llm_judge == "auto" and settings.world == LEARNT_IN
-        if learnt or settings.llm_judge == "surrogate":
+        if settings.llm_judge == "surrogate":
             self._surrogate = packaged_surrogate()
 
     def connect(self, session: Session, settings: EgoSettings) -> None:

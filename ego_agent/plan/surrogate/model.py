@@ -16,8 +16,6 @@ from ego_agent.plan.surrogate.features import NAMES
 from swarm.errors import DecisionError
 
 WEIGHTS = Path(__file__).parent / "surrogate.safetensors"
-LEARNT_IN = "factory"
-"""The world of all windows that it learns from."""
 LAYERS = 3
 _FACTS = "facts"
 _ALLOWED_BYTES = 1_000_000

@@ -55,13 +55,12 @@ def test_it_is_not_asked_about_algorithms_that_it_has_not_learnt() -> None:
 @pytest.mark.parametrize(
     ("settings", "asked"),
     [
-        (EgoSettings(), True),
-        (EgoSettings(world="opv2v"), False),
+        (EgoSettings(), False),
         (EgoSettings(world="opv2v", llm_judge="surrogate"), True),
         (EgoSettings(llm_judge="coverage"), False),
     ],
 )
-def test_by_default_it_is_asked_in_the_world_that_it_knows(
+def test_it_is_asked_where_it_is_wanted(
     settings: EgoSettings, asked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(llm, "packaged_surrogate", lambda: read_surrogate(tmp_path / "none"))
