@@ -46,10 +46,12 @@ class QualityModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     calibrated: bool = False
     """Whether quality is a precision; else it is a share."""
 
-    def quality(self, algorithm: Algorithm, own: float, share: float) -> float:
-        """Q in [0, 1], where the ego sees the share `own` and all that take part see `share`."""
+    def quality(self, algorithm: Algorithm, own: float, share: float, known: float = 1.0) -> float:
+        """Q in [0, 1], where the ego sees the share `own` and all that take part see `share`, and
+        of the part `known` of the living robots something is known: of nothing comes nothing."""
         own, share = min(own, self.enough), min(share, self.enough)
-        return min(1.0, self.base + self.own * own + self.gain(algorithm) * max(0.0, share - own))
+        added = self.gain(algorithm) * max(0.0, share - own)
+        return min(1.0, self.base * known + self.own * own + added)
 
     def gain(self, algorithm: Algorithm) -> float:
         """Quality that participants bring by showing everything to an ego that sees nothing."""

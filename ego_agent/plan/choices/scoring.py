@@ -187,7 +187,9 @@ class Scorer:
 
     def quality(self, algorithm: Algorithm, share: float, participants: int) -> float:
         """Q of so many participants that show that share of all, the ego's included."""
-        quality = self.knowledge.quality.quality(algorithm, self.own_share, min(1.0, share))
+        quality = self.knowledge.quality.quality(
+            algorithm, self.own_share, min(1.0, share), self._known
+        )
         return quality * self.freshness(algorithm, participants)
 
     def cost(self, participants: Iterable[str], algorithm: Algorithm) -> float:

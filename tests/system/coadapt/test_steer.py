@@ -54,7 +54,7 @@ def test_an_operator_steers_a_running_swarm(
     decisions.until(together)
 
     assert steer() == 0
-    assert capsys.readouterr().out == "R1 decides by coverage, Q_min 0.7\n"
+    assert capsys.readouterr().out == "R1 decides by coverage, Q_min 0.6\n"
     assert steer("--policy", "static-late", "--q-min", "0.5") == 0
     assert capsys.readouterr().out == "R1 decides by static-late, Q_min 0.5\n"
     late = decisions.until(lambda d: d.policy == "static-late" and together(d))
@@ -102,7 +102,7 @@ def test_what_cannot_be_done_is_named_and_nothing_is_changed(
         assert steer(*arguments) == 1
         assert expected in capsys.readouterr().err
     assert steer() == 0
-    assert capsys.readouterr().out == "R1 decides by coverage, Q_min 0.7\n"
+    assert capsys.readouterr().out == "R1 decides by coverage, Q_min 0.6\n"
     assert session.alive() == (OTHER,)
 
 

@@ -164,7 +164,10 @@ def test_what_an_earlier_build_left_is_not_in_it(wheel: Path) -> None:
 
 def test_loops_in_c_and_weights_are_in_it(environment: Path) -> None:
     (site_packages,) = environment.glob("lib/python3*/site-packages")
-    for pattern in ("perception/detector/weights/*.safetensors", "deploy/dashboards/alerts.yml"):
+    for pattern in (
+        "perception/detector/weights/*.safetensors", "deploy/dashboards/alerts.yml",
+        "ego_agent/knowledge/compute.json", "ego_agent/knowledge/quality.json",
+    ):  # fmt: skip
         assert list(site_packages.glob(pattern)), pattern
     if shutil.which("cc") is not None:
         assert list(site_packages.glob("perception/kernels/_coding*.so"))

@@ -138,6 +138,7 @@ def test_objective_algorithms_and_previous_decision_come_from_the_scene(
         (["robots", "R2", "speed"], 3, "robot R2: Object contains unknown field `speed`"),
         (["objective"], {"q_min": 2}, "<= 1.0 - at `$.objective.q_min`"),
         (["algorithms"], [], "no algorithm is available"),
+        (["detector"], "sonar", "detector 'sonar' has no quality model; allowed: factory, road"),
         (["algorithms"], ["magic"], "algorithms: algorithm 'magic' is unknown; allowed: early, in"),
     ],
 )
