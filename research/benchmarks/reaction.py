@@ -60,7 +60,7 @@ PARALLEL, CONTEXT, TIMEOUT_S = 4, 1_536, 600.0
 RESTART_S = 5.0
 THREADS = int(os.environ.get("COADAPT_LLM_THREADS", "2"))
 SIZES = 10
-KNOWN = Knowledge(Objective(lambda_cost=0.1))
+KNOWN = Knowledge(Objective(lambda_link=0.0, lambda_compute=0.0, lambda_cost=0.1))
 IN_WORDS = "\n\nAnswer with one JSON object and nothing else. It follows this JSON schema: "
 
 
