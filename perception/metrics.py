@@ -36,24 +36,30 @@ def match(found: Boxes, truth: Boxes, min_iou: float) -> Match:
     return Match(found.scores[order], hits, len(truth))
 
 
-def precision_of(matches: Sequence[Match], *, per_frame: bool = False) -> float:
+def precision_of(
+    matches: Sequence[Match], *, per_frame: bool = False, weights: Sequence[float] | None = None
+) -> float:
     """AP of matched frames: the precision is made monotonous and integrated over all recall steps
     (PASCAL VOC 2010 and later). 0 when there is no true box.
 
     Detections of all frames are ranked together by score. With `per_frame` they stay in the order
     of their frames, ranked within each frame only: what OpenCOOD's code computes by default and
     its published tables hold. It depends on the order of the frames, and is usually lower.
+    `weights`: how often each frame counts, all once where None.
     """
-    total = sum(one.truths for one in matches)
+    weights = [1.0] * len(matches) if weights is None else weights
+    total = sum(weight * one.truths for weight, one in zip(weights, matches, strict=True))
+    counts = np.repeat(np.asarray(weights, np.float64), [len(one.hits) for one in matches])
     hits = np.concatenate([np.zeros(0, np.bool_), *(one.hits for one in matches)])
     if not total or not len(hits):
         return 0.0
     if not per_frame:
         scores = np.concatenate([one.scores for one in matches])
-        hits = hits[np.argsort(-scores, kind="stable")]
-    true_positives = np.cumsum(hits)
+        order = np.argsort(-scores, kind="stable")
+        hits, counts = hits[order], counts[order]
+    true_positives = np.cumsum(counts * hits)
     recall = true_positives / total
-    precision = true_positives / np.arange(1, len(hits) + 1)
+    precision = true_positives / np.cumsum(counts)
     envelope = np.maximum.accumulate(precision[::-1])[::-1]
     return float(np.sum(np.diff(recall, prepend=0.0) * envelope))
 

@@ -108,14 +108,7 @@ def _add_surrogate(experiments: Any) -> None:
         description="Measures random choices on factory floors of its own and trains the network "
         "that predicts what a choice brings.",
     )
-    parser.add_argument(
-        "--windows", type=at_least_one, default=240, metavar="N",
-        help="control windows to measure (default: 240)",
-    )  # fmt: skip
-    _add_workers(parser)
-    parser.add_argument(
-        "--output", type=Path, metavar="FILE", help="default: the one that the ego uses"
-    )
+    _add_measuring(parser)
     parser.set_defaults(run=run_surrogate)
 
 
@@ -129,6 +122,11 @@ def _add_quality(experiments: Any) -> None:
     parser.add_argument(
         "--detector", choices=("factory", "road"), default="factory", help="default: %(default)s"
     )
+    _add_measuring(parser)
+    parser.set_defaults(run=run_quality)
+
+
+def _add_measuring(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--windows", type=at_least_one, default=240, metavar="N",
         help="control windows to measure (default: 240)",
@@ -137,7 +135,6 @@ def _add_quality(experiments: Any) -> None:
     parser.add_argument(
         "--output", type=Path, metavar="FILE", help="default: the one that the ego uses"
     )
-    parser.set_defaults(run=run_quality)
 
 
 def _add_policy_names(

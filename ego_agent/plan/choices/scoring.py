@@ -70,6 +70,7 @@ class Scorer:
         self.budget_bytes = budget_bytes
         self._hopes = hopes
         self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
+        self._prices: dict[tuple[int, Algorithm], float] = {}
         self._at: dict[Pace, Scorer] = {self.pace: self}
         """The scorers of all paces that were asked for; they share it."""
         robots = (scene.ego, *scene.candidates)
@@ -99,7 +100,7 @@ class Scorer:
             known = copy.copy(self)
             known.pace = pace
             known.budget_bytes = self.objective.budget_bytes(self.scene.capacity_bps, pace.rate_hz)
-            known._arrival = {}
+            known._arrival, known._prices = {}, {}
             self._at[pace] = known
         return known
 
@@ -197,15 +198,19 @@ class Scorer:
         return sum(self.price(self.row_of[robot], algorithm) for robot in participants)
 
     def price(self, row: int, algorithm: Algorithm) -> float:
-        """lambda C of one candidate. Raises KeyError where its size is not `known`."""
-        candidate = self.scene.candidates[row - 1]
-        answers = candidate.answers.get(algorithm)
-        known = self.knowledge
-        compute_s = known.encode_s(algorithm, answers.encode_s if answers else None)
-        compute_s += known.add_s(algorithm)
-        rate_hz = self.pace.rate_hz
-        size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps
-        return self.objective.cost(size, capacity_bps, compute_s, rate_hz)
+        """lambda C of one candidate. Raises KeyError where its size is not `known`.
+
+        The ego goes on measuring its own work: all choices of one scene are priced alike.
+        """
+        price = self._prices.get((row, algorithm))
+        if price is None:
+            candidate, known = self.scene.candidates[row - 1], self.knowledge
+            encode_s = candidate.answers.get(algorithm, UNTRIED).encode_s
+            compute_s = known.encode_s(algorithm, encode_s) + known.add_s(algorithm)
+            size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps
+            price = self.objective.cost(size, capacity_bps, compute_s, self.pace.rate_hz)
+            self._prices[row, algorithm] = price
+        return price
 
     def most(self, algorithm: Algorithm) -> float:
         """More quality than any choice with this algorithm has at this pace."""

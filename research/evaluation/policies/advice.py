@@ -187,13 +187,12 @@ class AdvisedAtOnce:
     slow and kept answers lead to the same decisions.
     """
 
-    def __init__(self, model: Adviser, world: str, prompt: PromptStyle = "table") -> None:
-        """`world`: as an ego knows it, which decides who judges. `prompt`: how the model is
-        asked."""
+    def __init__(self, model: Adviser, prompt: PromptStyle = "table") -> None:
+        """`prompt`: how the model is asked."""
         self.name = f"llm-{model.name}" + (f"-{prompt}" if prompt != "table" else "")
         self._questions = AtOnce(model)
         self._policy = Llm(self._questions, lambda: self._questions.now_s)
-        self._policy.prepare(EgoSettings(world=world, llm_prompt=prompt))
+        self._policy.prepare(EgoSettings(llm_prompt=prompt))
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None

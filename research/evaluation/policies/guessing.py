@@ -27,10 +27,9 @@ class RandomJudged:
 
     name = RANDOM_JUDGED
 
-    def __init__(self, seed: int, world: str) -> None:
-        """`world`: as an ego knows it, which decides who judges."""
+    def __init__(self, seed: int) -> None:
         self._guesses = _Guesses(seed)
-        self._policy = AdvisedAtOnce(self._guesses, world)
+        self._policy = AdvisedAtOnce(self._guesses)
 
     def propose(
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None

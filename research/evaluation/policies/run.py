@@ -171,7 +171,7 @@ def _decide(
         heard = [item.heard for item in own if item.heard is not None]
         knowledge = own[0].knowledge()
         everyone: list[Policy] = [_policy(one, scenario, knowledge) for one in policies]
-        everyone += [AdvisedAtOnce(model, scenario.world, style) for model, style in advisers]
+        everyone += [AdvisedAtOnce(model, style) for model, style in advisers]
         for policy in everyone:
             chosen = decisions(scenario, heard, knowledge, policy)
             found += chosen
@@ -191,7 +191,7 @@ def _style(name: str) -> PromptStyle:
 def _policy(name: str, scenario: Scenario, knowledge: Knowledge) -> Policy:
     """A new policy of that name, or the control of language models; raises as `policy_of` does."""
     if name == RANDOM_JUDGED:
-        return RandomJudged(scenario.seed, scenario.world)
+        return RandomJudged(scenario.seed)
     return policy_of(name, scenario, knowledge)
 
 

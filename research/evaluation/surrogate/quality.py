@@ -22,7 +22,7 @@ from ego_agent.plan.choices.scoring import Scorer
 from perception.fusion.registry import fusion_names
 from research.evaluation.surrogate.errors import errors_of, table
 from research.evaluation.surrogate.measuring import measured_windows
-from research.evaluation.surrogate.samples import scene_of, training_windows
+from research.evaluation.surrogate.samples import HELD_OUT, scene_of, training_windows
 from research.evaluation.windows import announcements
 from research.evaluation.windows.choice import Choice
 from research.evaluation.windows.measure import unpacked
@@ -30,8 +30,6 @@ from swarm.errors import EvaluationError
 from swarm.files import write_whole
 from worlds.cooperative.judging import EVALUATION_RANGES_M
 
-HELD_OUT = 5
-"""One window in so many is for judging."""
 ENOUGH = (1.0, 0.95, 0.9, 0.85, 0.8)
 """That are tried."""
 DIGITS = 3

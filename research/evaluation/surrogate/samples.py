@@ -26,6 +26,8 @@ from worlds.registry import world_kind
 
 FRAMES = 4
 """On which a window's choices are measured: many different windows teach more than much of one."""
+HELD_OUT = 5
+"""One window in so many is for judging what was learnt."""
 VEHICLES = (2, 3, 4, 5)
 """On a street, in turn: OPV2V has 2 to 7."""
 STREET_FRAMES = 40

@@ -16,6 +16,7 @@ from perception.fusion.registry import fusion_names
 from research.evaluation.surrogate.errors import Errors, errors_of, table, write_errors
 from research.evaluation.surrogate.measuring import measured_windows
 from research.evaluation.surrogate.samples import (
+    HELD_OUT,
     Samples,
     other_settings,
     samples,
@@ -33,8 +34,6 @@ DIFFERENCES = 4.0
 """Weight of differences within a window: a decision needs those more than the level."""
 SHAKEN = 0.02
 """Standard deviation of noise on the features while training."""
-HELD_OUT = 5
-"""One window in so many is for testing."""
 SEED = 7
 AS_LEARNT = "as learnt"
 """The setting of the generator that training windows have."""

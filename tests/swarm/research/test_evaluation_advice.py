@@ -61,7 +61,7 @@ def advice(*helpers: str, algorithm: str) -> str:
 def decide(server: ModelServer, kept: ResultStore, messages: list[Announced]) -> list[Decided]:
     model = Model(f"test-model@{server.url}/v1", kept)
     try:
-        return decisions(SCENARIO, messages, KNOWLEDGE, AdvisedAtOnce(model, "factory"))
+        return decisions(SCENARIO, messages, KNOWLEDGE, AdvisedAtOnce(model))
     finally:
         model.close()
 
@@ -90,7 +90,7 @@ def test_a_model_may_be_asked_in_the_papers_manner_and_is_a_row_of_its_own(
     server.otherwise = says(advice(*best.participants, algorithm=best.algorithm))
     model = Model(f"test-model@{server.url}/v1", ResultStore(tmp_path, ["swarm"]))
     try:
-        policy = AdvisedAtOnce(model, "factory", "paper")
+        policy = AdvisedAtOnce(model, "paper")
         found = decisions(SCENARIO, messages, KNOWLEDGE, policy)
     finally:
         model.close()

@@ -112,6 +112,7 @@ def test_who_encodes_slowly_costs_more() -> None:
     assert scorer.price(scorer.row_of["A"], "early") == pytest.approx(0.02 * 10 * 10 * 0.005)
     assert scorer.price(scorer.row_of["B"], "early") == pytest.approx(0.02 * 10 * 10 * 0.052)
     known.own_costs.record("early", 2, 0.02, 0.02)
+    scorer = Scorer(found, known)
     assert scorer.price(scorer.row_of["A"], "early") == pytest.approx(0.02 * 10 * 10 * 0.013)
     both = scorer.score(("A", "B"), "early")
     assert both.cost == pytest.approx(scorer.cost(("A", "B"), "early"))

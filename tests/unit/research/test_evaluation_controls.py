@@ -123,7 +123,7 @@ def test_controls_differ_from_a_policy_in_who_takes_part_alone() -> None:
     for name in ("static-late", "random", "rules"):
         found = decisions(SCENARIO, heard, known, policy_of(name, SCENARIO, known))
         assert controls(SCENARIO, heard, known, found) == []
-    guess = RandomJudged(SCENARIO.seed, SCENARIO.world)
+    guess = RandomJudged(SCENARIO.seed)
     judged = decisions(SCENARIO, heard, known, guess)
     assert {one.source for one in judged} <= {"llm", "hold", "fallback"}
     assert controls(SCENARIO, heard, known, judged) == []
