@@ -206,17 +206,18 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
     swarm.robot("R2")
     swarm.robot("R3")
     journal, port = tmp_path / "journal.jsonl", free_ports(1)
-    # Late fusion gains at most 0.42 of what is seen: only early fusion reaches this Q_min.
+    # The ego alone does not reach this Q_min; with points of both it does.
     process = swarm.ego(
         ego=EGO,
         comm_range_m="500",
         period_s="0.5",
-        q_min="0.72",
+        q_min="0.70",
+        algorithms="early",
         learn="false",  # How quick this machine is today is another matter.
         journal=str(journal),
         metrics_port=str(port),
     )
-    decisions.until(lambda d: d.algorithm == "early" and d.quality >= 0.72)
+    decisions.until(lambda d: d.algorithm == "early" and d.quality >= 0.70)
     controller = Controller(session, decisions)
 
     narrow_bps = 300_000
@@ -228,7 +229,7 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
     said = demands.until(lambda d: d.possible and not d.reachable and d.unreachable_s > 1.0)
     assert said.possible
     assert said.needed_bytes_s * 8 > narrow_bps
-    assert said.quality < 0.72
+    assert said.quality < 0.70
     metrics = metrics_of(port)
     assert metrics["coadapt_demand_bytes_per_second"] > 0
     assert metrics["coadapt_q_min_unreachable_seconds"] > 0
@@ -237,7 +238,7 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
     assert "coadapt_link_estimate_error_ratio" in metrics
 
     wide_bps = 55_000_000
-    made = controller.shape(wide_bps, lambda d: d.algorithm == "early" and d.quality >= 0.72)
+    made = controller.shape(wide_bps, lambda d: d.algorithm == "early" and d.quality >= 0.70)
     assert len(made) <= 4
     demands.skip()
     # A link that is good for a moment has not become good yet.
@@ -246,7 +247,7 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
     # What was asked for is enough, but for what the scene has changed meanwhile.
     enough_bps = 1.3 * 8 * said.needed_bytes_s
     made = controller.shape(
-        enough_bps, lambda d: d.capacity_bps <= enough_bps and d.quality >= 0.72
+        enough_bps, lambda d: d.capacity_bps <= enough_bps and d.quality >= 0.70
     )
     assert len(made) <= 6
     assert stop(process) == 0
