@@ -91,9 +91,12 @@ record: setup ## Record the swarm as MCAP for Foxglove and for WORLD=recording (
 test: setup ## Run the tests that need neither root, data nor a model; build/test.json says how it went
 	@OMP_NUM_THREADS=1 $(PYTHON_ENV) -m pytest $(PARALLEL) -m 'not data and not model and not slow' --summary=build/test.json $(ARGS)
 
+FIRST_HOUR = --first-hour=build/first_hour.json
+
 test-all: setup ## Run all tests: also in namespaces, Docker and a browser, on real data, with a model
-	@OMP_NUM_THREADS=1 $(PYTHON_ENV) -m pytest $(PARALLEL) --summary=build/test-swarm.json tests/unit tests/swarm $(ARGS); \
-		first=$$?; $(PYTHON_ENV) -m pytest --summary=build/test-system.json tests/system $(ARGS) && exit $$first
+	@rm -f build/first_hour.json
+	@OMP_NUM_THREADS=1 $(PYTHON_ENV) -m pytest $(PARALLEL) --summary=build/test-swarm.json $(FIRST_HOUR) tests/unit tests/swarm $(ARGS); \
+		first=$$?; $(PYTHON_ENV) -m pytest --summary=build/test-system.json $(FIRST_HOUR) tests/system $(ARGS) && exit $$first
 
 lint: setup ## Check style and formatting
 	@$(PYTHON_ENV) -m ruff check .

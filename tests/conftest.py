@@ -22,6 +22,8 @@ from tests.support.zenoh_fixtures import (  # noqa: F401
 )
 from worlds.sample import opv2v_sample
 
+pytest_plugins = ["tests.support.first_hour"]
+
 # A busy machine is no failure: no test judges a time.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
