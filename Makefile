@@ -34,7 +34,7 @@ DOCUMENTED = swarm perception worlds sensing robot_agent ego_agent network_contr
 	'!perception.kernels._' '!worlds.factory._'
 
 .DEFAULT_GOAL := help
-.PHONY: help setup data up down status logs metrics shape congest net record test test-all check lint types bench train eval-detector eval \
+.PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench train eval-detector eval \
 	pictures docs lock clean
 
 help: ## Show this list
@@ -62,6 +62,9 @@ up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prome
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)
+
+list: setup ## Show your swarms on this machine
+	@$(COADAPT) list $(ARGS)
 
 status: setup ## Show robots, decision, bytes and link
 	@$(COADAPT) status --swarm $(SWARM) $(ARGS)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from coadapt.asking import ask_patiently
+from deploy.progress import typed
 from swarm import keyspace
 from swarm.errors import NetworkError, RefusedError, TransportError
 from swarm.listening import hear
@@ -26,7 +27,7 @@ def ask(session: Session, request: ShapeRequest) -> ShapeReply:
     except TransportError as error:
         raise NetworkError(
             f"no network controller answers in swarm {session.swarm!r} ({error}); see "
-            "`coadapt status` and `coadapt logs controller`"
+            f"`{typed('status', session.swarm)}` and `{typed('logs', session.swarm)}`"
         ) from error
 
 

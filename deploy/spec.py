@@ -39,6 +39,8 @@ EMBEDDED = "embedded"
 _LLM_RULE = "empty, embedded, or http(s)://host[:port][/path] of an OpenAI-compatible server"
 _LLM = rf"^({EMBEDDED}|https?://[^\s/?#@]+(/[^\s?#]*)?)?(?!\n)$"
 _PROCESS = ProcessSettings()
+_SHOWN = 8
+"""So many values of a list stand in a message."""
 
 
 class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -128,6 +130,18 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 PROPERTIES = {field.name: field for field in msgspec.structs.fields(SwarmSpec)}
+PORT_FIELDS = tuple(name for name in PROPERTIES if name.endswith("_port"))
+
+
+class InvalidProperty(DeployError):
+    """A property of a swarm has a value that is not allowed."""
+
+    def __init__(self, name: str, value: object, rule: str) -> None:
+        """`rule`: what it must be, in words."""
+        super().__init__(f"{name} = {_shown(value)} is not valid; it must be {rule}")
+        self.name = name
+        self.value = value
+        self.rule = rule
 
 
 def factory_robots(count: int) -> tuple[str, ...]:
@@ -211,6 +225,12 @@ def run_dir_of(swarm: str) -> Path:
     return run_base() / check_name("swarm name", swarm)
 
 
-def _invalid(name: str, value: object, rule: str = "") -> DeployError:
-    rule = rule or allowed(PROPERTIES[name].type)
-    return DeployError(f"{name} = {value!r} is not valid; it must be {rule}")
+def _invalid(name: str, value: object, rule: str = "") -> InvalidProperty:
+    return InvalidProperty(name, value, rule or allowed(PROPERTIES[name].type))
+
+
+def _shown(value: object) -> str:
+    """A value as it stands in a message: of a long list, its length and its ends."""
+    if isinstance(value, tuple) and len(value) > _SHOWN:
+        return f"{len(value)} values from {value[0]!r} to {value[-1]!r}"
+    return repr(value)

@@ -64,7 +64,8 @@ def read_state(swarm: str) -> State | None:
         return None
     except (OSError, msgspec.DecodeError) as error:
         raise DeployError(
-            f"record {path} of swarm {swarm!r} cannot be read: {error}; run `coadapt down`"
+            f"record {path} of swarm {swarm!r} cannot be read: {error}; "
+            f"run `{typed('down', swarm)}`"
         ) from error
 
 
@@ -72,18 +73,40 @@ def need_state(swarm: str) -> State:
     """The record of a swarm. Raises DeployError when no such swarm runs."""
     state = read_state(swarm)
     if state is None:
-        raise DeployError(f"no swarm {swarm!r} is running; start one with `{typed('up')}`")
+        raise DeployError(
+            f"no swarm {swarm!r} is running; start one with `{typed('up', swarm)}`{_others()}"
+        )
     return state
+
+
+def swarms() -> tuple[str, ...]:
+    """Names of this user's swarms that have a record, sorted. Raises DeployError."""
+    try:
+        return tuple(sorted(path.parent.name for path in run_base().glob(f"*/{STATE_FILE}")))
+    except OSError as error:
+        raise DeployError(f"run directory {run_base()} cannot be read: {error}") from error
+
+
+def _others() -> str:
+    names = swarms()
+    return f" (there is {', '.join(names)}: see `{typed('list')}`)" if names else ""
 
 
 def check_same(running: State, spec: SwarmSpec) -> None:
     """Raises DeployError when a swarm that runs is not as `spec` wants it."""
-    different = running.spec.differences(spec)
+    different = [
+        f"{name} {_shown(getattr(running.spec, name))} (wanted: {_shown(getattr(spec, name))})"
+        for name in running.spec.differences(spec)
+    ]
     if different:
         raise DeployError(
-            f"swarm {spec.swarm!r} already runs with another {', '.join(different)}; "
-            f"run `{typed('down')}` first"
+            f"swarm {spec.swarm!r} already runs with {', '.join(different)}; "
+            f"run `{typed('down', spec.swarm)}` first, or give this one another name"
         )
+
+
+def _shown(value: object) -> str:
+    return ", ".join(value) if isinstance(value, tuple) else repr(value)
 
 
 def write_state(state: State) -> None:

@@ -75,7 +75,7 @@ def _json(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
 def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
     """The table for people."""
     lines = [f"swarm {view.swarm} ({view.runtime}), ego {view.ego}", ""]
-    lines += _columns(
+    lines += columns(
         [("robot", "alive", "age", "position", "distance", "selected", "bytes/s", "state")]
         + [
             (
@@ -92,7 +92,7 @@ def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
         ]
     )
     lines += ["", *_decision(view), ""]
-    lines += _columns(
+    lines += columns(
         [("process", "state", "restarts", "up", "")]
         + [
             (p.service, p.state, str(p.restarts), f"{p.uptime_s:.0f} s", p.detail)
@@ -133,7 +133,8 @@ def _advice(advice: AdviceReport) -> str:
     return text + (f"; last: {advice.refusal}" if advice.refusal else "")
 
 
-def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
+def columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Rows of cells as lines whose cells stand below each other."""
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     return [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

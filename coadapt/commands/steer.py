@@ -13,6 +13,7 @@ import msgspec
 from coadapt.arguments import add_swarm
 from coadapt.asking import ask_patiently
 from coadapt.operator import operator
+from deploy.progress import typed
 from deploy.state import need_state
 from swarm import keyspace
 from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
@@ -130,7 +131,8 @@ def _faults(session: Session, who: str) -> Iterator[None]:
         raise DecisionError(f"{who} refuses: {error}") from error
     except TransportError as error:
         raise DeployError(
-            f"{who} of swarm {session.swarm!r} does not answer ({error}); see `coadapt status`"
+            f"{who} of swarm {session.swarm!r} does not answer ({error}); see "
+            f"`{typed('status', session.swarm)}`"
         ) from error
 
 

@@ -7,19 +7,31 @@ import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args, get_origin
 
+from msgspec.structs import replace
+
+from coadapt.choices import check_choices
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
+from deploy.ports import based_on, with_free_ports
 from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
-from deploy.spec import PROPERTIES, SwarmSpec, factory_robots, make_spec
+from deploy.spec import (
+    MAX_ROBOTS,
+    MIN_ROBOTS,
+    PORT_FIELDS,
+    PROPERTIES,
+    InvalidProperty,
+    SwarmSpec,
+    factory_robots,
+    make_spec,
+)
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError, not_installed
 from swarm.process import ProcessSettings
 from worlds.registry import swarm_worlds, world_kind
-from worlds.sample import is_checkout
 
 if TYPE_CHECKING:
     from worlds.base import World
@@ -30,6 +42,7 @@ WAIT_S_A_ROBOT = 3.0
 
 HERE = "on 127.0.0.1"
 ON_BRIDGE = "on Docker's bridge, in Docker"
+PORT = "default: {}, or the next free one"
 OPTIONS = {
     "--swarm": ("swarm", "name of the swarm"),
     "--world": ("world", "where the robots are"),
@@ -58,6 +71,13 @@ OPTIONS = {
 }
 """Options for properties of a swarm, which say type, choices and default."""
 
+_OPTION_OF = {name: option for option, (name, _) in OPTIONS.items()} | {
+    "robots": "--robots",
+    "comm_range_m": "--comm-range",
+    "link_bps": "--link",
+}
+"""How a property is named on the command line, where the words are not the same."""
+
 _PROCESS = ProcessSettings()
 NEEDED = ("aiohttp", "docker", "jsonschema", "starlette", "uvicorn")
 """What the processes of a swarm import that a robot goes without."""
@@ -83,8 +103,18 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         parser.add_argument(
             f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
         )
+    parser.add_argument(
+        "--port-base",
+        type=int,
+        metavar="PORT",
+        help="take the ports from this one on (default: the usual ones, or the next free ones)",
+    )
     for option, (name, words) in OPTIONS.items():
         field = PROPERTIES[name]
+        if name in PORT_FIELDS:
+            told = f"{words} ({PORT.format(field.default)})"
+            parser.add_argument(option, dest=name, type=int, metavar="PORT", help=told)
+            continue
         choices = get_args(field.type) if get_origin(field.type) is Literal else None
         parser.add_argument(
             option,
@@ -104,9 +134,10 @@ def run(args: argparse.Namespace) -> int:
     for package in NEEDED:
         if importlib.util.find_spec(package) is None:
             raise DeployError(not_installed(package))
-    runtime, why = _runtime(args)
+    running = read_state(args.swarm)
+    runtime, why = _runtime(args, running)
     say(why)
-    spec = _spec(args, runtime)
+    spec = _spec(args, runtime, running)
     if not runtime.up(spec):
         say(f"swarm {spec.swarm!r} runs already")
         _print_where(need_state(spec.swarm))
@@ -123,19 +154,43 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
-    state = read_state(args.swarm)
+def _runtime(args: argparse.Namespace, state: State | None) -> tuple[Runtime, str]:
     if state is None:
         return runtimes.choose(args.runtime)
     if args.runtime not in ("auto", state.runtime):
         raise DeployError(
             f"swarm {args.swarm!r} already exists in runtime {state.runtime}; "
-            f"run `{typed('down')}` first"
+            f"run `{typed('down', args.swarm)}` first"
         )
     return runtimes.get(state.runtime), f"runtime {state.runtime}: the swarm already exists in it"
 
 
-def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
+def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> SwarmSpec:
+    """The swarm that is wished for. Raises DeployError that names an option and what it may be."""
+    try:
+        spec = _wished(args, runtime)
+        named = {name for name in PORT_FIELDS if getattr(args, name) is not None}
+        if args.port_base is not None:
+            based = based_on(args.port_base)
+            spec = replace(spec, **{n: port for n, port in based.items() if n not in named})
+            named = set(PORT_FIELDS)
+    except InvalidProperty as error:
+        option = _OPTION_OF.get(error.name, f"--{error.name}")
+        text = f"{option} {error.value} is not valid; it must be {error.rule}"
+        raise DeployError(text) from error
+    check_choices(spec)
+    if running is not None:
+        kept = {n: getattr(running.spec, n) for n in PORT_FIELDS if n not in named}
+        return replace(spec, **kept)
+    spec, changes = with_free_ports(spec, named)
+    for change in changes:
+        say(change)
+    return spec
+
+
+def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
+    if not MIN_ROBOTS <= args.robots <= MAX_ROBOTS:
+        raise InvalidProperty("robots", args.robots, f"{MIN_ROBOTS} to {MAX_ROBOTS}")
     robots = factory_robots(args.robots)
     comm_range_m, data = args.comm_range_m, args.data
     kind = world_kind(args.world)
@@ -151,7 +206,11 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         robots = world.robots[: args.robots]
         comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
         say(f"{data} has the robots {', '.join(robots)}")
-    values = {name: value for name, value in vars(args).items() if name in PROPERTIES}
+    values = {
+        name: value
+        for name, value in vars(args).items()
+        if name in PROPERTIES and not (value is None and name in PORT_FIELDS)
+    }
     values |= {
         "runtime": runtime.name,
         "robots": robots,
@@ -188,7 +247,12 @@ def _print_where(state: State) -> None:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
     print(f"journal     {journal_path(spec, spec.var_dir)}")
-    if is_checkout():
-        print("next        make status, make shape RATE=5mbit, make logs, make metrics, make down")
-    else:
-        print("next        coadapt status, coadapt net shape --rate 5mbit, coadapt down")
+    steps: tuple[tuple[str, dict[str, object]], ...] = (
+        ("status", {}),
+        ("shape", {"rate": "5mbit"}),
+        ("logs", {}),
+        ("metrics", {}),
+        ("down", {}),
+    )
+    commands = (typed(command, spec.swarm, **options) for command, options in steps)
+    print(f"next        {', '.join(commands)}")

@@ -20,6 +20,8 @@ from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 
 LABEL = "coadapt.swarm"
+RUN_DIR_LABEL = "coadapt.run_dir"
+"""By which a swarm of somebody else that has the same name is told."""
 SERVICE_LABEL = "coadapt.service"
 PLACE = Place(
     listen_host="0.0.0.0",
@@ -123,7 +125,11 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
         **({} if service.role in _IN_HOST_NETWORK else {"networks": ["swarm"]}),
-        "labels": {LABEL: spec.swarm, SERVICE_LABEL: service.name},
+        "labels": {
+            LABEL: spec.swarm,
+            SERVICE_LABEL: service.name,
+            RUN_DIR_LABEL: spec.run_dir,
+        },
         "restart": "unless-stopped" if service.restart == "always" else "no",
         "stop_grace_period": "5s",
         "volumes": _volumes(spec, service),

@@ -114,6 +114,7 @@ class DockerRuntime:
                 raise
             return False
         containers = self._containers(swarm)
+        _check_own(swarm, containers)
         if containers:
             found = True
             with ThreadPoolExecutor(len(containers)) as pool:
@@ -207,6 +208,18 @@ def gateway_of(config: Sequence[Mapping[str, str]]) -> str:
         if entry.get("Subnet"):
             return str(next(ipaddress.ip_network(entry["Subnet"]).hosts()))
     raise DeployError("Docker's network `bridge` has no gateway, so nothing reaches the host")
+
+
+def _check_own(swarm: str, containers: Sequence[Any]) -> None:
+    """Raises DeployError where somebody else's swarm has the same name in this engine."""
+    own = str(run_dir_of(swarm))
+    for container in containers:
+        theirs = container.labels.get(compose.RUN_DIR_LABEL, own)
+        if theirs != own:
+            raise DeployError(
+                f"another swarm {swarm!r} runs in this Docker engine, started from run directory "
+                f"{theirs} (here: {own}); give this one another name (SWARM=, --swarm)"
+            )
 
 
 def _sweep(engine: Any, image: str) -> None:

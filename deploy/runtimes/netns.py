@@ -78,7 +78,7 @@ class NetnsRuntime:
         if reply is None:
             raise DeployError(
                 f"swarm {swarm!r} has crashed: its supervisor does not answer; "
-                f"`{typed('up')}` starts it again, `{typed('down')}` clears it away"
+                f"`{typed('up', swarm)}` starts it again, `{typed('down', swarm)}` clears it away"
             )
         listed = [
             ProcessStatus(s.service, s.state, s.restarts, s.uptime_s, s.detail)

@@ -228,7 +228,26 @@ def test_up_twice_is_harmless_and_other_settings_are_refused(
     assert "runs already" in again.stderr
     other = cli(*up, "--policy", "static-late")
     assert other.returncode == 1
-    assert "already runs with another policy; run `make down` first" in other.stderr
+    said = (
+        "already runs with policy 'coverage' (wanted: 'static-late'); run `make down SWARM=boxed`"
+    )
+    assert said in other.stderr
+    assert {name: c.id for name, c in containers().items()} == before
+
+
+@pytest.mark.stumble(
+    "a second swarm of one name takes the first one down", command="make up SWARM=local  # twice"
+)
+def test_somebody_elses_swarm_of_this_name_is_left_alone(
+    swarm: State, cli: Cli, up: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = {name: c.id for name, c in containers().items()}
+    monkeypatch.setenv("COADAPT_RUN_DIR", str(tmp_path))
+    for command in (up, ("down",)):
+        done = cli(*command)
+        assert done.returncode == 1
+        assert f"another swarm {SWARM!r} runs in this Docker engine" in done.stderr
+        assert swarm.spec.run_dir in done.stderr
     assert {name: c.id for name, c in containers().items()} == before
 
 

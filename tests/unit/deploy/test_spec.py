@@ -209,7 +209,7 @@ def test_a_broken_record_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setenv("COADAPT_RUN_DIR", str(tmp_path))
     (tmp_path / "s1").mkdir()
     (tmp_path / "s1" / "state.json").write_text('{"runtime": "ne')
-    with pytest.raises(DeployError, match=r"state\.json of .* run `coadapt down`"):
+    with pytest.raises(DeployError, match=r"state\.json of .* run `make down SWARM=s1`"):
         read_state("s1")
 
 
