@@ -18,6 +18,7 @@ class Advice:
     participants: tuple[str, ...]
     algorithm: str
     reason: str
+    """The model's own words."""
     model: str
     since_s: float
     """`time.monotonic()` seconds."""
@@ -39,6 +40,8 @@ class Cycle:
     """Where advice that was adopted in this cycle came from."""
     notes: tuple[str, ...] = ()
     """What was repaired in it."""
+    advised: Score | None = None
+    """What the advice in force is worth now."""
     ended: Ended | None = None
     asked: bool = False
 

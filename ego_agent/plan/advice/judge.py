@@ -31,6 +31,8 @@ class Verdict:
     """Kinds of what had to be repaired."""
     notes: tuple[str, ...] = ()
     """What was repaired, in words."""
+    score: Score | None = None
+    """Of what remains, by the scorer; None when it is refused."""
 
 
 def judge(
@@ -62,7 +64,8 @@ def judge(
             kind = "infeasible" if known else "unknown_robot"
         return Verdict(kind, found.why, notes=found.repairs)
     at = scorer.at_rate(found.rate_hz)
-    ours, theirs = at.score(found.participants, found.algorithm), fallback
+    scored = at.score(found.participants, found.algorithm)
+    ours, theirs = scored, fallback
     if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
         estimate = Estimate(scorer, surrogate)
         ours = estimate.score(ours.participants, ours.algorithm)
@@ -71,7 +74,9 @@ def judge(
         return Verdict("worse", why, notes=found.repairs)
     repaired: list[Refused] = ["unknown_robot"] if named - known else []
     repaired += _repaired(at, known, algorithm, found)
-    return Verdict(None, "", found.participants, found.algorithm, tuple(repaired), found.repairs)
+    return Verdict(
+        None, "", found.participants, found.algorithm, tuple(repaired), found.repairs, scored
+    )
 
 
 def _repaired(scorer: Scorer, known: set[str], algorithm: str, decision: Decision) -> list[Refused]:

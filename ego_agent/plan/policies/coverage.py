@@ -44,7 +44,7 @@ class Coverage:
         held = still_possible(scorer, previous)
         if held is not None and previous is not None:
             best = settle(scorer, options, best, held, previous)
-        return best, _reason(scorer, best, kept=best is held)
+        return best, reason_of(scorer, best, kept=best is held)
 
 
 def _options(scorer: Scorer) -> Iterator[Score]:
@@ -67,8 +67,8 @@ def _options(scorer: Scorer) -> Iterator[Score]:
                 break
 
 
-def _reason(scorer: Scorer, score: Score, *, kept: bool) -> str:
-    """One sentence for people."""
+def reason_of(scorer: Scorer, score: Score, *, kept: bool) -> str:
+    """What is known of a choice, in one sentence for people."""
     at = scorer.at(score.pace)
     rows = [0, *(scorer.row_of[robot] for robot in score.participants)]
     share = at.share(rows, score.algorithm)

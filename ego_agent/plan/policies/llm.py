@@ -19,7 +19,7 @@ from ego_agent.plan.advice.questions import Asking, Heard, Question, Questions
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.validation import make_decision
-from ego_agent.plan.policies.coverage import Coverage
+from ego_agent.plan.policies.coverage import Coverage, reason_of
 from ego_agent.plan.prompting import prompt_maker, read_answer
 from ego_agent.plan.prompting.fingerprint import scene_fingerprint
 from ego_agent.plan.surrogate.model import Surrogate, packaged_surrogate
@@ -175,6 +175,7 @@ class Llm:
         if self._held is not None:
             cycle.ended = "replaced"
         cycle.fresh, cycle.notes = heard.answer.source, verdict.notes
+        cycle.advised = verdict.score
         self._held = Advice(
             verdict.participants,
             verdict.algorithm,
@@ -199,6 +200,7 @@ class Llm:
         elif verdict.repaired:
             cycle.ended, why = verdict.repaired[0], "; ".join(verdict.notes)
         else:
+            cycle.advised = verdict.score
             return
         self._held = None
         self._refuse(cycle, f"given up: {why}")
@@ -223,7 +225,7 @@ class Llm:
             return Proposal(
                 held.participants,
                 held.algorithm,
-                held.reason,
+                _reason(cycle, held),
                 cycle.fresh or "hold",
                 model=held.model,
                 notes=cycle.notes,
@@ -269,6 +271,15 @@ class Llm:
         if self._questions is not None and self._questions.pending:
             return "waiting"
         return "refused" if self._refusal else "none"
+
+
+def _reason(cycle: Cycle, held: Advice) -> str:
+    """What is known of the advice, and only then what the model says: its words are no facts."""
+    words = f'{held.model} says: "{held.reason}"' if held.reason else ""
+    if cycle.advised is None:
+        return words
+    facts = reason_of(cycle.scorer, cycle.advised, kept=False)
+    return f"{facts} {words}".rstrip()
 
 
 POLICIES = (Llm,)

@@ -42,16 +42,24 @@ def adopted(decision: Decision) -> bool:
     return outcome(decision) == "adopted"
 
 
+@pytest.mark.stumble(
+    "a language model's sentence is the reason of a decision", command="make up LLM=embedded"
+)
 def test_advice_is_adopted_and_then_held(meeting: Meet) -> None:
     ego, gateway = meeting(saying("B", "A", reason="they see the rest"))
     first = ego.until(adopted)
     assert (first.source, first.policy, first.model) == ("llm", "llm", "tiny")
     assert (first.participants, first.algorithm) == (("E", "A", "B"), "early")
-    assert first.reason == "they see the rest"
+    # What is known comes first; the model's words are told as such.
+    facts, words = first.reason.split(". ", 1)
+    assert facts.startswith("The ego and 2 of ")
+    assert "early fusion costs" in facts
+    assert words == 'tiny says: "they see the rest"'
     assert report(first).state == "adopted"
     for _ in range(3):
         held = ego.cycle()
-        assert (held.source, held.model, held.reason) == ("hold", "tiny", "they see the rest")
+        assert (held.source, held.model) == ("hold", "tiny")
+        assert held.reason.endswith(words)
         assert held.participants == first.participants
         assert report(held).state == "held"
         assert report(held).question == 1
@@ -355,7 +363,8 @@ def test_hostile_text_reaches_nobody(meeting: Meet) -> None:
     ego, _ = meeting(saying("A", "B", reason=nasty, model="tiny\x1b[31m\nroot"))
     found = ego.until(adopted)
     assert found.reason.isprintable()
-    assert len(found.reason) <= 300
+    assert len(found.reason) <= 500
+    assert found.reason.startswith("The ego and 2 of 2 robots")
     assert found.model == "tiny [31m root"
 
 
