@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import zenoh
 
 from swarm.errors import SettingError, TransportError
+from swarm.messages import MAX_MESSAGE_BYTES
 from swarm.traffic import LINKS, TrafficClass
 
 _TCP = re.compile(r"tcp/(?P<host>\[[^\]]+\]|[^:/\s]+):(?P<port>\d{1,5})")
@@ -44,12 +45,25 @@ CONTROL_BUFFER_BYTES = 16_384
 """What a router's socket holds of control traffic on its way to one process. Left to itself the
 kernel takes megabytes: minutes of old news before a link that has become narrow."""
 
+MAX_RECEIVED_BYTES = MAX_MESSAGE_BYTES + 1_000_000
+"""What Zenoh puts together at most: a message, its key and its attachment. A sender of more loses
+its connection before the memory is spent, here and at the router."""
+
+CONTROL_BYTES = {
+    "coadapt/*/robot/*/beacon": 16_384,
+    "coadapt/*/robot/*/scene": 262_144,
+    "coadapt/*/net/*": 1_048_576,
+}
+"""What a router passes on at most, by key: many times what the largest swarm says there. Everybody
+who listens would have to take more."""
+
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "transport/unicast/max_links": LINKS + 1,
     # Shared memory does not cross containers, and promotes payloads silently.
     "transport/shared_memory/enabled": False,
+    "transport/link/rx/max_message_size": MAX_RECEIVED_BYTES,
     "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
 }
 
@@ -68,7 +82,22 @@ def router_config(host: str, port: int, unix_socket: str | None = None) -> dict[
                 "choose a shorter run directory"
             )
         listen.append(f"unixsock-stream/{unix_socket}")
-    return {"mode": "router", "listen/endpoints": listen, **_COMMON}
+    filters = [
+        {
+            "id": key.replace("*", "any").replace("/", "-"),
+            "flows": ["ingress"],
+            "messages": ["put"],
+            "key_exprs": [key],
+            "size_limit": size,
+        }
+        for key, size in CONTROL_BYTES.items()
+    ]
+    return {
+        "mode": "router",
+        "listen/endpoints": listen,
+        "low_pass_filter": filters,
+        **_COMMON,
+    }
 
 
 def client_config(router: str) -> dict[str, Any]:
