@@ -290,6 +290,10 @@ class Asker:
                 f"answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
                 f"{asked.request} to {ask.robot} ({asked.algorithm})",
             )
+        instance = self._monitor.instance(ask.robot)
+        if instance is not None and seen.instance != instance:
+            why = f"not the process that sends the beacons of {ask.robot} answers"
+            return Missing("impostor", why)
         skew_ns = seen.capture_ns - asked.capture_ns
         if abs(skew_ns) > self._max_skew_ns:
             return Missing("skew", f"its frame is {skew_ns * 1e-9:+.3f} s off")

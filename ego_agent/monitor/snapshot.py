@@ -28,6 +28,11 @@ MAX_ROBOTS = 256
 MAX_INSTANCES = 8
 DUPLICATE_WINDOW_S = 2.0
 """Two processes that are heard in turn within this time share an id."""
+MAX_TOKENS = 100_000
+"""Of robots that have no beacon: names cost little, a robot's entry more."""
+SEQ_SLACK, SEQ_PER_S = 1000, 100
+"""A robot numbers its beacons and scenes one by one. Numbers of one instance that are farther apart
+than so many, and so many a second since it was heard, come from two processes."""
 MAX_STAMPS = 256
 """The ego's own messages that a robot may still echo."""
 FORGET_S = 30.0
@@ -37,12 +42,36 @@ _SMOOTHING = 0.25
 
 
 @dataclass(slots=True)
+class _Numbers:
+    """Of one kind of message of one process."""
+
+    last: int = -1
+    at: float = 0.0
+    """When that came."""
+
+    def follows(self, seq: int, now: float) -> bool | None:
+        """Whether a number comes next; None where it cannot be of the same process.
+
+        A number far below counts from then on: what was counted before was not the process's own.
+        """
+        most = SEQ_SLACK + SEQ_PER_S * (now - self.at)
+        if self.last < 0 or self.last < seq <= self.last + most:
+            self.last, self.at = seq, now
+            return True
+        if self.last - SEQ_SLACK <= seq <= self.last:
+            return False
+        if seq < self.last:
+            self.last, self.at = seq, now
+        return None
+
+
+@dataclass(slots=True)
 class _Stream:
     """What came from one process (instance) of a robot."""
 
     heard_at: float
-    beacon_seq: int = -1
-    scene_seq: int = -1
+    beacons: _Numbers = field(default_factory=_Numbers)
+    scenes: _Numbers = field(default_factory=_Numbers)
 
 
 @dataclass(slots=True)
@@ -98,6 +127,8 @@ class Monitor:
         self._max_robots = max_robots
         self._lock = threading.Lock()
         self._robots: dict[str, _Robot] = {ego: _Robot(alive=True)}
+        self._tokens: set[str] = set()
+        """Robots whose liveliness token is there."""
         self._own: tuple[Beacon, float] | None = None
         self._own_off_duty = ""
         self._own_scene: tuple[SceneDescription, float] | None = None
@@ -131,12 +162,11 @@ class Monitor:
             robot = self._heard(beacon.robot, beacon.instance, now)
             if robot is None:
                 return
-            stream = robot.streams[beacon.instance]
-            if beacon.seq <= stream.beacon_seq:
-                self._out_of_order += 1
-                return
-            stream.beacon_seq = beacon.seq
             known = robot.beacon
+            if known is not None and _twins(known, beacon):
+                robot.conflict_at = now
+            if not self._in_order(robot, robot.streams[beacon.instance].beacons, beacon.seq, now):
+                return
             if known is not None and known.instance == beacon.instance and not beacon.sizes:
                 # A robot that speaks little leaves out sizes that it has told.
                 beacon = msgspec.structs.replace(beacon, sizes=known.sizes)
@@ -157,11 +187,8 @@ class Monitor:
             robot = self._heard(scene.robot, scene.instance, now)
             if robot is None:
                 return
-            stream = robot.streams[scene.instance]
-            if scene.seq <= stream.scene_seq:
-                self._out_of_order += 1
+            if not self._in_order(robot, robot.streams[scene.instance].scenes, scene.seq, now):
                 return
-            stream.scene_seq = scene.seq
             robot.scene = scene
             robot.scene_at = now
 
@@ -199,6 +226,8 @@ class Monitor:
     def on_join(self, robot: str) -> None:
         """A liveliness token appeared."""
         with self._lock:
+            if len(self._tokens) < MAX_TOKENS:
+                self._tokens.add(robot)
             entry = self._entry(robot, self._monotonic())
             if entry is not None:
                 entry.alive = True
@@ -206,6 +235,7 @@ class Monitor:
     def on_leave(self, robot: str) -> None:
         """A liveliness token is gone. Whether the ego is alive, it knows better itself."""
         with self._lock:
+            self._tokens.discard(robot)
             if robot in self._robots and robot != self.ego:
                 self._robots[robot].alive = False
 
@@ -221,6 +251,12 @@ class Monitor:
         """The robot's liveliness token is present."""
         with self._lock:
             return robot in self._robots and self._robots[robot].alive
+
+    def instance(self, robot: str) -> int | None:
+        """Which process sends the robot's beacons; None before the first."""
+        with self._lock:
+            entry = self._robots.get(robot)
+            return None if entry is None or entry.beacon is None else entry.beacon.instance
 
     def clock_offset_ns(self, robot: str) -> int:
         """The robot's time of day minus the ego's; 0 if unknown."""
@@ -317,17 +353,40 @@ class Monitor:
             off_duty=self._own_off_duty,
         )
 
-    def _entry(self, robot: str, now: float) -> _Robot | None:
-        """The robot's entry, new if there is room. Call with the lock held."""
+    def _in_order(self, robot: _Robot, numbers: _Numbers, seq: int, now: float) -> bool:
+        """Whether a message's number comes next. Call with the lock held."""
+        follows = numbers.follows(seq, now)
+        if follows is None:
+            robot.conflict_at = now
+        if not follows:
+            self._out_of_order += 1
+        return bool(follows)
+
+    def _entry(self, robot: str, now: float, *, speaks: bool = False) -> _Robot | None:
+        """The robot's entry, new if there is room. A robot that `speaks` and whose token is there
+        takes the room of one of which either is missing. Call with the lock held."""
         entry = self._robots.get(robot)
         if entry is None:
             if len(self._robots) >= self._max_robots:
                 self._forget(now)
+            if len(self._robots) >= self._max_robots and speaks and robot in self._tokens:
+                self._displace()
             if len(self._robots) >= self._max_robots:
                 self._no_room += 1
                 return None
-            entry = self._robots[robot] = _Robot()
+            entry = self._robots[robot] = _Robot(alive=robot in self._tokens)
         return entry
+
+    def _displace(self) -> None:
+        """Drops a robot that has never spoken, or whose token is not there, if there is one."""
+        doubtful = (
+            robot
+            for robot, entry in self._robots.items()
+            if robot != self.ego and (entry.heard_at == -math.inf or not entry.alive)
+        )
+        loser = next(doubtful, None)
+        if loser is not None:
+            del self._robots[loser]
 
     def _forget(self, now: float) -> None:
         """Drops the robots that have left and are silent."""
@@ -344,7 +403,7 @@ class Monitor:
         Another process than the last one is a restart (the old one stays silent) or a duplicate
         (the old one speaks again soon): heard in turn A, B, A within the window is a duplicate.
         """
-        entry = self._entry(robot, now)
+        entry = self._entry(robot, now, speaks=True)
         if entry is None:
             return None
         entry.heard_at = now
@@ -361,6 +420,17 @@ class Monitor:
             stream = entry.streams[instance] = _Stream(heard_at=now)
         stream.heard_at = now
         return entry
+
+
+def _twins(known: Beacon, beacon: Beacon) -> bool:
+    """Whether two beacons of one number are not the same: two processes then use one instance."""
+    if (known.instance, known.seq) != (beacon.instance, beacon.seq):
+        return False
+    return (known.sent_ns, known.capture_ns, known.pose) != (
+        beacon.sent_ns,
+        beacon.capture_ns,
+        beacon.pose,
+    )
 
 
 def _ns(seconds: float) -> int:

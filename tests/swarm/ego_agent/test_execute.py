@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ from ego_agent.execute.frame_round import MISSING_KINDS, Missing
 from ego_agent.knowledge.base import Knowledge
 from swarm import keyspace
 from swarm.errors import PerceptionError
-from swarm.messages import Detections, Observation, ObservationRequest
+from swarm.messages import Beacon, Detections, Observation, ObservationRequest
 from swarm.session import Session
 from tests.support.ego_hall import (  # noqa: F401
     Ego,
@@ -28,8 +29,10 @@ from tests.support.ego_hall import (  # noqa: F401
     observation,
 )
 from tests.support.ego_swarm import Heard, Swarm, until
+from tests.support.message_samples import SAMPLES
 from worlds.base import Scan
 
+BEACON = next(sample for sample in SAMPLES if isinstance(sample, Beacon))
 SHORT_S = 2.0
 """For frames in which no robot answers."""
 
@@ -173,6 +176,17 @@ def test_an_answer_to_another_question_is_not_fused(
     assert result.missing["R2"].kind == kind
     assert result.participants == ("R1",)
     assert len(result.boxes) == 1
+
+
+def test_what_another_process_answers_in_a_robots_name_is_not_fused(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    # Whoever connected first is asked: the robot itself, started again, comes too late.
+    robot("R2", lambda request: observation(hall, "R2", request, b"", instance=2))
+    ego.monitor.on_beacon(msgspec.structs.replace(BEACON, robot="R2", instance=1))
+    asked = [ego.fuse("R2") for _ in range(40)]
+    assert {result.missing["R2"].kind for result in asked} == {"impostor"}
+    assert {result.participants for result in asked} == {("R1",)}
 
 
 def test_an_oversized_answer_is_dropped(ego: Ego, hall: Hall, robot: RobotStarter) -> None:

@@ -285,6 +285,75 @@ def test_a_flood_of_ids_is_bounded_and_leaves_the_known_robots_alone(time: Time)
     assert monitor.counts().no_room > 0
 
 
+def test_tokens_and_beacons_alone_keep_no_robot_out(time: Time) -> None:
+    monitor = Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic, max_robots=8)
+    for i in range(100):
+        monitor.on_join(f"Y{i}")
+        monitor.on_beacon(beacon(f"X{i}"))
+    for robot in ("R2", "R3"):
+        monitor.on_join(robot)
+        monitor.on_beacon(beacon(robot))
+        assert monitor.is_alive(robot)
+    # Nor do they take it from those that have both.
+    for i in range(100, 200):
+        monitor.on_join(f"Y{i}")
+        monitor.on_beacon(beacon(f"X{i}"))
+    robots = monitor.snapshot(1, 0).robots
+    assert len(robots) == 8
+    assert {"R1", "R2", "R3"} <= set(robots)
+
+
+def test_a_token_that_found_no_room_counts_when_the_robot_speaks(time: Time) -> None:
+    monitor = Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic, max_robots=2)
+    monitor.on_join("R2")
+    monitor.on_join("R3")
+    assert not monitor.is_alive("R3")
+    monitor.on_beacon(beacon("R3"))
+    assert monitor.is_alive("R3")
+    monitor.on_leave("R3")
+    assert not monitor.is_alive("R3")
+
+
+def test_a_number_far_ahead_silences_nobody_and_is_told(monitor: Monitor, time: Time) -> None:
+    for seq in range(1, 4):
+        monitor.on_beacon(beacon(seq=seq))
+    monitor.on_beacon(beacon(seq=10**12))
+    assert view(monitor, "R2").duplicate
+    monitor.on_beacon(beacon(seq=4))
+    held = view(monitor, "R2")
+    assert held.beacon == beacon(seq=4)
+    time.now_s += DUPLICATE_WINDOW_S + 0.1
+    monitor.on_beacon(beacon(seq=5))
+    assert not view(monitor, "R2").duplicate
+
+
+def test_who_began_with_a_number_far_ahead_does_not_silence_who_counts(monitor: Monitor) -> None:
+    monitor.on_beacon(beacon(seq=10**12))
+    monitor.on_beacon(beacon(seq=7))
+    assert view(monitor, "R2").duplicate
+    monitor.on_beacon(beacon(seq=8))
+    held = view(monitor, "R2").beacon
+    assert held == beacon(seq=8)
+
+
+def test_one_number_with_two_meanings_is_told(monitor: Monitor) -> None:
+    monitor.on_beacon(beacon(seq=1))
+    monitor.on_beacon(beacon(seq=1))
+    assert not view(monitor, "R2").duplicate
+    monitor.on_beacon(msgspec.structs.replace(beacon(seq=1), pose=(9.0, *POSE[1:])))
+    assert view(monitor, "R2").duplicate
+
+
+def test_a_robot_that_was_not_heard_for_long_goes_on(monitor: Monitor, time: Time) -> None:
+    monitor.on_beacon(beacon(seq=1))
+    time.now_s += 3600.0
+    monitor.on_beacon(beacon(seq=36_001, sent_s=4600.0))
+    held = view(monitor, "R2")
+    assert not held.duplicate
+    assert held.beacon is not None
+    assert held.beacon.seq == 36_001
+
+
 def test_robots_that_left_long_ago_make_room(time: Time) -> None:
     monitor = Monitor("R1", LinkEstimate(55e6), clock=time, monotonic=time.monotonic, max_robots=3)
     monitor.on_beacon(beacon("R2"))
