@@ -15,6 +15,9 @@ from swarm.log import Logger
 from swarm.messages import Backlog, Observation, ObservationRequest, RobotSteered, RobotSteering
 from swarm.session import Session
 
+OBSERVE_WORKERS = 3
+"""Two for an ego whose frames overlap, and one that is left for the others."""
+
 
 class Duty:
     """One robot's duty. Off duty it is alive for nobody and answers nothing but steering."""
@@ -45,6 +48,7 @@ class Duty:
             keyspace.observation(swarm, robot),
             ObservationRequest,
             self._observe,
+            workers=OBSERVE_WORKERS,
             newest_first=True,
         )
         session.serve(keyspace.robot_steering(swarm, robot), RobotSteering, self._steer, workers=1)

@@ -26,6 +26,9 @@ SLOW_S = 0.2
 STALL_S = 10.0
 """A server waits no longer than this for credit: Zenoh's lease, after which an asker that is cut
 off counts as gone."""
+SHARED_STALL_S = 2.0
+"""...and no longer than this where somebody else waits for its thread: a part takes 1.3 s at
+100 kbit/s."""
 
 
 class Window:
@@ -110,14 +113,22 @@ class Credits:
                 self._parts[token] = max(self._parts[token], parts)
                 self._changed.notify_all()
 
-    def wait(self, token: int, parts: int, until: float) -> bool:
+    def wait(
+        self, token: int, parts: int, until: float, wanted: Callable[[], bool] = lambda: False
+    ) -> bool:
         """Waits until so many parts may have been sent; False when that has not come at the
-        monotonic time `until` or STALL_S from now, or when the answer was closed."""
+        monotonic time `until` or STALL_S from now, when the answer was closed, or after
+        SHARED_STALL_S where the thread is `wanted` for somebody else."""
+        begun = time.monotonic()
+
+        def given() -> bool:
+            return self._parts.get(token, parts) >= parts
+
         with self._changed:
-            self._changed.wait_for(
-                lambda: self._parts.get(token, parts) >= parts,
-                max(0.0, min(until - time.monotonic(), STALL_S)),
-            )
+            while not given() and (now := time.monotonic()) < min(until, begun + STALL_S):
+                if now - begun >= SHARED_STALL_S and wanted():
+                    return False
+                self._changed.wait_for(given, min(until - now, SHARED_STALL_S))
             return self._parts.get(token, 0) >= parts and time.monotonic() < until
 
     def close_all(self) -> None:

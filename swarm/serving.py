@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -19,15 +17,17 @@ from swarm.credit import Credits
 from swarm.errors import CoAdaptError, MessageError
 from swarm.log import Logger
 from swarm.messages import MAX_MESSAGE_BYTES, Message, Refusal, decode, encode
+from swarm.places import Places
 
 M = TypeVar("M", bound=Message)
 MAX_WAITING_QUERIES = 16
 
 
-class _Taken(NamedTuple):
+class _Taken(NamedTuple, Generic[M]):
     """A query that was taken."""
 
     query: zenoh.Query
+    request: M
     asked: Ask | None
     until: float
     """When its asker stops waiting, `time.monotonic()` seconds."""
@@ -49,8 +49,9 @@ class Server(Generic[M]):
         on_invalid: Callable[[MessageError], None],
     ) -> None:
         """At most `waiting` queries are taken at a time, which are answered in the order in which
-        they came, or the newest first; then the oldest one gives way to one more. `on_invalid`
-        hears of a request that does not validate."""
+        they came, or the newest first; then the oldest one gives way to one more. Who asks (the
+        request's `ego`) has a share of them, and never all of several workers. `on_invalid` hears
+        of a request that does not validate."""
         self._key = key
         self._kind = kind
         self._handler = handler
@@ -59,11 +60,9 @@ class Server(Generic[M]):
         self._robot = keyspace.robot_of(key) if keyspace.belongs_to_robot(key) else ""
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="serve")
         self._max_waiting = waiting
-        # A place is given back when an answer has been sent.
-        self._waiting = threading.BoundedSemaphore(waiting)
-        self._newest_first = newest_first
-        self._queries: deque[_Taken] = deque()
-        """Those that wait for a thread."""
+        self._places: Places[_Taken[M]] = Places(
+            waiting, max(1, workers - 1), newest_first=newest_first
+        )
         self._credits = Credits()
 
     def receive(self, query: zenoh.Query) -> None:
@@ -74,67 +73,54 @@ class Server(Generic[M]):
             with query:
                 self._credits.give(asked.token, asked.parts)
             return
+        try:
+            request = decode(query.payload.to_bytes() if query.payload else b"", self._kind)
+        except MessageError as error:
+            self._on_invalid(error)
+            with query:
+                self._refuse(query, str(error))
+            return
         # By this process's own clock, from now: the asker's may show another time.
         until = math.inf if asked is None else time.monotonic() + asked.timeout_s
-        taken = _Taken(query, asked, until)
-        if not self._waiting.acquire(blocking=False):
-            self._crowd_out(taken)
-            return
-        self._queries.append(taken)
-        try:
-            self._pool.submit(self._answer_next)
-        except RuntimeError:
-            # The session is closing.
-            with suppress(ValueError):
-                self._queries.remove(taken)
-            with query:
-                self._refuse(query, "closing")
+        taken = _Taken(query, request, asked, until)
+        loser = self._places.add(_asker(request), taken)
+        if loser is not None:
+            with loser.query:
+                why = f"busy: {self._max_waiting} requests are waiting already"
+                self._refuse(loser.query, why, code="busy")
+        if loser is not taken:
+            # The session may be closing: nothing waits then.
+            with suppress(RuntimeError):
+                self._pool.submit(self._answer)
 
     def drain(self, until: float) -> bool:
         """Refuses new queries from now on, and waits until those taken are answered.
 
         `until` is monotonic seconds; returns whether that was in time.
         """
-        return all(
-            self._waiting.acquire(timeout=max(0.0, until - time.monotonic()))
-            for _ in range(self._max_waiting)
-        )
+        return self._places.drain(until)
 
     def close(self) -> None:
         """Begins no further answer and stops those under way; does not wait for handlers."""
         self._pool.shutdown(wait=False, cancel_futures=True)
-        self._queries.clear()
+        self._places.close()
         self._credits.close_all()
 
-    def _crowd_out(self, newest: _Taken) -> None:
-        """There are as many as may wait: one of them, or the newest, has to go."""
-        loser = newest
-        if self._newest_first:
-            # In this order: there are never fewer queries than threads were told to answer.
-            self._queries.append(newest)
-            loser = self._queries.popleft()
-        with loser.query:
-            why = f"busy: {self._max_waiting} requests are waiting already"
-            self._refuse(loser.query, why, code="busy")
+    def _answer(self) -> None:
+        """Answers what waits, until there is nothing that this thread may begin."""
+        while (found := self._places.next()) is not None:
+            asker, taken = found
+            try:
+                with taken.query:
+                    if time.monotonic() < taken.until:
+                        self._handle(asker, taken)
+            except zenoh.ZError as error:
+                self._log.warning("reply_failed", key=self._key, error=str(error))
+            finally:
+                self._places.done(asker)
 
-    def _answer_next(self) -> None:
-        query, asked, until = self._queries.pop() if self._newest_first else self._queries.popleft()
-        try:
-            with query:
-                if time.monotonic() < until:
-                    self._handle(query, asked, until)
-        except zenoh.ZError as error:
-            self._log.warning("reply_failed", key=self._key, error=str(error))
-        finally:
-            self._waiting.release()
-
-    def _handle(self, query: zenoh.Query, asked: Ask | None, until: float) -> None:
-        try:
-            request = decode(query.payload.to_bytes() if query.payload else b"", self._kind)
-        except MessageError as error:
-            self._on_invalid(error)
-            self._refuse(query, str(error))
-            return
+    def _handle(self, asker: str, taken: _Taken[M]) -> None:
+        query, request, asked, until = taken
         number = getattr(request, "request", 0)
         try:
             data = encode(self._handler(request))
@@ -150,14 +136,17 @@ class Server(Generic[M]):
             elif asked is None:
                 query.reply(self._key, data)
             else:
-                self._send(query, data, asked, until)
+                self._send(asker, query, data, asked, until)
 
-    def _send(self, query: zenoh.Query, data: bytes, asked: Ask, until: float) -> None:
-        """Sends an answer as far as credit comes, and until nobody waits for it any more."""
+    def _send(self, asker: str, query: zenoh.Query, data: bytes, asked: Ask, until: float) -> None:
+        """Sends an answer as far as credit comes, and until nobody waits for it any more. One that
+        stands gives way to somebody else's."""
         self._credits.open(asked.token, asked.parts)
         try:
             for number, (attachment, part) in enumerate(chunks.split(data), 1):
-                if not self._credits.wait(asked.token, number, until):
+                if not self._credits.wait(
+                    asked.token, number, until, wanted=lambda: self._places.wanted(asker)
+                ):
                     self._log.debug("answer_abandoned", key=self._key, parts=number - 1)
                     return
                 query.reply(self._key, part, attachment=attachment)
@@ -167,3 +156,7 @@ class Server(Generic[M]):
     def _refuse(self, query: zenoh.Query, reason: str, request: int = 0, code: str = "") -> None:
         refusal = Refusal(robot=self._robot, request=request, reason=reason, code=code)
         query.reply_err(encode(refusal))
+
+
+def _asker(request: Message) -> str:
+    return str(getattr(request, "ego", ""))

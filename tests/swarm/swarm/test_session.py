@@ -409,7 +409,7 @@ def numbered(number: int) -> ObservationRequest:
 
 def queued(pair: Pair, *numbers: int) -> list[Future[Answer[Observation]]]:
     """Requests that have come one after the other."""
-    queue = pair[0]._servers[0]._queries
+    queue = pair[0]._servers[0]._places._waiting
     futures = []
     for number in numbers:
         newest = queue[-1] if queue else None
@@ -441,6 +441,23 @@ def test_the_oldest_request_gives_way_where_the_newest_is_answered_first(
     for future in rest[2:]:
         future.result(WAIT_S)
     assert handled == [1, 5, 4]
+
+
+def test_a_stranger_who_takes_all_places_and_no_parts_keeps_nobody_out(
+    shared_router: RouterProcess, pair: Pair
+) -> None:
+    serve(pair, lambda request: observation(request, LARGE), workers=3, newest_first=True)
+    key = keyspace.observation(pair[0].swarm, "R1")
+    stranger = ObservationRequest(ego="stranger", request=1, algorithm="early", capture_ns=0)
+    with raw_zenoh(shared_router) as asker:
+        for token in range(3 * MAX_WAITING_QUERIES):
+            attachment = Ask(token, timeout_s=3600.0, parts=1).pack()
+            # Its answers are never taken, and its credit never grows.
+            asker.get(key, lambda _: None, payload=encode(stranger), attachment=attachment)
+        until(lambda: pair[0]._servers[0]._places.wanted("E1"), "the stranger waits")
+        for number in range(5):
+            answer = ask(pair[1], numbered(number)).result(WAIT_S)
+            assert answer.message.payload == LARGE
 
 
 def test_a_key_that_nobody_serves_is_told_at_once(pair: Pair) -> None:
