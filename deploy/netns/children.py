@@ -20,6 +20,9 @@ FIRST_DELAY_S = 0.5
 MAX_DELAY_S = 10.0
 SETTLED_S = 30.0
 """A process that ran this long starts with the first delay again when it ends."""
+WATCH_S = 5.0
+HELD_S = 30.0
+"""A process that was stopped (SIGSTOP) for so long is ended, so that it is started again."""
 POLITE_S = 5.0
 """How long processes may take to end after SIGTERM."""
 ROUTER_POLITE_S = 2.0
@@ -43,6 +46,8 @@ class _Child:
     restarts: int = 0
     delay_s: float = FIRST_DELAY_S
     detail: str = ""
+    held_since: float | None = None
+    """Since when it has been seen stopped."""
     retry: asyncio.TimerHandle | None = field(default=None, repr=False)
 
 
@@ -64,6 +69,7 @@ class Children:
         asyncio.get_running_loop().add_signal_handler(signal.SIGCHLD, self._reap)
         for child in self._children.values():
             self._spawn(child)
+        asyncio.get_running_loop().call_later(WATCH_S, self._watch)
 
     def status(self) -> tuple[ChildStatus, ...]:
         """All processes, in the order in which they were given."""
@@ -133,7 +139,7 @@ class Children:
             )
         finally:
             os.close(log)
-        child.begun = time.monotonic()
+        child.begun, child.held_since = time.monotonic(), None
         self._by_pid[child.pid] = child
         self._log.info("started", service=service.name, pid=child.pid)
 
@@ -160,6 +166,9 @@ class Children:
         if time.monotonic() - child.begun > SETTLED_S:
             child.delay_s = FIRST_DELAY_S
         child.restarts += 1
+        self._start_later(child)
+
+    def _start_later(self, child: _Child) -> None:
         loop = asyncio.get_running_loop()
         child.retry = loop.call_later(child.delay_s, self._again, child)
         child.delay_s = min(child.delay_s * 2, MAX_DELAY_S)
@@ -170,9 +179,35 @@ class Children:
         except OSError as error:
             child.detail = f"cannot be started again: {error}"
             self._log.error("not_started", service=child.service.name, error=str(error))
+            self._start_later(child)
+
+    def _watch(self) -> None:
+        """Ends processes that somebody has stopped and nobody lets go on."""
+        if self._stopping:
+            return
+        asyncio.get_running_loop().call_later(WATCH_S, self._watch)
+        now = time.monotonic()
+        for child in self._children.values():
+            if child.pid is None or not _is_stopped(child.pid):
+                child.held_since = None
+            elif child.held_since is None:
+                child.held_since = now
+            elif now - child.held_since >= HELD_S:
+                self._log.error("held", service=child.service.name, seconds=HELD_S)
+                os.kill(child.pid, signal.SIGKILL)
 
     @staticmethod
     def _state(child: _Child) -> ProcessState:
         if child.pid is not None:
             return "running"
         return "restarting" if child.retry is not None else "stopped"
+
+
+def _is_stopped(pid: int) -> bool:
+    """Whether the process is stopped by a signal."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    # The program's name, in parentheses, may hold anything.
+    return stat.rpartition(")")[2].split()[0] == "T"
