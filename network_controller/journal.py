@@ -1,45 +1,71 @@
 """The journal of the controller: every action and why, one JSON line each.
 
 A line is on the disk before the next action; a line that a crash tore is closed off, so that it
-costs only itself. docs/network.md describes the fields.
+costs only itself. A full file becomes a part (swarm/line_file.py). docs/network.md describes the
+fields.
 """
 
 from __future__ import annotations
 
-import os
+from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from swarm.errors import JournalError
+from swarm.line_file import PART_BYTES, PARTS, LineFile
+
+MAX_PENDING = 10_000
+"""Lines kept in memory while the disk refuses them; the oldest go first."""
 
 
 class Journal:
-    """The writing end. A disk that refuses a line costs that line, and is counted in `lost`."""
+    """The writing end. Lines that a disk refuses wait in memory for the next one."""
 
-    def __init__(self, path: Path) -> None:
-        """Opens or makes the file. Raises JournalError when it cannot be written."""
+    def __init__(self, path: Path, *, part_bytes: int = PART_BYTES, parts: int = PARTS) -> None:
+        """Opens or makes the file. Raises JournalError when it cannot be written, or another
+        process writes it."""
         self.path = path
         self.lost = 0
+        """Lines that were given up because the disk refused too many."""
+        self._pending: deque[bytes] = deque()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-            size = os.fstat(self._fd).st_size
-            if size and os.pread(self._fd, 1, size - 1) != b"\n":
-                os.write(self._fd, b"\n")
+            self._file = LineFile(path, part_bytes=part_bytes, parts=parts)
         except OSError as error:
             raise JournalError(f"journal {str(path)!r} cannot be written: {error}") from error
+        try:
+            held = path.read_bytes()
+            self._file.keep(len(held))
+            if held and not held.endswith(b"\n"):
+                self._file.append(b"\n")
+        except OSError as error:
+            self._file.close()
+            raise JournalError(f"journal {str(path)!r} cannot be written: {error}") from error
+
+    @property
+    def pending(self) -> int:
+        """Lines that wait for a disk that refused them."""
+        return len(self._pending)
 
     def note(self, now_ns: int, action: str, reason: str, **facts: Any) -> None:
         """Appends one line: when, what was done, why, and facts that JSON can hold."""
         line = {"time_ns": now_ns, "action": action, **facts, "reason": reason}
-        try:
-            os.write(self._fd, msgspec.json.encode(line) + b"\n")
-            os.fsync(self._fd)
-        except OSError:
+        self._pending.append(msgspec.json.encode(line) + b"\n")
+        if len(self._pending) > MAX_PENDING:
+            self._pending.popleft()
             self.lost += 1
+        try:
+            if self._file.is_full:
+                # The lines matter more than the size of the file.
+                with suppress(OSError):
+                    self._file.rotate()
+            self._file.append(b"".join(self._pending))
+        except OSError:
+            return
+        self._pending.clear()
 
     def close(self) -> None:
         """Closes the file."""
-        os.close(self._fd)
+        self._file.close()

@@ -35,7 +35,9 @@ class ControllerMetrics:
         self.actions = counter("actions_total", "What the controller did.", ["action"])
         self.requests = counter("requests_total", "Operators' requests.", ["profile", "outcome"])
         self.failures = counter("apply_failures_total", "Shapes that could not be applied.", [])
-        self.journal_lost = gauge("journal_lost_lines", "Lines that the disk refused.", [])
+        self.journal_lost = gauge(
+            "journal_lost_lines", "Lines that the disk refuses: waiting, or given up.", []
+        )
         self.demand = gauge("demand_bytes_per_second", "What an ego needs for Q_min.", ["ego"])
         self.unreachable = gauge("unreachable_seconds", "How long Q_min is out of reach.", ["ego"])
         self._links: set[tuple[str, str]] = set()

@@ -30,4 +30,4 @@ class Notes:
         self._log.info(action, reason=reason, **facts)
         if self._journal is not None:
             self._journal.note(self._clock.now_ns(), action, reason, **facts)
-            self._metrics.journal_lost.set(self._journal.lost)
+            self._metrics.journal_lost.set(self._journal.lost + self._journal.pending)

@@ -1,29 +1,31 @@
 """The journal: what the ego saw, decided and received, one JSON line a completed cycle.
 
 A line is on the disk (fsync) before its cycle counts as completed, so `kill -9` loses no completed
-cycle. A line that a crash tore is moved to `<path>.torn` at the next start. The format is described
-in docs/journal.md.
+cycle. A line that a crash tore is moved to `<path>.torn` at the next start. A full file becomes a
+part (swarm/line_file.py), and `<path>.sums` says what was received in all parts before. The format
+is described in docs/journal.md.
 """
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
 
 from swarm.errors import JournalError
+from swarm.files import write_whole
+from swarm.line_file import PART_BYTES, PARTS, LineFile, parts_of
 from swarm.messages import AdviceReport, Algorithm, Probe, Source
 
 VERSION = 1
 MAX_PENDING = 600
 """Lines kept in memory while the disk refuses them; the oldest go first."""
-_PROBE = b" " * 4096
 
 
 class RobotInput(msgspec.Struct, frozen=True, kw_only=True):
@@ -150,10 +152,19 @@ def byte_totals(record: CycleRecord) -> ByteTotals:
     )
 
 
+class _Sums(msgspec.Struct, frozen=True, kw_only=True):
+    """What the lines say that are in full parts."""
+
+    last_cycle: int
+    """The last of them."""
+    bytes: Mapping[str, Mapping[str, int]]
+    """By robot and algorithm."""
+
+
 class Journal:
     """The writing end of a journal file, locked against a second writer."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, part_bytes: int = PART_BYTES, parts: int = PARTS) -> None:
         """Opens or makes the file and cuts a torn last line off into `<path>.torn`.
 
         Raises JournalError when the file cannot be written, another process writes it, or a line
@@ -161,7 +172,7 @@ class Journal:
         """
         self.path = path
         self.totals: ByteTotals = Counter()
-        """Bytes of all committed lines, by (robot, algorithm)."""
+        """Bytes of all committed lines, by (robot, algorithm); those of parts that went, too."""
         self.last_cycle: int | None = None
         self.torn_bytes = 0
         """Size of the torn line that was cut off at this start."""
@@ -169,20 +180,21 @@ class Journal:
         """Lines that were given up because the disk refused too many."""
         self._pending: deque[CycleRecord] = deque()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._file = LineFile(path, part_bytes=part_bytes, parts=parts)
         except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EACCES) and path.is_file():
+                raise JournalError(
+                    f"journal {str(path)!r} is being written by another ego; "
+                    "give each ego a file of its own with COADAPT_JOURNAL"
+                ) from error
             raise JournalError(f"journal {str(path)!r} cannot be opened: {error}") from error
         try:
-            self._lock()
-            self._size = self._recover()
-            os.lseek(self._fd, self._size, os.SEEK_SET)
-            self._probe()
+            self._file.keep(self._recover())
         except OSError as error:
-            os.close(self._fd)
+            self._file.close()
             raise JournalError(f"journal {str(path)!r} cannot be written: {error}") from error
         except JournalError:
-            os.close(self._fd)
+            self._file.close()
             raise
 
     @property
@@ -207,17 +219,16 @@ class Journal:
             self.dropped += 1
         lines = b"".join(msgspec.json.encode(waiting) + b"\n" for waiting in self._pending)
         try:
-            # Anything that a failed attempt left behind the last good line goes first.
-            os.ftruncate(self._fd, self._size)
-            os.lseek(self._fd, self._size, os.SEEK_SET)
-            _write_all(self._fd, lines)
-            os.fsync(self._fd)
+            if self._file.is_full:
+                # The lines matter more than the size of the file.
+                with suppress(OSError):
+                    self._begin_part()
+            self._file.append(lines)
         except OSError as error:
             raise JournalError(
                 f"journal {str(self.path)!r} refused a line: {error}; "
                 f"{len(self._pending)} lines wait in memory"
             ) from error
-        self._size += len(lines)
         written = list(self._pending)
         self._pending.clear()
         for done in written:
@@ -226,21 +237,27 @@ class Journal:
 
     def close(self) -> None:
         """Closes the file and lets go of the lock."""
-        os.close(self._fd)
+        self._file.close()
 
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno not in (errno.EAGAIN, errno.EACCES):
-                raise
-            raise JournalError(
-                f"journal {str(self.path)!r} is being written by another ego; "
-                "give each ego a file of its own with COADAPT_JOURNAL"
-            ) from error
+    def _begin_part(self) -> None:
+        """The sums come first: the lines that they hold are known by their cycles, so that a crash
+        in between counts none twice."""
+        assert self.last_cycle is not None
+        by_robot: dict[str, dict[str, int]] = {}
+        for (robot, algorithm), size in self.totals.items():
+            by_robot.setdefault(robot, {})[algorithm] = size
+        sums = _Sums(last_cycle=self.last_cycle, bytes=by_robot)
+        write_whole(_sums_path(self.path), msgspec.json.encode(sums))
+        self._file.rotate()
 
     def _recover(self) -> int:
-        """Reads all lines; returns the size without a torn last one, which is moved away."""
+        """Reads the sums and all lines after them; returns the file's size without a torn last
+        line, which is moved away."""
+        sums = _read_sums(self.path)
+        if sums is not None:
+            self.last_cycle = sums.last_cycle
+            for robot, by_name in sums.bytes.items():
+                self.totals.update({(robot, name): n for name, n in by_name.items()})
         size = 0
         with open(self.path, "rb") as source:
             for number, line in enumerate(source, start=1):
@@ -252,40 +269,50 @@ class Journal:
                             f"journal {str(self.path)!r} line {number} cannot be read and is not "
                             "the last; move the file away to start a new one"
                         )
-                    self._cut(size, line)
+                    self._cut(line)
                     break
                 size += len(line)
-                self._note(record)
-        _sync_directory(self.path)
+                if sums is None or record.cycle > sums.last_cycle:
+                    self._note(record)
         return size
 
-    def _cut(self, size: int, torn: bytes) -> None:
+    def _cut(self, torn: bytes) -> None:
         with open(self.path.with_name(self.path.name + ".torn"), "ab") as aside:
             aside.write(torn + b"\n")
             aside.flush()
             os.fsync(aside.fileno())
-        os.ftruncate(self._fd, size)
-        os.fsync(self._fd)
         self.torn_bytes = len(torn)
-
-    def _probe(self) -> None:
-        """Finds out now, not in an hour, that the disk is full."""
-        try:
-            _write_all(self._fd, _PROBE)
-            os.fsync(self._fd)
-        finally:
-            os.ftruncate(self._fd, self._size)
 
     def _note(self, record: CycleRecord) -> None:
         self.totals.update(byte_totals(record))
         self.last_cycle = record.cycle
 
 
-def read_journal(path: Path) -> Iterator[CycleRecord]:
-    """The lines of a journal, also of one that is being written (a torn last line is left out).
+def _sums_path(path: Path) -> Path:
+    return path.with_name(path.name + ".sums")
 
-    Raises JournalError when the file or a line before the last cannot be read.
+
+def _read_sums(path: Path) -> _Sums | None:
+    """None where no part is full yet. Raises JournalError, and OSError."""
+    try:
+        return msgspec.json.decode(_sums_path(path).read_bytes(), type=_Sums)
+    except FileNotFoundError:
+        return None
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise JournalError(f"{str(_sums_path(path))!r} cannot be read: {error}") from error
+
+
+def read_journal(path: Path) -> Iterator[CycleRecord]:
+    """The lines of a journal and of its parts, also of one that is being written (a torn last line
+    is left out).
+
+    Raises JournalError when a file or a line before the last cannot be read.
     """
+    for part in parts_of(path):
+        yield from _read_part(part)
+
+
+def _read_part(path: Path) -> Iterator[CycleRecord]:
     try:
         source: BinaryIO = open(path, "rb")  # noqa: SIM115
     except OSError as error:
@@ -318,18 +345,3 @@ def _parse(path: Path, number: int, line: bytes) -> CycleRecord | None:
             f"this program reads version {VERSION}"
         )
     return record
-
-
-def _write_all(fd: int, data: bytes) -> None:
-    view = memoryview(data)
-    while view:
-        view = view[os.write(fd, view) :]
-
-
-def _sync_directory(path: Path) -> None:
-    """Makes the file's name durable, not only its contents."""
-    directory = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)

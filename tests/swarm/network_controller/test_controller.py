@@ -109,10 +109,14 @@ class Site:
         self.driver = Memory()
         self.directory = directory
         self.lost: list[str] = []
+        self.journal: Journal | None = None
         self.controller = self.again()
 
     def again(self) -> Controller:
         """A controller after the last one was killed."""
+        if self.journal is not None:
+            self.journal.close()
+        self.journal = Journal(self.directory / "actions.jsonl")
         self.loop = SlowLoop()
         self.registry = CollectorRegistry()
         controller = Controller(
@@ -121,7 +125,7 @@ class Site:
             self.loop,
             Flows(self.driver),
             ControllerMetrics(self.registry),
-            Journal(self.directory / "actions.jsonl"),
+            self.journal,
             make_logger("test", level="critical"),
             ego="R1",
         )

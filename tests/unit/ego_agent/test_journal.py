@@ -239,6 +239,47 @@ def test_lines_that_a_full_disk_refuses_are_written_when_it_takes_them_again(
     assert [r.cycle for r in read_journal(path)] == [1, 2, 3, 4]
 
 
+def test_a_full_file_becomes_a_part_and_the_sums_go_on(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    line = len(msgspec.json.encode(record(1)))
+    for first in (1, 31):
+        journal = Journal(path, part_bytes=4 * line, parts=3)
+        assert journal.next_cycle == first
+        for cycle in range(first, first + 30):
+            journal.commit(record(cycle))
+        assert journal.totals == {("R2", "early"): 100 * (first + 29), ("R2", "late"): first + 29}
+        journal.close()
+    parts = sorted(file.name for file in tmp_path.iterdir())
+    assert parts == ["j.jsonl", "j.jsonl.1", "j.jsonl.2", "j.jsonl.3", "j.jsonl.sums"]
+    cycles = [r.cycle for r in read_journal(path)]
+    assert cycles == list(range(cycles[0], 61))
+    assert len(cycles) > 12
+    assert sum(file.stat().st_size for file in tmp_path.iterdir()) < 24 * line
+
+
+@pytest.mark.parametrize("happened", ["sums", "moved"])
+def test_a_crash_between_two_parts_counts_nothing_twice(tmp_path: Path, happened: str) -> None:
+    path = tmp_path / "j.jsonl"
+    write(path, range(1, 4))
+    # What is done on the way: the sums are written, the full file is moved away.
+    sums = {"last_cycle": 3, "bytes": {"R2": {"early": 300, "late": 3}}}
+    (tmp_path / "j.jsonl.sums").write_text(json.dumps(sums))
+    if happened == "moved":
+        path.rename(tmp_path / "j.jsonl.1")
+    journal = Journal(path)
+    assert journal.next_cycle == 4
+    assert journal.totals == {("R2", "early"): 300, ("R2", "late"): 3}
+    journal.commit(record(4))
+    journal.close()
+    assert [r.cycle for r in read_journal(path)] == [1, 2, 3, 4]
+
+
+def test_sums_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    (tmp_path / "j.jsonl.sums").write_text("{")
+    with pytest.raises(JournalError, match=r"j\.jsonl\.sums' cannot be read"):
+        Journal(tmp_path / "j.jsonl")
+
+
 def test_reading_a_journal_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match=r"none\.jsonl"):
         list(read_journal(tmp_path / "none.jsonl"))
