@@ -26,6 +26,7 @@ from swarm import keyspace, transport
 from swarm.arrays import pack
 from swarm.messages import Beacon, Decision, Detections, SceneDescription, encode
 from swarm.session import Session
+from swarm.transport import CONTROL_BYTES
 from tests.support.ego_swarm import (
     Heard,
     Swarm,
@@ -249,13 +250,13 @@ def bad_messages(robot: str) -> list[tuple[str, bytes]]:
         (keyspace.beacon("test", "someone-else"), good),
         (scene_key, encode(scene)),
         (scene_key, noise(200)),
-        (scene_key, noise(9 * 1024 * 1024)),
+        (scene_key, noise(CONTROL_BYTES["coadapt/*/robot/*/scene"])),
         (keyspace.net_state("test"), noise(64)),
         *((beacon_key, noise(64)) for _ in range(50)),
     ]
 
 
-def test_garbage_and_oversized_messages_are_counted_and_change_nothing(
+def test_garbage_and_large_messages_are_counted_and_change_nothing(
     swarm: Swarm, session: Session
 ) -> None:
     decisions = swarm.decisions(session, EGO)
@@ -265,7 +266,7 @@ def test_garbage_and_oversized_messages_are_counted_and_change_nothing(
     decisions.until(together)
     bad = transport.open_zenoh(transport.client_config(swarm.address), timeout_s=10)
     for key, data in bad_messages("bad"):
-        # Block, so that the oversized one, and what comes behind it, is not lost on the way.
+        # Block, so that none is lost on the way.
         bad.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
     invalid = 'coadapt_messages_invalid_total{kind="%s"}'
     until(lambda: metrics_of(port).get(invalid % "Beacon", 0) >= 50, "beacons are counted")
