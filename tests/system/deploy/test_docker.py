@@ -331,6 +331,31 @@ def test_the_compose_file_shows_one_container_a_process() -> None:
     assert compose.project_of("named") == "coadapt-named"
 
 
+def test_no_container_may_do_more_than_its_part() -> None:
+    parts = composed(
+        make_spec(swarm=SWARM, robots=("R1", "R2"), llm="embedded", console=True, runtime="docker")
+    )
+    for name, one in parts.items():
+        assert one["cap_drop"] == ["ALL"], name
+        assert one.get("cap_add", []) == (
+            ["NET_ADMIN", "DAC_OVERRIDE"] if name == "controller" else []
+        )
+        assert one["security_opt"] == ["no-new-privileges:true"], name
+        assert one["read_only"], name
+        assert one["pids_limit"] == 512, name
+        assert one["mem_limit"].endswith(("m", "g")), name
+        assert one["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
+        written = [v.split(":")[1] for v in one["volumes"] if not v.endswith(":ro")]
+        assert len([path for path in written if path.startswith("/var/coadapt/")]) <= 1, name
+        assert "/var/coadapt" not in written, name
+
+
+def test_a_containers_root_cannot_be_written(swarm: State) -> None:
+    status, said = containers()["robot-R1"].exec_run(["touch", "/app/something"])
+    assert status != 0
+    assert b"Read-only file system" in said
+
+
 def test_the_gateway_runs_from_its_own_image_where_a_server_on_the_host_answers() -> None:
     spec = make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", llm="embedded")
     gateway = composed(spec)["gateway"]

@@ -123,7 +123,8 @@ def test_a_server_outside_advises_the_ego_and_a_killed_gateway_comes_back() -> N
             advised = [one.decision for one in lines if one.decision.source in ("llm", "cache")]
             assert {one.model for one in advised} == {"test-model"}
             # What the ego itself says behind it: before its first frames arrive it is blind.
-            assert all(one.reason.startswith(REASON) for one in advised)
+            assert all(f'test-model says: "{REASON}"' in one.reason for one in advised)
+            assert all(one.reason.startswith("The ego and ") for one in advised)
             told = [p for p in Path(state.spec.var_dir).rglob("*") if p.is_file()]
             assert told
             assert not [path for path in told if KEY.encode() in path.read_bytes()]
