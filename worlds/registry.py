@@ -66,6 +66,12 @@ def swarm_worlds() -> tuple[str, ...]:
     return tuple(name for name, kind in world_kinds().items() if kind.data != "address")
 
 
+def data_words() -> str:
+    """Which of these worlds need data, and what: "bag: the directory of ...; ..."."""
+    kinds = (world_kind(name) for name in swarm_worlds())
+    return "; ".join(f"{kind.name}: {kind.needs}" for kind in kinds if kind.data)
+
+
 def open_world(
     name: str,
     *,
