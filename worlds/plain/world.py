@@ -7,10 +7,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Points, Pose, pose_of
-from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.base import GroundTruth, Scan
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.plain.folders import check_robots, robots_of
 from worlds.plain.poses import NAMES, find_poses, read_poses
@@ -79,7 +80,7 @@ class ScansWorld:
             looked_at = range(min(LOOKED_AT, self.frame_count))
             scans = [self._points(robot, frame) for robot in self.robots for frame in looked_at]
             self.detector, self.choices = choose_detector(scans)
-        self.range_m = RANGES_M[self.detector]
+        self.range_m = configuration(self.detector).sensor.range_m
 
     def pose(self, robot: str, frame: int) -> Pose:
         """See `worlds.base.World`."""
