@@ -84,6 +84,24 @@ def test_robots_out_of_range_will_not_fuse(cars: Path, tmp_path: Path, told: Tol
     assert found["unsuited"][0].startswith("detector factory does not suit the scans")
 
 
+def test_robots_that_share_nothing_may_have_other_origins(
+    tmp_path: Path, told: Told, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(4)
+    for robot in ("R1", "R2"):
+        (tmp_path / robot).mkdir()
+        around = rng.uniform(-5, 5, size=(500, 3)).astype(np.float32)
+        np.save(tmp_path / robot / "0.npy", around)
+    (tmp_path / "world.toml").write_text(
+        "[robots.R1]\norigin = {x = 0.0}\n[robots.R2]\norigin = {x = 20.0}\n"
+    )
+    status, found = told(tmp_path)
+    assert (status, found["partners"][0]["shared"]) == (0, 0.0)
+    assert found["gain"] == pytest.approx(2.0, abs=0.1)
+    assert main(["worlds", "check", str(tmp_path)]) == 0
+    assert "R2 shares almost nothing with it: do their poses count" in capsys.readouterr().out
+
+
 def test_one_robot_has_nobody_to_fuse_with(tmp_path: Path, told: Told) -> None:
     plain_log(np.arange(10) / 10).write(tmp_path / "R1")
     status, found = told(tmp_path)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coadapt.main import main
 from options.bags.world import BagWorld
 from swarm.errors import WorldError
 from tests.support.bag_files import CLOUD, MOUNT, Log, cloud, ns, plain_log
@@ -148,12 +147,3 @@ def test_the_clock_of_a_robot_is_checked_like_any_setting(tmp_path: Path) -> Non
     (tmp_path / "world.toml").write_text("[robots.R1]\nclock_offset_s = 'late'\n")
     with pytest.raises(WorldError, match=r"clock_offset_s = 'late' in .* is not valid"):
         open_world("bag", data=tmp_path)
-
-
-def test_up_says_what_is_odd_before_anything_starts(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    later(tmp_path, "R1", 0, 0)
-    later(tmp_path, "R2", 1.0, 0)
-    assert main(["up", "--world", "bag", "--data", str(tmp_path), "--swarm", "never"]) == 1
-    assert "clock_offset_s = 1.000" in capsys.readouterr().err
