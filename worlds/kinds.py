@@ -83,3 +83,8 @@ class WorldKind:
             return self.open(request)
         except ModuleNotFoundError as error:
             raise WorldError(f"world {self.name!r}: {not_installed(error.name)}") from error
+
+
+def robot_count(count: int) -> str:
+    """So many robots, in words."""
+    return f"{count} robot{'' if count == 1 else 's'}"
