@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swarm.errors import WorldError
+from swarm.process import ProcessSettings
 
 if TYPE_CHECKING:
     from worlds.check import Check
     from worlds.kinds import WorldKind
 
+_PROCESS = ProcessSettings()
 SHOWN = 4
 """Robots a line names; --json has all."""
 
@@ -129,8 +131,9 @@ def _next(kind: WorldKind, path: Path, found: Check) -> str:
 
     if not found.fuses:
         return "mend what `fuses` says, and check again"
-    many = {"robots": len(found.robots)} if len(found.robots) > 6 else {}
-    return typed("up", world=kind.name, data=path, **many)
+    if len(found.robots) > _PROCESS.world_robots:
+        return typed("up", world=kind.name, data=path, robots=len(found.robots))
+    return typed("up", world=kind.name, data=path)
 
 
 def _some(names: Any) -> str:
