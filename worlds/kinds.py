@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from perception.detector import configuration
 from swarm.errors import WorldError, not_installed
 from worlds.base import World
-
-OPENCOOD_RANGE_M = 70.0
-"""The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +55,20 @@ class WorldKind:
     """The same in words: "the directory of ..."."""
     sample: Callable[[], Path] | None = None
     """Where data lies that is taken where none is named; raises WorldError when it is not there."""
-    comm_range_m: float | None = None
-    """How far from the ego a robot may take part; None leaves it to the ego's settings."""
+    found: Callable[[Path], str] | None = None
+    """What of this kind lies at a path, in words like "bags of 2 robots", found out by looking;
+    empty where nothing does. It may raise WorldError."""
+    numbered: bool = False
+    """Whether its robots are R1 to Rn, as many as are asked for; only a world that is open knows
+    the names of others."""
+    detector: str = ""
+    """The configuration that fits its worlds; empty where each world, by its data, has its own."""
+
+    @property
+    def comm_range_m(self) -> float | None:
+        """How far from the ego a robot may take part; None where only a world that is open says
+        it (`worlds.base.comm_range_of`)."""
+        return configuration(self.detector).comm_range_m if self.detector else None
 
     @property
     def word(self) -> str:
@@ -73,3 +83,8 @@ class WorldKind:
             return self.open(request)
         except ModuleNotFoundError as error:
             raise WorldError(f"world {self.name!r}: {not_installed(error.name)}") from error
+
+
+def robot_count(count: int) -> str:
+    """So many robots, in words."""
+    return f"{count} robot{'' if count == 1 else 's'}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from msgspec.structs import replace
 
@@ -31,10 +31,7 @@ from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError, not_installed
 from swarm.process import ProcessSettings
-from worlds.registry import swarm_worlds, world_kind
-
-if TYPE_CHECKING:
-    from worlds.base import World
+from worlds.registry import data_words, swarm_worlds, world_kind
 
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
@@ -48,8 +45,8 @@ OPTIONS = {
     "--world": ("world", "where the robots are"),
     "--data": (
         "data",
-        "recorded data: directory of opv2v (default: the sample that `coadapt data` brings) "
-        "or bag, file of recording",
+        f"recorded data ({data_words()}); opv2v without it takes the sample that `coadapt data` "
+        "brings",
     ),
     "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
     "--llm-model": ("llm_model", "which model"),
@@ -192,7 +189,7 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     if not MIN_ROBOTS <= args.robots <= MAX_ROBOTS:
         raise InvalidProperty("robots", args.robots, f"{MIN_ROBOTS} to {MAX_ROBOTS}")
     robots = factory_robots(args.robots)
-    comm_range_m, data = args.comm_range_m, args.data
+    data = args.data
     kind = world_kind(args.world)
     if kind.data:
         if not data and kind.sample:
@@ -202,10 +199,10 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
                 f"world {kind.name} needs --data {kind.word}, {kind.needs} "
                 f"({typed('up', world=kind.name, data=kind.word)})"
             )
-        world = _recorded(args.world, Path(data))
-        robots = world.robots[: args.robots]
-        comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
-        say(f"{data} has the robots {', '.join(robots)}")
+    comm_range_m = args.comm_range_m
+    if not kind.numbered:
+        robots, usual_range_m = _opened(args, data)
+        comm_range_m = comm_range_m or usual_range_m
     values = {
         name: value
         for name, value in vars(args).items()
@@ -224,14 +221,28 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     return make_spec(**values)
 
 
-def _recorded(name: str, data: Path) -> World:
+def _opened(args: argparse.Namespace, data: str) -> tuple[tuple[str, ...], float]:
+    """The robots of the world, and how far from the ego one of them may take part; says what is
+    odd about recorded data."""
     # Imported here: the other commands need no arrays.
+    from worlds.base import comm_range_of
     from worlds.registry import open_world
+    from worlds.remarks import remarks
 
-    world = open_world(name, data=data)
-    for note in getattr(world, "notes", ()):
-        say(note)
-    return world
+    world = open_world(
+        args.world,
+        data=data or None,
+        robots=args.robots,
+        seed=args.seed,
+        rings=args.rings,
+        scenario=args.scenario,
+    )
+    robots = world.robots[: args.robots]
+    if data:
+        for remark in remarks(world):
+            say(remark)
+        say(f"{data} has the robots {', '.join(robots)}")
+    return robots, comm_range_of(world)
 
 
 def _print_where(state: State) -> None:

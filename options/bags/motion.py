@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from options.bags.recording import Messages, Recording
-from options.bags.settings import FILE_NAME, RobotSettings
+from options.bags.settings import RobotSettings
 from options.ros.frames import (
     BASE,
     FIXED,
@@ -34,11 +34,16 @@ from options.ros.messages import (
 from options.ros.track import Placed, Track
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
+from worlds.world_file import FILE_NAME
 
 _LOOK_NS = 5_000_000_000
 """So far into a bag a better fixed frame is looked for."""
 _DIFFERENCE_NS = 50_000_000
 """Half of the time over which positions give a velocity."""
+
+
+_ENDS = 50
+"""Messages at each end of a topic among which the first and last stamp are looked for."""
 
 
 class Motion(Protocol):
@@ -128,8 +133,11 @@ class _Odometric:
     def __init__(self, messages: Messages, base_from_sensor: Matrix) -> None:
         self._messages = messages
         self._mount = base_from_sensor
-        ends = (messages.decode(index, read_stamp, STAMP_BYTES) for index in (0, len(messages) - 1))
-        self.span_ns: tuple[int, int] | None = (next(ends), next(ends))
+        count = len(messages)
+        # Some may have been recorded out of order.
+        near = {*range(min(_ENDS, count)), *range(max(0, count - _ENDS), count)}
+        stamps = [messages.decode(index, read_stamp, STAMP_BYTES) for index in near]
+        self.span_ns: tuple[int, int] | None = (min(stamps), max(stamps))
 
     @cached_property
     def _read(self) -> tuple[Track, list[Odometry]]:

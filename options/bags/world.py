@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from options.bags.log import RobotLog, seconds
+from options.bags.clocks import common_span, words
+from options.bags.log import RobotLog
 from options.bags.recording import Recording, find_bags
-from options.bags.settings import FILE_NAME, read_settings
+from options.bags.settings import read_settings
+from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, pose_of
-from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.base import GroundTruth, Scan
+from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.recent import Recent
 
 MAX_KEPT = 32
@@ -34,18 +38,24 @@ class BagWorld:
         bags = find_bags(data)
         self.robots = tuple(bags)
         settings = read_settings(data, self.robots)
-        self.detector: str = settings.detector
-        self.range_m = RANGES_M[settings.detector]
+        self.comm_range_m = settings.comm_range_m
         self._max_age_ns = round(settings.max_scan_age_s * 1e9)
         recordings = {robot: Recording(path) for robot, path in bags.items()}
-        self.notes = tuple(note for one in recordings.values() for note in one.notes)
-        """What is wrong with bags that can be used all the same."""
         self._logs = {
-            robot: RobotLog(robot, recording, settings.robot(robot, data / FILE_NAME))
+            robot: RobotLog(robot, recording, settings.robot(robot, data))
             for robot, recording in recordings.items()
         }
-        self.start_ns, end_ns = _common(data, list(self._logs.values()))
-        rates = [log.rate_hz for log in self._logs.values() if log.rate_hz]
+        self.timings = tuple(log.timing for log in self._logs.values())
+        self.start_ns, end_ns = common_span(data, list(self._logs.values()))
+        self.detector: str
+        self.detector, self.choices = self._chosen_detector(settings.detector)
+        self.range_m = configuration(self.detector).sensor.range_m
+        self.notes = (
+            *(note for one in recordings.values() for note in one.notes),
+            *words(self.timings),
+        )
+        """What is odd about bags that can be used all the same."""
+        rates = [one.rate_hz for one in self.timings if one.rate_hz]
         # To a hundredth: recorders' clocks are not better.
         measured = max(0.01, round(float(np.median(rates)), 2)) if rates else 1.0
         self.rate_hz: float = settings.rate_hz or measured
@@ -80,6 +90,19 @@ class BagWorld:
         """None: nobody knows what was really there."""
         return GroundTruth(Boxes.empty(), (), np.zeros(0, dtype=np.int64))
 
+    def _chosen_detector(self, named: str | None) -> tuple[str, tuple[str, ...]]:
+        """The detector that settings name, else the one that suits the first scans best, and
+        why."""
+        if named is not None:
+            return named, ()
+        scans = []
+        for log in self._logs.values():
+            begin = log.newest(self.start_ns) or 0
+            for index in range(begin, min(begin + LOOKED_AT, log.scans)):
+                with suppress(WorldError):  # told when a frame shows it
+                    scans.append(log.cloud(index).points)
+        return choose_detector(scans)
+
     def _shown(self, robot: str, frame: int) -> tuple[int | None, int]:
         """Which scan a frame shows of a robot, and when it was taken; else the frame's moment."""
         log, now_ns = self._log(robot), self.time_ns(frame)
@@ -92,12 +115,3 @@ class BagWorld:
         if robot not in self._logs:
             raise WorldError(f"robot {robot!r} has no bag; there are {', '.join(self.robots)}")
         return self._logs[robot]
-
-
-def _common(data: Path, logs: list[RobotLog]) -> tuple[int, int]:
-    """The time that all bags cover."""
-    first, last = max(log.first_ns for log in logs), min(log.last_ns for log in logs)
-    if first > last:
-        spans = "; ".join(f"{log.robot} {seconds(log.first_ns, log.last_ns)}" for log in logs)
-        raise WorldError(f"the bags of {data} share no time: {spans}")
-    return first, last

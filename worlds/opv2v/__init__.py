@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from worlds.base import World
-from worlds.kinds import OPENCOOD_RANGE_M, WorldKind, WorldRequest
+from worlds.kinds import WorldKind, WorldRequest
 from worlds.sample import opv2v_sample
 
 
@@ -15,7 +15,11 @@ def _open(request: WorldRequest) -> World:
     return Opv2vWorld(Path(request.data), request.cache)
 
 
+def _found(path: Path) -> str:
+    depths = ("data_protocol.yaml", "*/data_protocol.yaml", "*/*/data_protocol.yaml")
+    there = path.is_dir() and any(any(path.glob(depth)) for depth in depths)
+    return "a scenario in OPV2V's layout" if there else ""
+
+
 NEEDS = "the directory of a recorded scenario"
-WORLDS = (
-    WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, comm_range_m=OPENCOOD_RANGE_M),
-)
+WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, _found, detector="road"),)
