@@ -73,6 +73,27 @@ class World(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """The rays of a spinning sensor that measures in steps: a scan of it is a range image."""
+
+    directions: NDArray[np.float32]
+    """(rings, columns, 3): unit vectors in the sensor's frame; rings from the lowest, columns
+    evenly around from azimuth 0. A point is a direction times a range, both float32; a scan's
+    points come ring by ring."""
+    step_m: float
+    """Ranges are whole multiples of it."""
+
+
+@runtime_checkable
+class Rayed(Protocol):
+    """A world that knows the rays of its sensors."""
+
+    def rays(self) -> Rays | None:
+        """The same for all robots; None where scans are no range images."""
+        ...
+
+
 @runtime_checkable
 class Embodied(Protocol):
     """A world that knows what its robots look like."""
