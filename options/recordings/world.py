@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from options.recordings.file import RecordingFile
-from options.recordings.format import TRUTH, Frame, RobotInFrame, Truth, points_topic
+from options.recordings.format import TRUTH, Frame, RobotInFrame, Truth
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Rays, Scan
 from worlds.recent import Recent
 
 MAX_KEPT = 64
@@ -64,6 +64,10 @@ class RecordingWorld:
             return None
         return (number - self._numbers[0]) // self._stride
 
+    def rays(self) -> Rays | None:
+        """See `worlds.base.Rayed`: those of the recorded world."""
+        return self.file.rays
+
     def pose(self, robot: str, frame: int) -> Pose:
         """See `worlds.base.World`."""
         return Pose(*self._robot(robot, frame).pose)
@@ -99,9 +103,8 @@ class RecordingWorld:
         )
 
     def _points(self, robot: str, time_ns: int) -> Points:
-        topic = points_topic(robot)
         points: Points = self._recent.get(
-            (robot, time_ns), lambda: self.file.points(topic, time_ns)
+            (robot, time_ns), lambda: self.file.points(robot, time_ns)
         )
         return points
 
