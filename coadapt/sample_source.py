@@ -84,7 +84,7 @@ def bring(source: Source, home: Path) -> bool:
 def read_all(folder: Path) -> Opv2vWorld:
     """The scenario in a folder. Raises WorldError for a scan or description that cannot be read."""
     # Imported here: other commands need no arrays.
-    from worlds.opv2v.pcd import read_pcd
+    from worlds.clouds.pcd import read_pcd
     from worlds.opv2v.world import Opv2vWorld
 
     world = Opv2vWorld(folder)

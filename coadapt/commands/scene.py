@@ -1,4 +1,4 @@
-"""`coadapt scene FILE.pcd`: the objects in one scan."""
+"""`coadapt scene FILE`: the objects in one scan."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ def register(commands: Any) -> None:
         help="describe the objects in a scan",
         description="Describe the objects in a scan, in the sensor's frame as stored in the file.",
     )
-    parser.add_argument("file", type=Path, metavar="FILE.pcd", help="a point cloud in PCD format")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a scan: .pcd, .ply, .npy, or .bin (KITTI)"
+    )
     parser.add_argument(
         "--method",
         choices=("fast", "reference"),
@@ -30,9 +32,9 @@ def register(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Prints the description of one file. Raises CoAdaptError when it cannot be read."""
     from perception.scene import describe
-    from worlds.opv2v.pcd import read_pcd
+    from worlds.scans import read_scan
 
-    points = read_pcd(args.file)
+    points = read_scan(args.file)
     describe(points[:5], method=args.method)  # loads the method's libraries: not part of the time
     started = time.perf_counter()
     scene = describe(points, method=args.method)

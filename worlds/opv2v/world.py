@@ -23,8 +23,8 @@ from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, invert, transform
 from worlds.base import GroundTruth, Scan
 from worlds.cache import ScanCache
+from worlds.clouds.pcd import read_pcd
 from worlds.opv2v import carla
-from worlds.opv2v.pcd import read_pcd
 from worlds.recent import Recent
 
 RATE_HZ = 10.0

@@ -44,7 +44,7 @@ def test_an_experiment_that_is_not_installed_is_said_in_one_line(command: list[s
 
 def test_another_missing_package_is_a_defect_and_shows_where() -> None:
     code = (
-        "import sys\nsys.modules['worlds.opv2v.pcd'] = None\n"
+        "import sys\nsys.modules['worlds.clouds.pcd'] = None\n"
         "from coadapt.main import main\nsys.exit(main(['scene', 'some.pcd']))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swarm.errors import WorldError
-from worlds.opv2v.pcd import read_pcd
+from worlds.clouds.pcd import read_pcd
 
 POINTS = np.array([[1.5, -2.25, 3.0], [4.0, 5.5, -6.125]], dtype=np.float32)
 
@@ -60,7 +60,7 @@ def test_numbers_beyond_float32_become_infinite(tmp_path: Path) -> None:
         (header("ascii"), b"1 2 3 4\n", "announces 2 points"),
         (header("ascii"), b"1 2 3 four\n5 6 7 8\n", "no number"),
         (header("binary"), b"\x00" * 31, "holds 31 bytes"),
-        (header("binary_compressed"), b"", "allowed: ascii, binary"),
+        (header("zip"), b"", "allowed: ascii, binary"),
         (header("ascii", fields="x y"), b"1 2\n3 4\n", "x, y and z"),
         (header("ascii").replace("POINTS 2", "POINTS -2"), b"", "POINTS '-2'"),
         (header("ascii").replace("POINTS 2", "POINTS 99999999999"), b"", "12000000"),

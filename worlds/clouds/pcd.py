@@ -1,7 +1,8 @@
-"""Reads the points of PCD files (Point Cloud Library format 0.7), ascii or binary."""
+"""Reads the points of PCD files (Point Cloud Library format 0.7): ascii, binary, compressed."""
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from swarm.errors import WorldError
 from swarm.geometry import Points
+from worlds.clouds.lzf import decompress
 
 MAX_HEADER_BYTES = 4096
 MAX_POINTS = 12_000_000
@@ -40,7 +42,11 @@ def read_pcd(path: Path) -> Points:
         return _read_ascii(path, body, fields, count)
     if kind == "binary":
         return _read_binary(path, body, header, count)
-    raise WorldError(f"point cloud {path} has DATA {kind}; allowed: ascii, binary")
+    if kind == "binary_compressed":
+        return _read_compressed(path, body, header, count)
+    raise WorldError(
+        f"point cloud {path} has DATA {kind}; allowed: ascii, binary, binary_compressed"
+    )
 
 
 def _split_header(path: Path, data: bytes) -> tuple[dict[str, list[str]], bytes]:
@@ -85,6 +91,39 @@ def _read_ascii(path: Path, body: bytes, fields: list[str], count: int) -> Point
 
 
 def _read_binary(path: Path, body: bytes, header: dict[str, list[str]], count: int) -> Points:
+    layout, columns = _layout(path, header)
+    if len(body) < count * layout.itemsize:
+        raise WorldError(
+            f"point cloud {path} announces {count} points of {layout.itemsize} bytes, "
+            f"holds {len(body)} bytes"
+        )
+    records = np.frombuffer(body, dtype=layout, count=count)
+    with np.errstate(over="ignore"):
+        return np.stack([records[f"{c}"][:, 0].astype(np.float32) for c in columns], axis=1)
+
+
+def _read_compressed(path: Path, body: bytes, header: dict[str, list[str]], count: int) -> Points:
+    """One field after the other, all points of each."""
+    layout, columns = _layout(path, header)
+    try:
+        packed, size = struct.unpack_from("<II", body)
+        if size != count * layout.itemsize:
+            raise ValueError(f"{size} bytes for {count} points of {layout.itemsize} bytes")
+        data = decompress(body[8 : 8 + packed], size)
+    except (struct.error, ValueError) as error:
+        raise WorldError(f"point cloud {path} is not well compressed: {error}") from error
+    read: list[NDArray[np.float32]] = []
+    for column in columns:
+        before = [layout[at].itemsize for at in range(column)]
+        kind, (many,) = layout[column].base, layout[column].shape
+        values = np.frombuffer(data, kind, count * many, offset=count * sum(before))
+        with np.errstate(over="ignore"):
+            read.append(values[::many].astype(np.float32))
+    return np.stack(read, axis=1)
+
+
+def _layout(path: Path, header: dict[str, list[str]]) -> tuple[np.dtype[np.void], list[int]]:
+    """A point's record, and which of its fields are x, y and z."""
     fields = header["FIELDS"]
     sizes, types = header.get("SIZE", []), header.get("TYPE", [])
     counts = header.get("COUNT", ["1"] * len(fields))
@@ -102,14 +141,7 @@ def _read_binary(path: Path, body: bytes, header: dict[str, list[str]], count: i
             raise ValueError("x, y and z need COUNT 1")
     except (KeyError, ValueError) as error:
         raise WorldError(f"point cloud {path} has a malformed header: {error}") from error
-    if len(body) < count * layout.itemsize:
-        raise WorldError(
-            f"point cloud {path} announces {count} points of {layout.itemsize} bytes, "
-            f"holds {len(body)} bytes"
-        )
-    records = np.frombuffer(body, dtype=layout, count=count)
-    with np.errstate(over="ignore"):
-        return np.stack([records[f"{c}"][:, 0].astype(np.float32) for c in columns], axis=1)
+    return layout, columns
 
 
 def _xyz(values: NDArray[np.float32], fields: list[str]) -> Points:

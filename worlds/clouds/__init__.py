@@ -1,0 +1,1 @@
+"""Files of one point cloud, by format; `worlds/scans.py` reads any of them."""
