@@ -44,6 +44,7 @@ class RecordingWorld:
         if header.rate_hz is None or header.range_m is None or header.detector is None:
             raise WorldError(f"recording {path} does not say its rate_hz, range_m and detector")
         self.robots = header.robots
+        self.ego = header.ego if header.ego in header.robots else header.robots[0]
         self.range_m: float = header.range_m
         self.detector: str = header.detector
         self.comm_range_m = header.comm_range_m
@@ -63,6 +64,18 @@ class RecordingWorld:
         if at < 0 or self._numbers[at] != number:
             return None
         return (number - self._numbers[0]) // self._stride
+
+    def recorded_frames(self) -> tuple[int, ...]:
+        """This world's frames that were recorded: no other stands in for them."""
+        return tuple((number - self._numbers[0]) // self._stride for number in self._numbers)
+
+    def judged_frames(self) -> tuple[int, ...]:
+        """Those of the recorded frames that come with what was really there."""
+        return tuple(
+            frame
+            for frame, time_ns in zip(self.recorded_frames(), self._times, strict=True)
+            if self.file.has(TRUTH, time_ns)
+        )
 
     def rays(self) -> Rays | None:
         """See `worlds.base.Rayed`: those of the recorded world."""
