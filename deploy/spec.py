@@ -80,7 +80,7 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     controller_metrics_port: HostPort = 9103
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
     comm_range_m: CommRange | None = None
-    """How far from the ego a robot may take part; None leaves it to the ego's settings."""
+    """How far from the ego a robot may take part; None leaves it to the ego and its world."""
     link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
     llm: Annotated[str, msgspec.Meta(pattern=_LLM, description=_LLM_RULE)] = ""
@@ -138,9 +138,9 @@ def factory_robots(count: int) -> tuple[str, ...]:
 def make_spec(**values: Any) -> SwarmSpec:
     """A checked specification.
 
-    `ego` defaults to the first robot, `epoch_ns` to now, `comm_range_m` to what the world's
-    recordings were evaluated with, `run_dir` to `run_dir_of`, and `var_dir` to `var/<swarm>` in
-    the current directory.
+    `ego` defaults to the first robot, `epoch_ns` to now, `run_dir` to `run_dir_of`, and `var_dir`
+    to `var/<swarm>` in the current directory; `comm_range_m` to what is usual with the world's
+    detector, or it is left to the ego, where only the data says which that is.
 
     Raises DeployError that names the field, its value and what is allowed.
     """

@@ -52,7 +52,7 @@ from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
 from swarm.settings import PREFIX
-from worlds.base import World
+from worlds.base import World, comm_range_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,10 @@ class EgoAgent:
         if fusions is None:
             fusions = {name: make_fusion(name, world.detector) for name in algorithms}
         knowledge = Knowledge.of_detector(
-            world.detector, settings.objective(), algorithms, learns=settings.learn
+            world.detector,
+            settings.objective(comm_range_of(world)),
+            algorithms,
+            learns=settings.learn,
         )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)

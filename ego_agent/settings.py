@@ -44,7 +44,9 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """The same of a tenth of a processor, the ego's or a participant's."""
     cost_weight: Weight = _USUAL.lambda_cost
     """The same of one megabyte a frame, however wide the cell; counts beside the others."""
-    comm_range_m: CommRange = COMM_RANGE_M
+    comm_range_m: CommRange | None = None
+    """How far from the ego a robot may take part; None: what the world's data says, or else what is
+    usual with its detector."""
     headroom: Headroom = _USUAL.headroom
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
     """C(t) before anything was measured."""
@@ -69,8 +71,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     journal: str = ""
     """Path of the journal; empty keeps none."""
 
-    def objective(self) -> Objective:
-        """What the ego's decisions aim at."""
+    def objective(self, usual_range_m: float = COMM_RANGE_M) -> Objective:
+        """What the ego's decisions aim at; `usual_range_m` holds where no range is set."""
         return Objective(
             lambda_link=self.link_weight,
             lambda_compute=self.compute_weight,
@@ -79,7 +81,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
             rate_hz=self.fusion_rate_hz,
             deadline_s=self.deadline_s,
             slower_hz=SLOWER_HZ if self.learn else (),
-            comm_range_m=self.comm_range_m,
+            comm_range_m=self.comm_range_m or usual_range_m,
             headroom=self.headroom,
         )
 

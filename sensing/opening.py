@@ -13,6 +13,7 @@ from swarm.settings import PREFIX
 from worlds.base import World
 from worlds.kinds import Reader
 from worlds.registry import open_world, world_kind, world_kinds
+from worlds.remarks import Choosing, Noted
 
 
 @contextmanager
@@ -40,6 +41,12 @@ def open_world_of(settings: ProcessSettings, process: str, robot: str) -> Iterat
         cache=Path(settings.world_cache) if settings.world_cache else None,
         reader=Reader(process, robot, log),
     )
+    if isinstance(world, Noted):
+        for note in world.notes:
+            log.warning("world_note", note=note)
+    if isinstance(world, Choosing):
+        for choice in world.choices:
+            log.info("world_choice", choice=choice)
     if isinstance(world, AbstractContextManager):
         with world:
             yield world

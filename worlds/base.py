@@ -109,3 +109,18 @@ def body_of(world: World, robot: str) -> Body:
     if isinstance(world, Embodied):
         return world.body(robot)
     return configuration(world.detector).usual_body
+
+
+@runtime_checkable
+class Ranged(Protocol):
+    """A world whose data says how far from the ego a robot may take part."""
+
+    comm_range_m: float | None
+    """None where it does not say it."""
+
+
+def comm_range_of(world: World) -> float:
+    """How far from the ego a robot may take part, metres: what the data says, else what is usual
+    with the world's detector."""
+    told = world.comm_range_m if isinstance(world, Ranged) else None
+    return told or configuration(world.detector).comm_range_m

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from perception.detector import configuration
 from swarm.errors import WorldError, not_installed
 from worlds.base import World
-
-OPENCOOD_RANGE_M = 70.0
-"""The communication range that OpenCOOD evaluates OPV2V with (its COM_RANGE)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +55,14 @@ class WorldKind:
     """The same in words: "the directory of ..."."""
     sample: Callable[[], Path] | None = None
     """Where data lies that is taken where none is named; raises WorldError when it is not there."""
-    comm_range_m: float | None = None
-    """How far from the ego a robot may take part; None leaves it to the ego's settings."""
+    detector: str = ""
+    """The configuration that fits its worlds; empty where each world, by its data, has its own."""
+
+    @property
+    def comm_range_m(self) -> float | None:
+        """How far from the ego a robot may take part; None where only a world that is open says
+        it (`worlds.base.comm_range_of`)."""
+        return configuration(self.detector).comm_range_m if self.detector else None
 
     @property
     def word(self) -> str:

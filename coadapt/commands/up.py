@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
@@ -13,16 +13,20 @@ from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
-from deploy.spec import PROPERTIES, SwarmSpec, factory_robots, make_spec
+from deploy.spec import (
+    MAX_ROBOTS,
+    MIN_ROBOTS,
+    PROPERTIES,
+    SwarmSpec,
+    factory_robots,
+    make_spec,
+)
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError, not_installed
 from swarm.process import ProcessSettings
 from worlds.registry import swarm_worlds, world_kind
 from worlds.sample import is_checkout
-
-if TYPE_CHECKING:
-    from worlds.base import World
 
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
@@ -137,7 +141,7 @@ def _runtime(args: argparse.Namespace) -> tuple[Runtime, str]:
 
 def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     robots = factory_robots(args.robots)
-    comm_range_m, data = args.comm_range_m, args.data
+    data = args.data
     kind = world_kind(args.world)
     if kind.data:
         if not data and kind.sample:
@@ -147,10 +151,11 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
                 f"world {kind.name} needs --data {kind.word}, {kind.needs} "
                 f"({typed('up', world=kind.name, data=kind.word)})"
             )
-        world = _recorded(args.world, Path(data))
-        robots = world.robots[: args.robots]
-        comm_range_m = comm_range_m or getattr(world, "comm_range_m", None)
-        say(f"{data} has the robots {', '.join(robots)}")
+    comm_range_m = args.comm_range_m
+    # The specification has the words for a number of robots that is none.
+    if kind.data or MIN_ROBOTS <= args.robots <= MAX_ROBOTS:
+        robots, usual_range_m = _opened(args, data)
+        comm_range_m = comm_range_m or usual_range_m
     values = {name: value for name, value in vars(args).items() if name in PROPERTIES}
     values |= {
         "runtime": runtime.name,
@@ -165,14 +170,28 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     return make_spec(**values)
 
 
-def _recorded(name: str, data: Path) -> World:
+def _opened(args: argparse.Namespace, data: str) -> tuple[tuple[str, ...], float]:
+    """The robots of the world, and how far from the ego one of them may take part; says what is
+    odd about recorded data."""
     # Imported here: the other commands need no arrays.
+    from worlds.base import comm_range_of
     from worlds.registry import open_world
+    from worlds.remarks import remarks
 
-    world = open_world(name, data=data)
-    for note in getattr(world, "notes", ()):
-        say(note)
-    return world
+    world = open_world(
+        args.world,
+        data=data or None,
+        robots=args.robots,
+        seed=args.seed,
+        rings=args.rings,
+        scenario=args.scenario,
+    )
+    robots = world.robots[: args.robots]
+    if data:
+        for remark in remarks(world):
+            say(remark)
+        say(f"{data} has the robots {', '.join(robots)}")
+    return robots, comm_range_of(world)
 
 
 def _print_where(state: State) -> None:

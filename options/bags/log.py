@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-
 import numpy as np
 
 from options.bags.motion import find_motion
@@ -14,17 +12,33 @@ from options.ros.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_fra
 from options.ros.track import Placed
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
+from worlds.timing import timing
 
 
 class RobotLog:
-    """One robot's bag. Times are nanoseconds of its own stamps."""
+    """One robot's bag; scans are numbered by when they were taken. Times are nanoseconds of its own
+    stamps, less how far its clock is said to be ahead."""
 
     def __init__(self, robot: str, recording: Recording, settings: RobotSettings) -> None:
         """Finds its topics and how far they reach. Raises WorldError when one is missing."""
         self.robot = robot
         self.topic = _points_topic(recording, settings)
         self._clouds = recording.messages(self.topic)
-        self._stamps: dict[int, int] = {}
+        # All of them, as only a sorted list can be searched: robots' recorders mix them up.
+        stamps = np.array(
+            [
+                self._clouds.decode(index, read_stamp, STAMP_BYTES) or int(recorded_ns)
+                for index, recorded_ns in enumerate(self._clouds.times_ns)
+            ],
+            dtype=np.int64,
+        )
+        self.ahead_ns = round((settings.clock_offset_s or 0.0) * 1e9)
+        """How far the robot's clock is ahead of the world's time."""
+        stamps -= self.ahead_ns
+        self._order = np.argsort(stamps, kind="stable")
+        self._stamps = stamps[self._order]
+        """int64 (N,): when each scan was taken, in order, by the world's time."""
+        self.timing = timing(robot, stamps, self._clouds.times_ns)
         frame = self._clouds.decode(0, read_frame)
         if plain(frame) in FIXED:
             raise WorldError(
@@ -34,11 +48,12 @@ class RobotLog:
             )
         self._motion = find_motion(recording, frame, settings)
         self._world_from_fixed: Matrix = settings.origin.pose().matrix()
-        steps = np.diff(self._clouds.times_ns)
-        self.rate_hz = 1e9 / float(np.median(steps)) if len(steps) and np.median(steps) else None
-        """Scans a second; None with a single one."""
-        scans = self.stamp(0), self.stamp(len(self._clouds) - 1)
-        begin, end = self._motion.span_ns or scans
+        scans = int(self._stamps[0]), int(self._stamps[-1])
+        begin, end = (
+            scans
+            if self._motion.span_ns is None
+            else (stamp - self.ahead_ns for stamp in self._motion.span_ns)
+        )
         self.first_ns, self.last_ns = max(scans[0], begin), min(scans[1], end)
         if self.first_ns > self.last_ns:
             raise WorldError(
@@ -46,31 +61,34 @@ class RobotLog:
                 f"{self.topic}) are stamped {seconds(*scans)}, poses {seconds(begin, end)}"
             )
 
+    @property
+    def scans(self) -> int:
+        """How many there are."""
+        return len(self._stamps)
+
     def stamp(self, index: int) -> int:
         """When a scan was taken: its header's stamp, or else when it was recorded."""
-        if index not in self._stamps:
-            stamp = self._clouds.decode(index, read_stamp, STAMP_BYTES)
-            self._stamps[index] = stamp or int(self._clouds.times_ns[index])
-        return self._stamps[index]
+        return int(self._stamps[index])
 
     def newest(self, time_ns: int) -> int | None:
         """The index of the newest scan at or before a time; None before the first."""
-        # Only the scans that the search meets are looked at.
-        after = bisect_right(range(len(self._clouds)), time_ns, key=self.stamp)
+        after = int(np.searchsorted(self._stamps, time_ns, side="right"))
         return after - 1 if after else None
 
     def cloud(self, index: int) -> Cloud:
         """A scan, read from the bag."""
-        return self._clouds.decode(index, read_cloud)
+        return self._clouds.decode(int(self._order[index]), read_cloud)
 
     def placed(self, time_ns: int) -> Placed:
         """`world_from_sensor`."""
-        placed = self._motion.at(time_ns)
+        placed = self._motion.at(time_ns + self.ahead_ns)
         return Placed(self._world_from_fixed @ placed.a_from_b, placed.known)
 
     def velocity(self, time_ns: int) -> Velocity:
         """Of the sensor in the world frame, m/s."""
-        x, y, z = self._world_from_fixed[:3, :3] @ np.array(self._motion.velocity(time_ns))
+        x, y, z = self._world_from_fixed[:3, :3] @ np.array(
+            self._motion.velocity(time_ns + self.ahead_ns)
+        )
         return (float(x), float(y), float(z))
 
 

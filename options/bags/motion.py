@@ -41,6 +41,10 @@ _DIFFERENCE_NS = 50_000_000
 """Half of the time over which positions give a velocity."""
 
 
+_ENDS = 50
+"""Messages at each end of a topic among which the first and last stamp are looked for."""
+
+
 class Motion(Protocol):
     """A sensor's way in its robot's fixed frame."""
 
@@ -128,8 +132,11 @@ class _Odometric:
     def __init__(self, messages: Messages, base_from_sensor: Matrix) -> None:
         self._messages = messages
         self._mount = base_from_sensor
-        ends = (messages.decode(index, read_stamp, STAMP_BYTES) for index in (0, len(messages) - 1))
-        self.span_ns: tuple[int, int] | None = (next(ends), next(ends))
+        count = len(messages)
+        # Some may have been recorded out of order.
+        near = {*range(min(_ENDS, count)), *range(max(0, count - _ENDS), count)}
+        stamps = [messages.decode(index, read_stamp, STAMP_BYTES) for index in near]
+        self.span_ns: tuple[int, int] | None = (min(stamps), max(stamps))
 
     @cached_property
     def _read(self) -> tuple[Track, list[Odometry]]:

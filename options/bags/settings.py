@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from perception.detector.config import configurations
 from swarm.errors import WorldError
 from swarm.geometry import Pose
 
@@ -43,12 +44,17 @@ class RobotSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The LiDAR on the robot, in place of what tf says."""
     origin: Place = Place()
     """Where the robot's fixed frame (its odometry's or tf's) lies in the world."""
+    clock_offset_s: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)] | None = None
+    """How far its clock is ahead of the other robots'; None: nobody has looked."""
 
 
 class WorldSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of the world."""
 
-    detector: Literal["factory", "road"] = "factory"
+    detector: str | None = None
+    """The name of a detector configuration; None takes what suits the scans best."""
+    comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=10_000)] | None = None
+    """How far from the ego a robot may take part; None: as is usual with the detector."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] | None = None
     """Frames a second; None takes the median rate of the robots' scans."""
     max_scan_age_s: Seconds = 0.5
@@ -73,6 +79,11 @@ def read_settings(folder: Path, robots: tuple[str, ...]) -> WorldSettings:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise WorldError(f"{path} cannot be read: {error}") from error
     settings = _checked(values, WorldSettings, path, "")
+    if settings.detector is not None and settings.detector not in configurations():
+        raise WorldError(
+            f"detector = {settings.detector!r} in {path} is not known; allowed: "
+            f"{', '.join(configurations())}"
+        )
     for name in settings.robots:
         if name not in robots:
             raise WorldError(

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from options.bags.log import RobotLog, seconds
+from options.bags.clocks import common_span, words
+from options.bags.log import RobotLog
 from options.bags.recording import Recording, find_bags
 from options.bags.settings import FILE_NAME, read_settings
+from perception.detector.suits import best_detector, profile
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, pose_of
 from worlds.base import RANGES_M, GroundTruth, Scan
 from worlds.recent import Recent
 
+DEFAULT_DETECTOR = "factory"
+"""Where neither world.toml names one nor the scans tell."""
+LOOKED_AT = 3
+"""Scans of each robot by which a detector is chosen."""
 MAX_KEPT = 32
 """Scans in memory; one of 100 000 points takes 1.2 MB."""
 
@@ -34,18 +41,28 @@ class BagWorld:
         bags = find_bags(data)
         self.robots = tuple(bags)
         settings = read_settings(data, self.robots)
-        self.detector: str = settings.detector
-        self.range_m = RANGES_M[settings.detector]
+        self.comm_range_m = settings.comm_range_m
         self._max_age_ns = round(settings.max_scan_age_s * 1e9)
         recordings = {robot: Recording(path) for robot, path in bags.items()}
-        self.notes = tuple(note for one in recordings.values() for note in one.notes)
-        """What is wrong with bags that can be used all the same."""
         self._logs = {
             robot: RobotLog(robot, recording, settings.robot(robot, data / FILE_NAME))
             for robot, recording in recordings.items()
         }
-        self.start_ns, end_ns = _common(data, list(self._logs.values()))
-        rates = [log.rate_hz for log in self._logs.values() if log.rate_hz]
+        self.timings = tuple(log.timing for log in self._logs.values())
+        trusted = any(
+            settings.robot(robot, data / FILE_NAME).clock_offset_s is not None
+            for robot in self.robots
+        )
+        self.start_ns, end_ns = common_span(data, list(self._logs.values()), trusted)
+        self.detector: str
+        self.detector, self.choices = self._chosen_detector(settings.detector)
+        self.range_m = RANGES_M[self.detector]
+        self.notes = (
+            *(note for one in recordings.values() for note in one.notes),
+            *words(self.timings, trusted),
+        )
+        """What is odd about bags that can be used all the same."""
+        rates = [one.rate_hz for one in self.timings if one.rate_hz]
         # To a hundredth: recorders' clocks are not better.
         measured = max(0.01, round(float(np.median(rates)), 2)) if rates else 1.0
         self.rate_hz: float = settings.rate_hz or measured
@@ -80,6 +97,26 @@ class BagWorld:
         """None: nobody knows what was really there."""
         return GroundTruth(Boxes.empty(), (), np.zeros(0, dtype=np.int64))
 
+    def _chosen_detector(self, named: str | None) -> tuple[str, tuple[str, ...]]:
+        """The detector that settings name, else the one that suits the first scans best, and why.
+
+        Only the beginning is looked at, so that all processes choose the same one while a bag
+        grows.
+        """
+        if named is not None:
+            return named, ()
+        scans = []
+        for log in self._logs.values():
+            begin = log.newest(self.start_ns) or 0
+            for index in range(begin, min(begin + LOOKED_AT, log.scans)):
+                with suppress(WorldError):  # told when a frame shows it
+                    scans.append(log.cloud(index).points)
+        seen = profile(scans)
+        if seen is None:
+            return DEFAULT_DETECTOR, ()
+        name = best_detector(seen)
+        return name, (f"detector {name} is taken by what the scans are like: {seen}",)
+
     def _shown(self, robot: str, frame: int) -> tuple[int | None, int]:
         """Which scan a frame shows of a robot, and when it was taken; else the frame's moment."""
         log, now_ns = self._log(robot), self.time_ns(frame)
@@ -92,12 +129,3 @@ class BagWorld:
         if robot not in self._logs:
             raise WorldError(f"robot {robot!r} has no bag; there are {', '.join(self.robots)}")
         return self._logs[robot]
-
-
-def _common(data: Path, logs: list[RobotLog]) -> tuple[int, int]:
-    """The time that all bags cover."""
-    first, last = max(log.first_ns for log in logs), min(log.last_ns for log in logs)
-    if first > last:
-        spans = "; ".join(f"{log.robot} {seconds(log.first_ns, log.last_ns)}" for log in logs)
-        raise WorldError(f"the bags of {data} share no time: {spans}")
-    return first, last

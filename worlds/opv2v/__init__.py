@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from worlds.base import World
-from worlds.kinds import OPENCOOD_RANGE_M, WorldKind, WorldRequest
+from worlds.kinds import WorldKind, WorldRequest
 from worlds.sample import opv2v_sample
 
 
@@ -16,6 +16,4 @@ def _open(request: WorldRequest) -> World:
 
 
 NEEDS = "the directory of a recorded scenario"
-WORLDS = (
-    WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, comm_range_m=OPENCOOD_RANGE_M),
-)
+WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, detector="road"),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from worlds.base import World
-from worlds.kinds import OPENCOOD_RANGE_M, WorldKind, WorldRequest
+from worlds.kinds import WorldKind, WorldRequest
 
 
 def _open(request: WorldRequest) -> World:
@@ -12,4 +12,4 @@ def _open(request: WorldRequest) -> World:
     return RoadWorld(robots=request.robots, seed=request.seed, cache=request.cache)
 
 
-WORLDS = (WorldKind("road", _open, comm_range_m=OPENCOOD_RANGE_M),)
+WORLDS = (WorldKind("road", _open, detector="road"),)

@@ -232,7 +232,7 @@ def test_the_defaults_are_those_of_the_live_system() -> None:
     settings = load_settings({})
     assert (settings.ego, settings.policy, settings.period_s) == ("R1", "coverage", 1.0)
     assert (settings.fusion_rate_hz, settings.deadline_s, settings.q_min) == (10.0, 0.25, 0.6)
-    assert (settings.comm_range_m, settings.headroom) == (45.0, 0.8)
+    assert (settings.comm_range_m, settings.headroom) == (None, 0.8)
     assert (settings.link_prior_bps, settings.max_error_m) == (55e6, 0.1)
     assert not settings.keep_ground
     assert settings.journal == ""

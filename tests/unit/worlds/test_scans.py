@@ -102,9 +102,8 @@ def test_arrays_lists_and_fields_give_their_points() -> None:
 
 
 def test_rays_without_return_are_no_points() -> None:
-    assert np.array_equal(
-        read_scan([[np.nan, 0, 1], [1, np.inf, 0], [0, 0, 0], [0, 0, 1], [1e60, 1, 1]]), [[0, 0, 1]]
-    )
+    rays: Any = [[np.nan, 0, 1], [1, np.inf, 0], [0, 0, 0], [0, 0, 1], [1e60, 1, 1]]
+    assert np.array_equal(read_scan(rays), [[0, 0, 1]])
 
 
 def test_files_of_the_point_cloud_library_are_read_compressed(tmp_path: Path) -> None:
