@@ -17,7 +17,7 @@ RANGES_M = {"factory": 40.0, "road": 120.0}
 """Reach of a real sensor, by the detector that reads it: what that was trained on."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Scan:
     """What one robot's LiDAR sees in one frame."""
 
@@ -32,6 +32,10 @@ class Scan:
     captured_ns: int | None = None
     """When it was taken, on this machine's clock, nanoseconds since the Unix epoch; None: at the
     moment of its frame. A live robot's scans come when they come."""
+
+    def __repr__(self) -> str:
+        at = f"{self.pose.x:.2f}, {self.pose.y:.2f}, {self.pose.z:.2f}"
+        return f"Scan({self.robot} in frame {self.frame}: {len(self.points)} points, at ({at}) m)"
 
 
 @dataclass(frozen=True, slots=True)
