@@ -77,6 +77,17 @@ class World(Protocol):
         ...
 
 
+class Shown:
+    """What a world looks like where somebody prints it."""
+
+    def __repr__(self: World) -> str:
+        return (
+            f"{type(self).__name__}({', '.join(self.robots[:4])}"
+            f"{', ...' if len(self.robots) > 4 else ''}; {self.frame_count} frames at "
+            f"{self.rate_hz:g} Hz, detector {self.detector})"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Rays:
     """The rays of a spinning sensor that measures in steps: a scan of it is a range image."""

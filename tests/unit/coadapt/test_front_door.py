@@ -79,6 +79,9 @@ def test_a_scan_comes_from_a_file_an_array_a_list_or_a_world(floor: World, tmp_p
         coadapt.scan([[1, 2], [3, 4]])
 
 
+@pytest.mark.stumble(
+    "poses and matrices are not alike", command="coadapt.scan(points, pose=matrix)"
+)
 def test_poses_numbers_and_matrices_say_the_same() -> None:
     pose = coadapt.Pose(1.0, 2.0, 3.0, roll=0.1, pitch=0.2, yaw=2.0)
     rows = [[1.0, 2.0, 3.0]]
@@ -177,10 +180,12 @@ def test_the_detector_is_the_one_that_suits_or_has_doubts(clouds: list[coadapt.C
     assert "detector factory, which may not suit: the sensors stand 1.9 m" in repr(forced)
 
 
+@pytest.mark.stumble("what a script shows fills the screen", command="coadapt.fuse(scans)")
 def test_what_scripts_show_is_short(floor: World, clouds: list[coadapt.Cloud]) -> None:
     fused = coadapt.fuse(clouds[:2], algorithm="late")
     shown = {
         "Cloud(R1: 1": repr(clouds[0]),
+        "FactoryWorld(R1, R2, R3; 6000 frames at 10 Hz, ": repr(floor),
         "Scan(R1 in frame 20: 1": repr(floor.scan("R1", 20)),
         "Scene(": repr(coadapt.describe(clouds[0])),
         "SceneObject(at ": repr(coadapt.describe(clouds[0]).objects[0]),
@@ -195,6 +200,7 @@ def test_what_scripts_show_is_short(floor: World, clouds: list[coadapt.Cloud]) -
     assert repr(coadapt.Boxes.empty()) == "Boxes(0)"
 
 
+@pytest.mark.stumble("boxes above a score take a mask", command="fused.above(0.5)")
 def test_above_keeps_the_boxes_of_at_least_a_score(clouds: list[coadapt.Cloud]) -> None:
     fused = coadapt.fuse(clouds)
     middle = float(np.median(fused.boxes.scores))
