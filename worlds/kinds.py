@@ -55,6 +55,9 @@ class WorldKind:
     """The same in words: "the directory of ..."."""
     sample: Callable[[], Path] | None = None
     """Where data lies that is taken where none is named; raises WorldError when it is not there."""
+    found: Callable[[Path], str] | None = None
+    """What of this kind lies at a path, in words like "bags of 2 robots", found out by looking;
+    empty where nothing does. It may raise WorldError."""
     detector: str = ""
     """The configuration that fits its worlds; empty where each world, by its data, has its own."""
 

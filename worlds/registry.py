@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from swarm.errors import WorldError
+from swarm.errors import WorldError, not_installed
 from swarm.registry import by_name, registered
 from worlds.base import World
 from worlds.kinds import Reader, WorldKind, WorldRequest
@@ -31,9 +31,45 @@ def world_kind(name: str) -> WorldKind:
     return kinds[name]
 
 
+def find_kind(path: Path) -> tuple[WorldKind, str]:
+    """The kind of world whose data lies at a path, and what was found, in words.
+
+    Raises WorldError where there is none, or more than one.
+    """
+    found: list[tuple[WorldKind, str]] = []
+    reasons: list[str] = []
+    if not path.exists():
+        raise WorldError(f"{path} is not there")
+    for kind in world_kinds().values():
+        try:
+            words = kind.found(path) if kind.found else ""
+        except WorldError as error:
+            reasons.append(f"{kind.name}: {error}")
+        except ModuleNotFoundError as error:
+            reasons.append(f"{kind.name}: {not_installed(error.name)}")
+        else:
+            found += [(kind, words)] if words else []
+    if len(found) > 1:
+        kinds = "; ".join(f"{kind.name}: {words}" for kind, words in found)
+        raise WorldError(f"{path} holds data of several worlds ({kinds}); keep one kind")
+    if not found:
+        wanted = "; ".join(
+            f"{kind.name}: {kind.needs}" for kind in world_kinds().values() if kind.found
+        )
+        why = "".join(f"\n  not {reason}" for reason in reasons)
+        raise WorldError(f"{path} holds no data that is known; allowed: {wanted}{why}")
+    return found[0]
+
+
 def swarm_worlds() -> tuple[str, ...]:
     """Names of the worlds that a swarm on one machine can live in: all but a live robot's."""
     return tuple(name for name, kind in world_kinds().items() if kind.data != "address")
+
+
+def data_words() -> str:
+    """Which of these worlds need data, and what: "bag: the directory of ...; ..."."""
+    kinds = (world_kind(name) for name in swarm_worlds())
+    return "; ".join(f"{kind.name}: {kind.needs}" for kind in kinds if kind.data)
 
 
 def open_world(

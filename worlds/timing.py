@@ -30,6 +30,8 @@ class Timing:
     """Scans that were recorded after one that was taken later."""
     lag_s: float | None = None
     """Median time from taking a scan to recording it; None where nobody says when it was."""
+    trusted: bool = False
+    """Whether somebody has said how far its clock is off."""
 
     @property
     def span_s(self) -> float:
@@ -46,7 +48,10 @@ class Timed(Protocol):
 
 
 def timing(
-    robot: str, taken_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64] | None = None
+    robot: str,
+    taken_ns: NDArray[np.int64],
+    recorded_ns: NDArray[np.int64] | None = None,
+    trusted: bool = False,
 ) -> Timing:
     """Of a robot's scans, in the order of the recording: when each (N,) was taken, N >= 1, and when
     it was recorded."""
@@ -64,6 +69,7 @@ def timing(
         lost=lost,
         disordered=int(behind.sum()),
         lag_s=None if recorded_ns is None else float(np.median(recorded_ns - taken_ns)) / 1e9,
+        trusted=trusted,
     )
 
 
@@ -74,11 +80,14 @@ def overlap_s(timings: Sequence[Timing]) -> float:
 
 def skew_by_lag(timings: Sequence[Timing]) -> tuple[str, float] | None:
     """The robot whose clock differs most from the first one's, and by how many seconds it is
-    ahead, judged by when scans were recorded; None where nothing tells of a difference.
+    ahead, judged by when scans were recorded; None where nothing tells of a difference, or where
+    somebody has looked at the clocks.
 
     Where one recorder heard all robots, a clock that is a second ahead takes its scans a second
     nearer to (or after) their recording.
     """
+    if any(one.trusted for one in timings):
+        return None
     heard = [one for one in timings if one.lag_s is not None]
     apart = [(one.robot, (heard[0].lag_s or 0.0) - (one.lag_s or 0.0)) for one in heard[1:]]
     worst = max(apart, key=lambda each: abs(each[1]), default=None)
@@ -88,6 +97,8 @@ def skew_by_lag(timings: Sequence[Timing]) -> tuple[str, float] | None:
 def skew_by_ends(timings: Sequence[Timing]) -> tuple[str, float] | None:
     """The same, judged by recordings of one length: where both ends are apart by the same time,
     they may well have been made at once, by clocks that differ."""
+    if any(one.trusted for one in timings):
+        return None
     apart = []
     for one in timings[1:]:
         begins, ends = one.begin_s - timings[0].begin_s, one.end_s - timings[0].end_s

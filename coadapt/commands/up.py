@@ -25,7 +25,7 @@ from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError, not_installed
 from swarm.process import ProcessSettings
-from worlds.registry import swarm_worlds, world_kind
+from worlds.registry import data_words, swarm_worlds, world_kind
 from worlds.sample import is_checkout
 
 WAIT_S = 60.0
@@ -39,8 +39,8 @@ OPTIONS = {
     "--world": ("world", "where the robots are"),
     "--data": (
         "data",
-        "recorded data: directory of opv2v (default: the sample that `coadapt data` brings) "
-        "or bag, file of recording",
+        f"recorded data ({data_words()}); opv2v without it takes the sample that `coadapt data` "
+        "brings",
     ),
     "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
     "--llm-model": ("llm_model", "which model"),

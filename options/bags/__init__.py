@@ -14,4 +14,12 @@ def _open(request: WorldRequest) -> World:
     return BagWorld(Path(request.data))
 
 
-WORLDS = (WorldKind("bag", _open, "directory", "the directory of the robots' bags"),)
+def _found(path: Path) -> str:
+    from options.bags.recording import find_bags
+
+    bags = find_bags(path) if path.is_dir() else {}
+    return f"bags of {len(bags)} robots" if bags else ""
+
+
+NEEDS = "the directory of the robots' bags"
+WORLDS = (WorldKind("bag", _open, "directory", NEEDS, found=_found),)

@@ -6,21 +6,20 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from options.bags.log import RobotLog, seconds
-from options.bags.settings import FILE_NAME
 from swarm.errors import WorldError
 from worlds.timing import Timing, overlap_s, skew_by_ends, skew_by_lag
+from worlds.world_file import FILE_NAME
 
 FEW = 0.9
 """Less of a robot's scans than this share is worth a word."""
 
 
-def common_span(data: Path, logs: Sequence[RobotLog], trusted: bool) -> tuple[int, int]:
+def common_span(data: Path, logs: Sequence[RobotLog]) -> tuple[int, int]:
     """The first and last moment that all bags cover.
 
-    `trusted`: somebody has looked at the clocks (`clock_offset_s`).
     Raises WorldError where there is none, or where the clocks differ.
     """
-    skew = None if trusted else skew_by_lag([log.timing for log in logs])
+    skew = skew_by_lag([log.timing for log in logs])
     if skew is not None:
         robot, ahead_s = skew
         raise WorldError(
@@ -38,7 +37,7 @@ def common_span(data: Path, logs: Sequence[RobotLog], trusted: bool) -> tuple[in
     return first, last
 
 
-def words(timings: Sequence[Timing], trusted: bool) -> Iterator[str]:
+def words(timings: Sequence[Timing]) -> Iterator[str]:
     """What is odd about the times of bags that can be used all the same."""
     for one in timings:
         if one.disordered:
@@ -51,7 +50,7 @@ def words(timings: Sequence[Timing], trusted: bool) -> Iterator[str]:
     shared = overlap_s(timings)
     longest = max(timings, key=lambda one: one.span_s)
     if shared < FEW * longest.span_s:
-        apart = None if trusted else skew_by_ends(timings)
+        apart = skew_by_ends(timings)
         why = f"; if they were made at once, {_remedy(*apart)}" if apart else ""
         yield (
             f"the bags share {shared:.1f} s, the longest ({longest.robot}) has "

@@ -6,13 +6,14 @@ import numpy as np
 
 from options.bags.motion import find_motion
 from options.bags.recording import Recording
-from options.bags.settings import FILE_NAME, RobotSettings
+from options.bags.settings import RobotSettings
 from options.ros.frames import FIXED, Velocity, plain
 from options.ros.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_frame, read_stamp
 from options.ros.track import Placed
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
 from worlds.timing import timing
+from worlds.world_file import FILE_NAME
 
 
 class RobotLog:
@@ -38,7 +39,9 @@ class RobotLog:
         self._order = np.argsort(stamps, kind="stable")
         self._stamps = stamps[self._order]
         """int64 (N,): when each scan was taken, in order, by the world's time."""
-        self.timing = timing(robot, stamps, self._clouds.times_ns)
+        self.timing = timing(
+            robot, stamps, self._clouds.times_ns, trusted=settings.clock_offset_s is not None
+        )
         frame = self._clouds.decode(0, read_frame)
         if plain(frame) in FIXED:
             raise WorldError(

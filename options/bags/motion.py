@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from options.bags.recording import Messages, Recording
-from options.bags.settings import FILE_NAME, RobotSettings
+from options.bags.settings import RobotSettings
 from options.ros.frames import (
     BASE,
     FIXED,
@@ -34,6 +34,7 @@ from options.ros.messages import (
 from options.ros.track import Placed, Track
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
+from worlds.world_file import FILE_NAME
 
 _LOOK_NS = 5_000_000_000
 """So far into a bag a better fixed frame is looked for."""

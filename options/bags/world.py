@@ -10,18 +10,14 @@ import numpy as np
 from options.bags.clocks import common_span, words
 from options.bags.log import RobotLog
 from options.bags.recording import Recording, find_bags
-from options.bags.settings import FILE_NAME, read_settings
-from perception.detector.suits import best_detector, profile
+from options.bags.settings import read_settings
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, pose_of
 from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.recent import Recent
 
-DEFAULT_DETECTOR = "factory"
-"""Where neither world.toml names one nor the scans tell."""
-LOOKED_AT = 3
-"""Scans of each robot by which a detector is chosen."""
 MAX_KEPT = 32
 """Scans in memory; one of 100 000 points takes 1.2 MB."""
 
@@ -45,21 +41,17 @@ class BagWorld:
         self._max_age_ns = round(settings.max_scan_age_s * 1e9)
         recordings = {robot: Recording(path) for robot, path in bags.items()}
         self._logs = {
-            robot: RobotLog(robot, recording, settings.robot(robot, data / FILE_NAME))
+            robot: RobotLog(robot, recording, settings.robot(robot, data))
             for robot, recording in recordings.items()
         }
         self.timings = tuple(log.timing for log in self._logs.values())
-        trusted = any(
-            settings.robot(robot, data / FILE_NAME).clock_offset_s is not None
-            for robot in self.robots
-        )
-        self.start_ns, end_ns = common_span(data, list(self._logs.values()), trusted)
+        self.start_ns, end_ns = common_span(data, list(self._logs.values()))
         self.detector: str
         self.detector, self.choices = self._chosen_detector(settings.detector)
         self.range_m = RANGES_M[self.detector]
         self.notes = (
             *(note for one in recordings.values() for note in one.notes),
-            *words(self.timings, trusted),
+            *words(self.timings),
         )
         """What is odd about bags that can be used all the same."""
         rates = [one.rate_hz for one in self.timings if one.rate_hz]
@@ -98,11 +90,8 @@ class BagWorld:
         return GroundTruth(Boxes.empty(), (), np.zeros(0, dtype=np.int64))
 
     def _chosen_detector(self, named: str | None) -> tuple[str, tuple[str, ...]]:
-        """The detector that settings name, else the one that suits the first scans best, and why.
-
-        Only the beginning is looked at, so that all processes choose the same one while a bag
-        grows.
-        """
+        """The detector that settings name, else the one that suits the first scans best, and
+        why."""
         if named is not None:
             return named, ()
         scans = []
@@ -111,11 +100,7 @@ class BagWorld:
             for index in range(begin, min(begin + LOOKED_AT, log.scans)):
                 with suppress(WorldError):  # told when a frame shows it
                     scans.append(log.cloud(index).points)
-        seen = profile(scans)
-        if seen is None:
-            return DEFAULT_DETECTOR, ()
-        name = best_detector(seen)
-        return name, (f"detector {name} is taken by what the scans are like: {seen}",)
+        return choose_detector(scans)
 
     def _shown(self, robot: str, frame: int) -> tuple[int | None, int]:
         """Which scan a frame shows of a robot, and when it was taken; else the frame's moment."""

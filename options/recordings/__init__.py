@@ -14,4 +14,13 @@ def _open(request: WorldRequest) -> World:
     return RecordingWorld(Path(request.data))
 
 
-WORLDS = (WorldKind("recording", _open, "file", "the file of a recording (`coadapt record`)"),)
+def _found(path: Path) -> str:
+    from options.recordings.file import RecordingFile
+
+    if not path.is_file():
+        return ""
+    return f"a recording of a swarm of {len(RecordingFile(path).header.robots)} robots"
+
+
+NEEDS = "the file of a recording (`coadapt record`)"
+WORLDS = (WorldKind("recording", _open, "file", NEEDS, found=_found),)

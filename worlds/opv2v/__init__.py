@@ -15,5 +15,11 @@ def _open(request: WorldRequest) -> World:
     return Opv2vWorld(Path(request.data), request.cache)
 
 
+def _found(path: Path) -> str:
+    depths = ("data_protocol.yaml", "*/data_protocol.yaml", "*/*/data_protocol.yaml")
+    there = path.is_dir() and any(any(path.glob(depth)) for depth in depths)
+    return "a scenario in OPV2V's layout" if there else ""
+
+
 NEEDS = "the directory of a recorded scenario"
-WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, detector="road"),)
+WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, _found, "road"),)

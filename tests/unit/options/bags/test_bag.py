@@ -308,7 +308,7 @@ def test_a_sensor_of_world_toml_is_on_a_base_that_stays_on_another_frame(tmp_pat
         ("rate_hz = nan", "rate_hz = nan in .*world.toml is not valid"),
         ("max_scan_age_s = '1'", "max_scan_age_s = '1' in .* is not valid"),
         ("robots = 3", "robots = 3 in .* is not valid"),
-        ("[robots.R7]", "world.toml names robot 'R7', which has no bag; there are R1"),
+        ("[robots.R7]", "world.toml names robot 'R7', which has no data; there are R1"),
         ("[robots.R1]\ntopic = 'a'", r"\[robots.R1\] of .* has the key 'topic'; allowed: points"),
         ("[robots.R1]\nsensor = {x = inf}", r"sensor = {'x': inf} in \[robots.R1\] .* not finite"),
         (

@@ -1,0 +1,208 @@
+"""Folders of plain scans as a world: points and poses come back, and mistakes are named."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swarm.errors import WorldError
+from swarm.geometry import Pose, invert
+from tests.support.world_bags import ROAD_SEED
+from worlds.base import comm_range_of
+from worlds.cooperative.fusing import fuse_frame
+from worlds.plain.world import ScansWorld
+from worlds.registry import find_kind, open_world
+from worlds.road.world import RoadWorld
+
+FRAMES = 4
+POSES = [Pose(1.0 * k, 2.0, 0.5, 0.01, -0.02, 0.1 * k) for k in range(FRAMES)]
+
+
+@pytest.fixture(scope="module")
+def cars() -> RoadWorld:
+    return RoadWorld(robots=2, seed=ROAD_SEED)
+
+
+@pytest.fixture(scope="module")
+def lot(cars: RoadWorld, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """KITTI's binary scans of R1 beside their poses, and PLY-free arrays of R2 in a folder of
+    their own."""
+    folder = tmp_path_factory.mktemp("lot")
+    for robot, inside in (("R1", "."), ("R2", "velodyne")):
+        (folder / robot / inside).mkdir(parents=True)
+        rows = []
+        for frame in range(FRAMES):
+            scan = cars.scan(robot, frame)
+            path = folder / robot / inside / f"{frame + 8}"
+            four = np.column_stack([scan.points, np.zeros(len(scan.points))]).astype("<f4")
+            if robot == "R1":
+                four.tofile(path.with_suffix(".bin"))
+            else:
+                np.save(path.with_suffix(".npy"), four)
+            rows.append(scan.pose.matrix()[:3].ravel())
+        np.savetxt(folder / robot / "poses.txt", rows)
+    return folder
+
+
+@pytest.mark.stumble(
+    "a folder of .bin scans cannot be fused", command="make up WORLD=scans DATA=dir"
+)
+def test_plain_scans_of_cars_come_back_and_fuse(cars: RoadWorld, lot: Path) -> None:
+    kind, words = find_kind(lot)
+    assert (kind.name, words) == ("scans", "plain scans of 2 robots")
+    world = open_world(kind.name, data=lot)
+    assert (world.robots, world.frame_count, world.rate_hz) == (("R1", "R2"), FRAMES, 10.0)
+    assert (world.detector, comm_range_of(world)) == ("road", 70.0)
+    for robot in world.robots:
+        for frame in (0, FRAMES - 1, FRAMES):
+            mine, theirs = world.scan(robot, frame), cars.scan(robot, frame % FRAMES)
+            assert np.array_equal(mine.points, theirs.points)
+            assert mine.pose.as_tuple() == pytest.approx(theirs.pose.as_tuple(), abs=1e-9)
+            assert mine.velocity == pytest.approx(theirs.velocity, abs=0.3)
+    assert len(world.ground_truth(0).boxes) == 0
+    ours = fuse_frame(world, 1, "R1", ["R2"], "late")
+    assert len(ours.boxes) == len(fuse_frame(cars, 1, "R1", ["R2"], "late").boxes) > 3
+
+
+def one_robot(folder: Path, scans: int = FRAMES) -> Path:
+    """A robot's folder with scans of one point, whose x is the scan's number."""
+    (folder / "car").mkdir()
+    for number in range(scans):
+        np.save(folder / "car" / f"{number}.npy", np.array([[number, 1, 1]]))
+    return folder / "car"
+
+
+def csv_of(columns: str, rows: list[list[float]]) -> str:
+    return "\n".join([columns, *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def quaternion(pose: Pose) -> list[float]:
+    cr, sr = math.cos(pose.roll / 2), math.sin(pose.roll / 2)
+    cp, sp = math.cos(pose.pitch / 2), math.sin(pose.pitch / 2)
+    cy, sy = math.cos(pose.yaw / 2), math.sin(pose.yaw / 2)
+    return [
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    ]
+
+
+@pytest.mark.parametrize("form", ["txt", "csv", "quaternions", "12", "3x4", "4x4", "6"])
+def test_poses_are_read_in_every_form(tmp_path: Path, form: str) -> None:
+    car = one_robot(tmp_path)
+    matrices = np.array([pose.matrix() for pose in POSES])
+    arrays = {
+        "12": matrices[:, :3].reshape(-1, 12),
+        "3x4": matrices[:, :3],
+        "4x4": matrices,
+        "6": np.array([pose.as_tuple() for pose in POSES]),
+    }
+    if form == "txt":
+        np.savetxt(car / "poses.txt", matrices[:, :3].reshape(-1, 12))
+    elif form == "csv":
+        rows = [[0.1 * k, *pose.as_tuple()] for k, pose in enumerate(POSES)]
+        (car / "poses.csv").write_text(csv_of("time, x, y, z, roll, pitch, yaw", rows))
+    elif form == "quaternions":
+        rows = [[pose.x, pose.y, pose.z, *quaternion(pose)] for pose in POSES]
+        (car / "poses.csv").write_text(csv_of("x,y,z,qx,qy,qz,qw", rows))
+    else:
+        np.save(car / "poses.npy", arrays[form])
+    world = ScansWorld(tmp_path)
+    for frame, pose in enumerate(POSES):
+        assert world.pose("car", frame).as_tuple() == pytest.approx(pose.as_tuple(), abs=1e-6)
+        assert world.scan("car", frame).points[0, 0] == frame
+
+
+def test_kittis_poses_are_of_its_camera_where_it_says_so(tmp_path: Path) -> None:
+    car = one_robot(tmp_path)
+    camera = np.array([[0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, -0.3], [0, 0, 0, 1.0]])
+    start = invert(POSES[0].matrix())
+    rows = [(camera @ start @ pose.matrix() @ invert(camera))[:3].reshape(12) for pose in POSES]
+    np.savetxt(car / "poses.txt", rows)
+    numbers = " ".join(str(value) for value in camera[:3].reshape(12))
+    (car / "calib.txt").write_text(f"P0: 1 2 3\nTr: {numbers}\n")
+    world = ScansWorld(tmp_path)
+    for frame, pose in enumerate(POSES):
+        expected = start @ pose.matrix()
+        assert np.allclose(world.pose("car", frame).matrix(), expected, atol=1e-6)
+
+
+def test_world_toml_places_robots_and_names_rate_range_and_detector(tmp_path: Path) -> None:
+    one_robot(tmp_path)
+    (tmp_path / "world.toml").write_text(
+        'detector = "road"\nrate_hz = 5\ncomm_range_m = 90\n'
+        "[robots.car]\norigin = {x = 3.0, yaw = 0.5}\nfirst = 1\n"
+    )
+    world = ScansWorld(tmp_path)
+    assert (world.detector, world.rate_hz, comm_range_of(world)) == ("road", 5.0, 90.0)
+    assert world.pose("car", 2) == Pose(3.0, 0.0, 0.0, yaw=0.5)
+    assert world.frame_count == FRAMES - 1
+    assert world.scan("car", 0).points[0, 0] == 1
+
+
+def test_scans_that_another_robot_lacks_are_told(lot: Path, tmp_path: Path) -> None:
+    for robot in ("R1", "R2"):
+        (tmp_path / robot).mkdir()
+        many = FRAMES if robot == "R1" else 2
+        for number in range(many):
+            np.save(tmp_path / robot / f"{number}.npy", np.ones((1, 3)))
+        np.save(tmp_path / robot / "poses.npy", np.tile(np.eye(4), (many, 1, 1)))
+    world = ScansWorld(tmp_path)
+    assert world.frame_count == 2
+    assert world.notes[0].startswith("R1 has 4 scans, of which the first 2 are shown")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("", "", r"needs poses.txt, poses.csv, poses.npy, or, .*origin in \[robots.car\]"),
+        ("poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n", "has 1 poses for 4 scans"),
+        ("poses.txt", "1 0 0 0\n", r"shape \(1, 4\); allowed: \(N, 12\)"),
+        ("poses.txt", "1 0 0 0 0 1 0 0 0 0 2 0\n" * 4, "row 1 of poses .* is no pose"),
+        ("poses.txt", "1 0 0 nan 0 1 0 0 0 0 1 0\n" * 4, "row 1 of poses .* is no pose"),
+        ("poses.txt", "one two\n", "cannot be read"),
+        ("poses.txt", "", "has none"),
+        ("poses.csv", "x,y\n1,2\n", r"columns \['x', 'y'\]; needed: x, y, z, and yaw"),
+        ("poses.csv", "x,y,z,yaw\n1,2,3\n", "line 2"),
+        ("poses.csv", "x,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,0\n", "no unit quaternion"),
+        ("poses.npy", "nothing", "cannot be read"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:loadtxt")
+def test_wrong_poses_are_named(tmp_path: Path, name: str, text: str, words: str) -> None:
+    car = one_robot(tmp_path)
+    if name:
+        (car / name).write_text(text)
+    with pytest.raises(WorldError, match=words) as error:
+        ScansWorld(tmp_path)
+    assert str(car) in str(error.value)
+
+
+def test_two_files_of_poses_are_one_too_many(tmp_path: Path) -> None:
+    car = one_robot(tmp_path)
+    (car / "poses.txt").write_text("")
+    (car / "poses.csv").write_text("")
+    with pytest.raises(WorldError, match=r"several files of poses: poses\.txt, poses\.csv"):
+        ScansWorld(tmp_path)
+
+
+def test_a_folder_must_hold_one_folder_a_robot(tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match="holds no folder with scans"):
+        ScansWorld(tmp_path)
+    np.save(tmp_path / "0.npy", np.ones((1, 3)))
+    with pytest.raises(WorldError, match="put them into one folder a robot"):
+        find_kind(tmp_path)
+    one_robot(tmp_path).rename(tmp_path / "my car")
+    with pytest.raises(WorldError, match="robot 'my car', which is not allowed"):
+        ScansWorld(tmp_path)
+    with pytest.raises(WorldError, match="is not a readable directory"):
+        ScansWorld(tmp_path / "none")
+
+
+def test_a_robot_that_is_not_there_is_named(lot: Path) -> None:
+    with pytest.raises(WorldError, match="robot 'R9' has no scans; there are R1, R2"):
+        open_world("scans", data=lot).scan("R9", 0)
