@@ -51,7 +51,8 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="?",
         metavar="DATA",
-        help="a recording of a swarm (.mcap, by `coadapt record`) or a directory in OPV2V's layout "
+        help="a recording of a swarm (.mcap, by `coadapt record`), a directory in OPV2V's layout, "
+        "or a folder of robots' bags or scans "
         "(default: the sample that `coadapt data` brings)",
     )
     how = parser.add_mutually_exclusive_group(required=True)

@@ -32,7 +32,7 @@ def world(source: str | Path, **options: Any) -> World:
 
     `source` is the name of one (factory, road; with the options of `worlds.registry.open_world`,
     as `robots=3, seed=7`), or the path of recorded data: a recording of a swarm (.mcap), a folder
-    of robots' bags, or a directory in OPV2V's layout.
+    of robots' bags or folders of scans, or a directory in OPV2V's layout.
 
     >>> import coadapt
     >>> floor = coadapt.world("factory", robots=3, rings=16)
@@ -43,12 +43,11 @@ def world(source: str | Path, **options: Any) -> World:
 
     Raises WorldError for a name that is not known, and data or options that cannot be used.
     """
-    from coadapt.recorded import is_recording, open_recorded
-    from worlds.registry import open_world, world_kinds
+    from coadapt.recorded import names_data, open_recorded
+    from worlds.registry import open_world
 
-    path = Path(source)
-    if str(source) not in world_kinds() and (is_recording(path) or path.is_dir()):
-        data = open_recorded(path)
+    if names_data(str(source)):
+        data = open_recorded(Path(source))
         data.tell_notes()
         return data.world
     return open_world(str(source), **options)

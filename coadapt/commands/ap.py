@@ -36,13 +36,13 @@ def run(args: argparse.Namespace) -> int:
     from worlds.cooperative.judging import evaluate
 
     data = recorded_data(args)
-    data.needs_judged()
+    frames = data.judged()
     precision = evaluate(
         data.world,
         chosen_fusion(args),
         args.ego or data.ego,
         Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
-        data.judged,
+        frames,
         per_frame=args.per_frame,
     )
     figures = {name: round(value, 4) for name, value in asdict(precision).items()}

@@ -91,13 +91,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _chosen(args: argparse.Namespace) -> tuple[World, str, int]:
     """The world, its usual ego and the frame."""
-    from coadapt.recorded import is_recording, open_recorded
+    from coadapt.recorded import names_data, open_recorded
     from research.evaluation.splits import ROBOTS
-    from worlds.registry import open_world, world_kinds
+    from worlds.registry import open_world
 
-    path = Path(args.world)
-    if args.world not in world_kinds() and (is_recording(path) or path.is_dir()):
-        data = open_recorded(path)
+    if names_data(args.world):
+        data = open_recorded(Path(args.world))
         data.tell_notes()
         usual = min(FRAME, len(data.frames) - 1)
         return data.world, data.ego, data.frame(str(usual if args.frame is None else args.frame))

@@ -38,7 +38,7 @@ class RecordingWorld(Shown):
         """Opens a recording. Raises WorldError that names what is missing."""
         self.file = RecordingFile(path)
         header = self.file.header
-        self.notes = self.file.notes
+        self.notes = self.file.notes + _notes(self.file)
         """What is wrong with a recording that can be used all the same."""
         self._times = self.file.frames()
         if header.rate_hz is None or header.range_m is None or header.detector is None:
@@ -137,3 +137,11 @@ class RecordingWorld(Shown):
         number = self._numbers[0] + frame % self.frame_count * self._stride
         at = bisect_right(self._numbers, number) - 1
         return self._times[at], number - self._numbers[at] <= self._held
+
+
+def _notes(file: RecordingFile) -> tuple[str, ...]:
+    if file.header.points != "selected":
+        return ()
+    return (
+        f"{file.path} was recorded with --points selected: robots that were not asked have no scan",
+    )
