@@ -20,7 +20,13 @@ class Scans:
     """Writes a swarm's scans, poses and ground truth, frame by frame."""
 
     def __init__(
-        self, spec: SwarmSpec, points: layout.Points, rate_hz: float | None, truth: bool = True
+        self,
+        spec: SwarmSpec,
+        points: layout.Points,
+        rate_hz: float | None,
+        truth: bool = True,
+        *,
+        whole: bool = False,
     ) -> None:
         """Opens the world. Raises RecordingError for a rate that is not above 0, and WorldError
         when the world cannot be opened."""
@@ -36,7 +42,7 @@ class Scans:
         if rate_hz is not None and not rate_hz > 0:
             raise RecordingError(f"rate {rate_hz} cannot be used; it must be frames a second > 0")
         self._truth = truth
-        self._rays = self.world.rays() if isinstance(self.world, Rayed) else None
+        self._rays = self.world.rays() if isinstance(self.world, Rayed) and not whole else None
         self._rays_told = False
         self.robots = tuple(robot for robot in spec.robots if robot in self.world.robots)
         """Those of the swarm that the world has."""

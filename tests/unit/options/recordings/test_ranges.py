@@ -113,6 +113,15 @@ def test_a_recording_of_before_ranges_still_gives_its_scans(
     assert RecordingWorld(path).scan("R2", 0).points.tobytes() == expected.tobytes()
 
 
+def test_viewers_get_every_point_where_that_is_asked_for(tmp_path: Path) -> None:
+    small = write_recording(tmp_path / "small.mcap", (40,), robots=2)
+    whole = write_recording(tmp_path / "whole.mcap", (40,), robots=2, whole=True)
+    assert "/robot/R2/ranges" not in RecordingFile(whole).topics
+    shown, expected = (RecordingWorld(path).scan("R2", 0).points for path in (whole, small))
+    assert shown.tobytes() == expected.tobytes()
+    assert whole.stat().st_size > 2 * small.stat().st_size
+
+
 def test_a_recording_of_a_later_version_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
