@@ -13,9 +13,6 @@ from perception.types import Boxes
 from swarm.body import Body
 from swarm.geometry import Points, Pose
 
-RANGES_M = {"factory": 40.0, "road": 120.0}
-"""Reach of a real sensor, by the detector that reads it: what that was trained on."""
-
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Scan:

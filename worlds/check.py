@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from perception.detector import configuration
 from perception.detector.suits import ScanProfile
 from swarm.errors import WorldError
 from swarm.geometry import Points, transform
@@ -20,7 +21,8 @@ FRAMES = 12
 CELL_M = 1.0
 """Side of the cells in which what robots see is counted."""
 LITTLE = 0.02
-"""A robot that shares less of what it sees with a near ego may lie in another frame."""
+"""A robot within range that shares less of what it sees with the ego may count from an origin of
+its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,8 @@ class Check:
     partners: tuple[Partner, ...]
     gain: float
     """Cells that ego and partners within range see together, for each that it sees alone."""
+    apart: tuple[str, ...]
+    """Robots whose poses may count from an origin of their own, and why."""
     notes: tuple[str, ...]
     against: tuple[str, ...] = field(default=())
     """Why nothing can be fused; empty where it can."""
@@ -108,6 +112,7 @@ def check(world: World, ego: str | None = None) -> Check:
         seen={robot: float(np.mean([bool(its) for its in cells[robot]])) for robot in cells},
         partners=partners,
         gain=_gain(world, ego, frames, cells, range_m),
+        apart=tuple(_apart(ego, partners, min(configuration(world.detector).usual_body.size[:2]))),
         notes=world.notes if isinstance(world, Noted) else (),
         against=tuple(_against(ego, cells, partners, range_m)),
     )
@@ -129,6 +134,17 @@ def _against(
             f"{near.nearest_m:.0f} m away (comm_range_m in world.toml, or --comm-range)"
         ]
     return [f"no robot within {range_m:.0f} m of {ego} has a scan while {ego} has one"]
+
+
+def _apart(ego: str, partners: Sequence[Partner], width_m: float) -> Iterator[str]:
+    for one in partners:
+        if one.nearest_m < width_m:
+            yield (
+                f"{one.robot} comes within {one.nearest_m:.1f} m of {ego}, where there is no room "
+                "for both"
+            )
+        elif one.within and one.shared < LITTLE:
+            yield f"{one.robot} sees almost nothing of what {ego} sees, within range of it"
 
 
 def _partner(

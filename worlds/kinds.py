@@ -58,6 +58,9 @@ class WorldKind:
     found: Callable[[Path], str] | None = None
     """What of this kind lies at a path, in words like "bags of 2 robots", found out by looking;
     empty where nothing does. It may raise WorldError."""
+    numbered: bool = False
+    """Whether its robots are R1 to Rn, as many as are asked for; only a world that is open knows
+    the names of others."""
     detector: str = ""
     """The configuration that fits its worlds; empty where each world, by its data, has its own."""
 
@@ -80,3 +83,8 @@ class WorldKind:
             return self.open(request)
         except ModuleNotFoundError as error:
             raise WorldError(f"world {self.name!r}: {not_installed(error.name)}") from error
+
+
+def robot_count(count: int) -> str:
+    """So many robots, in words."""
+    return f"{count} robot{'' if count == 1 else 's'}"

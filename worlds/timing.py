@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 MAX_SKEW_S = 0.25
 """Clocks this far apart show a car at 50 km/h 3.5 m from where it was."""
 _SAME_LENGTH_S = 0.3
+_ANOTHER_TIME_S = 86_400.0
+"""A clock is not wrong by a day: stamps that are count from somewhere else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +31,8 @@ class Timing:
     disordered: int
     """Scans that were recorded after one that was taken later."""
     lag_s: float | None = None
-    """Median time from taking a scan to recording it; None where nobody says when it was."""
+    """Median time from taking a scan to recording it; None where nobody says when it was, or where
+    stamps are of another time than the recorder's: simulated, or played again."""
     trusted: bool = False
     """Whether somebody has said how far its clock is off."""
 
@@ -68,9 +71,15 @@ def timing(
         rate_hz=1e9 / usual if usual else None,
         lost=lost,
         disordered=int(behind.sum()),
-        lag_s=None if recorded_ns is None else float(np.median(recorded_ns - taken_ns)) / 1e9,
+        lag_s=None if recorded_ns is None else _lag((recorded_ns - taken_ns) / 1e9),
         trusted=trusted,
     )
+
+
+def _lag(each_s: NDArray[np.float64]) -> float | None:
+    low, usual, high = np.percentile(each_s, (25, 50, 75))
+    steady = high - low < MAX_SKEW_S and abs(usual) < _ANOTHER_TIME_S
+    return float(usual) if steady else None
 
 
 def overlap_s(timings: Sequence[Timing]) -> float:

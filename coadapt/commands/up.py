@@ -13,14 +13,7 @@ from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
 from deploy.services import journal_path
-from deploy.spec import (
-    MAX_ROBOTS,
-    MIN_ROBOTS,
-    PROPERTIES,
-    SwarmSpec,
-    factory_robots,
-    make_spec,
-)
+from deploy.spec import PROPERTIES, SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError, not_installed
@@ -152,8 +145,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
                 f"({typed('up', world=kind.name, data=kind.word)})"
             )
     comm_range_m = args.comm_range_m
-    # The specification has the words for a number of robots that is none.
-    if kind.data or MIN_ROBOTS <= args.robots <= MAX_ROBOTS:
+    if not kind.numbered:
         robots, usual_range_m = _opened(args, data)
         comm_range_m = comm_range_m or usual_range_m
     values = {name: value for name, value in vars(args).items() if name in PROPERTIES}

@@ -86,8 +86,11 @@ def _lines(kind: WorldKind, words: str, path: Path, found: Check) -> list[tuple[
         ("sensors", str(found.scans) if found.scans else "too little in the scans to tell"),
         ("detector", f"{found.detector}: {'; '.join(found.unsuited) or 'it suits'}"),
         ("distance", _distances(found)),
-        ("coverage", f"together {found.gain:.2f} times what {found.ego} sees alone{_odd(found)}"),
+        ("coverage", f"together {found.gain:.2f} times what {found.ego} sees alone"),
     ]
+    if found.apart:
+        why = "do their poses count from one origin (origin in world.toml)?"
+        lines.append(("origins", f"{_some(found.apart)}: {why}"))
     lines += [("note", note) for note in found.notes]
     if found.fuses:
         best = max(one.within for one in found.partners)
@@ -119,18 +122,6 @@ def _clocks(found: Check) -> str:
 def _distances(found: Check) -> str:
     told = [f"{p.robot} {p.nearest_m:.1f} to {p.farthest_m:.1f} m" for p in found.partners]
     return f"{_some(told) or 'nobody else'}; range {found.comm_range_m:g} m"
-
-
-def _odd(found: Check) -> str:
-    from worlds.check import LITTLE
-
-    odd = [one.robot for one in found.partners if one.within and one.shared < LITTLE]
-    if not odd:
-        return ""
-    return (
-        f"; {_some(odd)} shares almost nothing with it: do their poses count from one origin "
-        "(origin in world.toml)?"
-    )
 
 
 def _next(kind: WorldKind, path: Path, found: Check) -> str:

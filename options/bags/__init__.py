@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from worlds.base import World
-from worlds.kinds import WorldKind, WorldRequest
+from worlds.kinds import WorldKind, WorldRequest, robot_count
 
 
 def _open(request: WorldRequest) -> World:
@@ -18,7 +18,7 @@ def _found(path: Path) -> str:
     from options.bags.recording import find_bags
 
     bags = find_bags(path) if path.is_dir() else {}
-    return f"bags of {len(bags)} robots" if bags else ""
+    return f"bags of {robot_count(len(bags))}" if bags else ""
 
 
 NEEDS = "the directory of the robots' bags"

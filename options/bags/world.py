@@ -11,10 +11,11 @@ from options.bags.clocks import common_span, words
 from options.bags.log import RobotLog
 from options.bags.recording import Recording, find_bags
 from options.bags.settings import read_settings
+from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, pose_of
-from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.base import GroundTruth, Scan
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.recent import Recent
 
@@ -48,7 +49,7 @@ class BagWorld:
         self.start_ns, end_ns = common_span(data, list(self._logs.values()))
         self.detector: str
         self.detector, self.choices = self._chosen_detector(settings.detector)
-        self.range_m = RANGES_M[self.detector]
+        self.range_m = configuration(self.detector).sensor.range_m
         self.notes = (
             *(note for one in recordings.values() for note in one.notes),
             *words(self.timings),

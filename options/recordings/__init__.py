@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from worlds.base import World
-from worlds.kinds import WorldKind, WorldRequest
+from worlds.kinds import WorldKind, WorldRequest, robot_count
 
 
 def _open(request: WorldRequest) -> World:
@@ -19,7 +19,7 @@ def _found(path: Path) -> str:
 
     if not path.is_file():
         return ""
-    return f"a recording of a swarm of {len(RecordingFile(path).header.robots)} robots"
+    return f"a recording of {robot_count(len(RecordingFile(path).header.robots))}"
 
 
 NEEDS = "the file of a recording (`coadapt record`)"

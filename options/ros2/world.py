@@ -26,11 +26,12 @@ from options.ros2.link import Link, node_name
 from options.ros2.samples import stamp_of
 from options.ros2.topic_buffer import Arrived, TopicBuffer
 from options.ros2.whereabouts import find_whereabouts
+from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import SilentError, WorldError
 from swarm.geometry import Pose, pose_of
 from swarm.log import Logger
-from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.base import GroundTruth, Scan
 
 FOREVER = 2**62
 _CLOUDS, _POSES = 8, 4096
@@ -61,7 +62,7 @@ class LiveWorld:
         self.robots: tuple[str, ...] = (robot,)
         self.rate_hz: float = address.rate
         self.detector: str = address.detector
-        self.range_m = RANGES_M[address.detector]
+        self.range_m = configuration(address.detector).sensor.range_m
         self._address = address
         self._log = log.bind(robot=robot)
         self._clouds = TopicBuffer(address.points, CLOUD, _CLOUDS)

@@ -38,6 +38,8 @@ class SensorFacts:
     factory, 78 to 100 m on the road. Beyond the limits, scans are of another kind of place."""
     min_points: int
     """Of a scan."""
+    range_m: float
+    """Reach of a real sensor that it reads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +80,7 @@ _ROAD = DetectorConfig(
     usual_body=Body(label="vehicle", size=(4.9, 2.13, 1.51), center=(0.5, 0.0, -1.18)),
     own_body_m=2.1,
     usual_speed_m_s=6.0,
-    sensor=SensorFacts(1.9, (1.5, 2.3), (25.0, 250.0), min_points=14_000),
+    sensor=SensorFacts(1.9, (1.5, 2.3), (25.0, 250.0), min_points=14_000, range_m=120.0),
     # OpenCOOD evaluates OPV2V with it (its COM_RANGE).
     comm_range_m=70.0,
 )
@@ -98,7 +100,7 @@ _FACTORY = DetectorConfig(
     usual_body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
     own_body_m=0.6,
     usual_speed_m_s=1.0,
-    sensor=SensorFacts(1.2, (1.0, 1.6), (5.0, 60.0), min_points=3_500),
+    sensor=SensorFacts(1.2, (1.0, 1.6), (5.0, 60.0), min_points=3_500, range_m=40.0),
     # The paper's com_range_m in most scenes.
     comm_range_m=45.0,
 )

@@ -19,4 +19,4 @@ def _open(request: WorldRequest) -> World:
     )
 
 
-WORLDS = (WorldKind("factory", _open, detector="factory"),)
+WORLDS = (WorldKind("factory", _open, numbered=True, detector="factory"),)

@@ -22,4 +22,4 @@ def _found(path: Path) -> str:
 
 
 NEEDS = "the directory of a recorded scenario"
-WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, _found, "road"),)
+WORLDS = (WorldKind("opv2v", _open, "directory", NEEDS, opv2v_sample, _found, detector="road"),)

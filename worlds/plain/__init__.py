@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from worlds.base import World
-from worlds.kinds import WorldKind, WorldRequest
+from worlds.kinds import WorldKind, WorldRequest, robot_count
 
 
 def _open(request: WorldRequest) -> World:
@@ -22,7 +22,7 @@ def _found(path: Path) -> str:
     robots = robots_of(path) if plain else {}
     if plain and not robots and scan_files(path):
         check_robots(path, robots)
-    return f"plain scans of {len(robots)} robots" if robots else ""
+    return f"plain scans of {robot_count(len(robots))}" if robots else ""
 
 
 NEEDS = "the directory of the robots' folders of scans"

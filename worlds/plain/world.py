@@ -1,19 +1,22 @@
-"""Folders of plain scans as one world: the k-th scan of each robot is frame k."""
+"""Folders of plain scans as one world, by their times or by their numbers."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Points, Pose, pose_of
-from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.base import GroundTruth, Scan
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.plain.folders import check_robots, robots_of
 from worlds.plain.poses import NAMES, find_poses, read_poses
+from worlds.plain.times import NAME, Shown, read_times
 from worlds.recent import Recent
 from worlds.scans import read_scan
 from worlds.world_file import FILE_NAME, Place, WorldFile, read_world_file, settings_of
@@ -59,16 +62,17 @@ class ScansWorld:
                 )
             poses = _poses(data / robot, len(its), of[robot].origin)
             self._files[robot], self._poses[robot] = its[first:], poses[first:]
-        counts = {robot: len(its) for robot, its in self._files.items()}
-        self.frame_count = min(counts.values())
-        self.notes = tuple(
-            f"{robot} has {count} scans, of which the first {self.frame_count} are shown, as "
-            "another robot has no more"
-            for robot, count in counts.items()
-            if count > self.frame_count
-        )
+        self._shown = _shown(data, self._files, of, settings.rate_hz)
+        if self._shown is not None:
+            self.timings = self._shown.timings
+            self.frame_count, self.rate_hz = self._shown.frame_count, self._shown.rate_hz
+            notes = self._shown.notes
+        else:
+            self.frame_count = min(len(its) for its in self._files.values())
+            self.rate_hz = settings.rate_hz or RATE_HZ
+            notes = tuple(_unequal(self._files, self.frame_count))
+        self.notes: tuple[str, ...] = notes
         """What is odd about data that can be used all the same."""
-        self.rate_hz: float = settings.rate_hz or RATE_HZ
         self.comm_range_m = settings.comm_range_m
         self._recent = Recent(MAX_KEPT)
         self.detector: str
@@ -76,23 +80,23 @@ class ScansWorld:
         if settings.detector is not None:
             self.detector, self.choices = settings.detector, ()
         else:
-            looked_at = range(min(LOOKED_AT, self.frame_count))
-            scans = [self._points(robot, frame) for robot in self.robots for frame in looked_at]
+            looked_at = range(min(LOOKED_AT, *(len(its) for its in self._files.values())))
+            scans = [self._read(robot, index) for robot in self.robots for index in looked_at]
             self.detector, self.choices = choose_detector(scans)
-        self.range_m = RANGES_M[self.detector]
+        self.range_m = configuration(self.detector).sensor.range_m
 
     def pose(self, robot: str, frame: int) -> Pose:
         """See `worlds.base.World`."""
-        return pose_of(self._placed(robot, frame))
+        return pose_of(self._poses[robot][self._index(robot, frame)[0]])
 
     def scan(self, robot: str, frame: int) -> Scan:
-        """The scan of a frame, as `worlds.scans.read_scan` reads it."""
-        frame %= self.frame_count
+        """The scan of a frame, as `worlds.scans.read_scan` reads it; empty when it is too old."""
+        index, fresh = self._index(robot, frame)
         return Scan(
             robot=robot,
-            frame=frame,
-            points=self._points(robot, frame),
-            pose=self.pose(robot, frame),
+            frame=frame % self.frame_count,
+            points=self._read(robot, index) if fresh else np.zeros((0, 3), dtype=np.float32),
+            pose=pose_of(self._poses[robot][index]),
             velocity=self._velocity(robot, frame),
         )
 
@@ -100,28 +104,60 @@ class ScansWorld:
         """None: nobody knows what was really there."""
         return GroundTruth(Boxes.empty(), (), np.zeros(0, dtype=np.int64))
 
-    def _points(self, robot: str, frame: int) -> Points:
-        path = self._of(robot)[frame]
+    def _index(self, robot: str, frame: int) -> tuple[int, bool]:
+        """Which scan a frame shows of a robot, and whether it is fresh."""
+        if robot not in self._files:
+            raise WorldError(f"robot {robot!r} has no scans; there are {', '.join(self.robots)}")
+        frame %= self.frame_count
+        return (frame, True) if self._shown is None else self._shown.index(robot, frame)
+
+    def _read(self, robot: str, index: int) -> Points:
+        path = self._files[robot][index]
         points: Points = self._recent.get(path, lambda: read_scan(path))
         return points
 
-    def _placed(self, robot: str, frame: int) -> Matrix:
-        self._of(robot)
-        return self._poses[robot][frame % self.frame_count]
-
     def _velocity(self, robot: str, frame: int) -> tuple[float, float, float]:
-        """Difference to the next pose (to the one before in the last frame)."""
+        """Difference to the next frame's pose (to the one before in the last frame)."""
         if self.frame_count < 2:
             return (0.0, 0.0, 0.0)
-        frame = min(frame, self.frame_count - 2)
-        moved = self._placed(robot, frame + 1)[:3, 3] - self._placed(robot, frame)[:3, 3]
-        x, y, z = (moved * self.rate_hz).tolist()
-        return (x, y, z)
+        frame = min(frame % self.frame_count, self.frame_count - 2)
+        a, b = self.pose(robot, frame), self.pose(robot, frame + 1)
+        rate = self.rate_hz
+        return ((b.x - a.x) * rate, (b.y - a.y) * rate, (b.z - a.z) * rate)
 
-    def _of(self, robot: str) -> list[Path]:
-        if robot not in self._files:
-            raise WorldError(f"robot {robot!r} has no scans; there are {', '.join(self.robots)}")
-        return self._files[robot]
+
+def _shown(
+    data: Path,
+    files: dict[str, list[Path]],
+    settings: dict[str, RobotSettings],
+    rate_hz: float | None,
+) -> Shown | None:
+    """By time where all robots have times; None: the k-th scan of each robot is frame k.
+
+    Raises WorldError where some robots have times, and some none.
+    """
+    taken = {}
+    for robot, its in files.items():
+        first = settings[robot].first
+        times = read_times(data / robot, first + len(its))
+        if times is not None:
+            taken[robot] = times[first:]
+    if taken and len(taken) < len(files):
+        without = ", ".join(robot for robot in files if robot not in taken)
+        raise WorldError(
+            f"{data} has {NAME} for {', '.join(taken)}, and none for {without}: all robots need "
+            "one, or none of them"
+        )
+    return Shown(data, taken, rate_hz) if taken else None
+
+
+def _unequal(files: dict[str, list[Path]], shown: int) -> Iterator[str]:
+    for robot, its in files.items():
+        if len(its) > shown:
+            yield (
+                f"{robot} has {len(its)} scans, of which the first {shown} are shown, as another "
+                "robot has no more"
+            )
 
 
 def _poses(folder: Path, count: int, origin: Place | None) -> list[Matrix]:

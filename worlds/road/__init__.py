@@ -12,4 +12,4 @@ def _open(request: WorldRequest) -> World:
     return RoadWorld(robots=request.robots, seed=request.seed, cache=request.cache)
 
 
-WORLDS = (WorldKind("road", _open, detector="road"),)
+WORLDS = (WorldKind("road", _open, numbered=True, detector="road"),)

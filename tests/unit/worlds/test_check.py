@@ -64,6 +64,7 @@ def test_lines_are_few_and_end_with_what_to_type(
     assert main(["worlds", "check", str(cars)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert 10 <= len(lines) <= 12
+    assert not [line for line in lines if line.startswith("origins")]
     assert lines[0] == "found     bags of 2 robots (world bag)"
     assert "road: it suits" in lines[6]
     assert lines[-2].startswith("fuses     yes, in 100% of the frames")
@@ -82,6 +83,33 @@ def test_robots_out_of_range_will_not_fuse(cars: Path, tmp_path: Path, told: Tol
     status, found = told(tmp_path, "--ego", "R2")
     assert (status, found["ego"]) == (0, "R2")
     assert found["unsuited"][0].startswith("detector factory does not suit the scans")
+
+
+def test_robots_that_share_nothing_may_have_other_origins(
+    tmp_path: Path, told: Told, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(4)
+    for robot in ("R1", "R2"):
+        (tmp_path / robot).mkdir()
+        around = rng.uniform(-5, 5, size=(500, 3)).astype(np.float32)
+        np.save(tmp_path / robot / "0.npy", around)
+    (tmp_path / "world.toml").write_text(
+        "[robots.R1]\norigin = {x = 0.0}\n[robots.R2]\norigin = {x = 20.0}\n"
+    )
+    status, found = told(tmp_path)
+    assert (status, found["partners"][0]["shared"]) == (0, 0.0)
+    assert found["gain"] == pytest.approx(2.0, abs=0.1)
+    assert main(["worlds", "check", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "R2 sees almost nothing of what R1 sees, within range of it: do their poses" in said
+
+
+def test_robots_in_one_place_may_have_origins_of_their_own(tmp_path: Path, told: Told) -> None:
+    for robot in ("R1", "R2"):
+        plain_log(np.arange(10) / 10).write(tmp_path / robot)
+    assert told(tmp_path)[1]["apart"] == [
+        "R2 comes within 0.0 m of R1, where there is no room for both"
+    ]
 
 
 def test_one_robot_has_nobody_to_fuse_with(tmp_path: Path, told: Told) -> None:

@@ -206,3 +206,68 @@ def test_a_folder_must_hold_one_folder_a_robot(tmp_path: Path) -> None:
 def test_a_robot_that_is_not_there_is_named(lot: Path) -> None:
     with pytest.raises(WorldError, match="robot 'R9' has no scans; there are R1, R2"):
         open_world("scans", data=lot).scan("R9", 0)
+
+
+def timed(folder: Path, robot: str, times: list[float]) -> None:
+    """A robot whose scans and poses say when they were taken."""
+    (folder / robot).mkdir()
+    for number, time in enumerate(times):
+        np.save(folder / robot / f"{number}.npy", np.array([[time, 1, 1]]))
+    rows = [[time, 0, 0, 0, 0, 0] for time in times]
+    np.save(folder / robot / "poses.npy", np.array(rows))
+    (folder / robot / "times.txt").write_text("".join(f"{time}\n" for time in times))
+
+
+def test_scans_with_times_are_shown_by_them(tmp_path: Path) -> None:
+    timed(tmp_path, "R1", [k / 10 for k in range(1, 31)])
+    timed(tmp_path, "R2", [0.52 + k / 5 for k in range(12)])
+    (tmp_path / "world.toml").write_text("rate_hz = 10\n")
+    world = ScansWorld(tmp_path)
+    assert world.frame_count == 1 + 22
+    for frame in range(world.frame_count):
+        now = 0.52 + frame / 10
+        first, second = (world.scan(robot, frame) for robot in ("R1", "R2"))
+        assert first.points[0, 0] == pytest.approx(math.floor(now * 10 + 1e-9) / 10)
+        assert 0 <= now - second.points[0, 0] < 0.2 + 1e-6
+        assert second.pose.x == pytest.approx(float(second.points[0, 0]))
+    assert world.scan("R1", 5).velocity == pytest.approx((1, 0, 0))
+    assert [one.rate_hz for one in world.timings] == pytest.approx([10, 5])
+    assert world.notes == ()
+
+
+def test_scans_that_are_too_old_are_not_shown_and_lost_ones_told(tmp_path: Path) -> None:
+    timed(tmp_path, "R1", [k / 10 for k in range(30)])
+    timed(tmp_path, "R2", [k / 10 for k in range(30) if not 10 < k < 20])
+    world = ScansWorld(tmp_path)
+    seen = [bool(len(world.scan("R2", frame).points)) for frame in range(world.frame_count)]
+    assert seen == [True] * 16 + [False] * 4 + [True] * 10
+    assert world.notes == ("R2 lacks 9 scans between its 21",)
+
+
+def test_times_that_may_be_of_clocks_apart_are_told(tmp_path: Path) -> None:
+    timed(tmp_path, "R1", [k / 10 for k in range(30)])
+    timed(tmp_path, "R2", [1 + k / 10 for k in range(30)])
+    world = ScansWorld(tmp_path)
+    assert "the clock of R2 is 1.000 s ahead" in world.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("0.1\n", "has 1 times for 2 scans"),
+        ("0.1\n0.1\n", "seconds that ascend"),
+        ("0.1\nnan\n", "seconds that ascend"),
+        ("0.1\nsoon\n", r"times\.txt cannot be read"),
+        ("100\n101\n", "share no time: R1 0.000 to 0.100 s; R2 100.000"),
+        (None, r"has times\.txt for R1, and none for R2"),
+    ],
+)
+def test_wrong_times_are_named(tmp_path: Path, text: str | None, words: str) -> None:
+    timed(tmp_path, "R1", [0.0, 0.1])
+    timed(tmp_path, "R2", [0.0, 0.1])
+    if text is None:
+        (tmp_path / "R2" / "times.txt").unlink()
+    else:
+        (tmp_path / "R2" / "times.txt").write_text(text)
+    with pytest.raises(WorldError, match=words):
+        ScansWorld(tmp_path)

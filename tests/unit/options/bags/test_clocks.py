@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coadapt.main import main
 from options.bags.world import BagWorld
 from swarm.errors import WorldError
 from tests.support.bag_files import CLOUD, MOUNT, Log, cloud, ns, plain_log
@@ -107,6 +106,27 @@ def test_bags_of_an_hour_apart_are_refused_with_what_would_help(tmp_path: Path) 
         BagWorld(tmp_path)
 
 
+def test_simulated_time_tells_nothing_of_clocks(tmp_path: Path) -> None:
+    """A simulation at half speed, of which one robot was recorded longer."""
+    for robot, count in (("R1", 16), ("R2", 30)):
+        log = plain_log(np.arange(count) / 10)
+        begin = log.rows[0][2]
+        log.rows = [
+            (topic, kind, begin + 2 * (at - begin), message)
+            for topic, kind, at, message in log.rows
+        ]
+        log.write(tmp_path / robot)
+    world = BagWorld(tmp_path)
+    assert times_shown(world, "R1") == times_shown(world, "R2") == TIMES.tolist()
+    assert [one.lag_s for one in world.timings] == [None, None]
+
+
+def test_bags_that_were_played_again_tell_nothing_of_clocks(tmp_path: Path) -> None:
+    later(tmp_path, "R1", 0, 3e6)
+    later(tmp_path, "R2", 0, 5e6)
+    assert BagWorld(tmp_path).frame_count == 16
+
+
 def test_lost_scans_are_counted(tmp_path: Path) -> None:
     kept = [time for at, time in enumerate(TIMES) if at not in (4, 5, 11)]
     log = Log().scans(kept).drive(TIMES).tf(0, MOUNT, static=True)
@@ -148,12 +168,3 @@ def test_the_clock_of_a_robot_is_checked_like_any_setting(tmp_path: Path) -> Non
     (tmp_path / "world.toml").write_text("[robots.R1]\nclock_offset_s = 'late'\n")
     with pytest.raises(WorldError, match=r"clock_offset_s = 'late' in .* is not valid"):
         open_world("bag", data=tmp_path)
-
-
-def test_up_says_what_is_odd_before_anything_starts(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    later(tmp_path, "R1", 0, 0)
-    later(tmp_path, "R2", 1.0, 0)
-    assert main(["up", "--world", "bag", "--data", str(tmp_path), "--swarm", "never"]) == 1
-    assert "clock_offset_s = 1.000" in capsys.readouterr().err
