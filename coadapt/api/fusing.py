@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from coadapt.api.cloud import Cloud, PoseLike, ScanLike, as_cloud
+from perception.detector import configuration
 from perception.fusion.base import Fusion
 from perception.types import Boxes
 from swarm.errors import ScanError
 from swarm.geometry import Matrix, Pose, invert, pose_of
-from worlds.base import RANGES_M, GroundTruth, Scan
+from worlds.base import GroundTruth, Scan
 
 USUAL = "factory"
 """The detector of scans that are too small to tell."""
@@ -80,7 +81,6 @@ def fuse(
     Raises ScanError for scans or poses that cannot be used or are missing, PerceptionError for an
     unknown algorithm or detector.
     """
-    from perception.detector import configuration
     from perception.fusion.known import bodies
     from worlds.cooperative.fusing import SINGLE, fuse_frame
 
@@ -117,7 +117,7 @@ class _Held:
     def __init__(self, clouds: Sequence[Cloud], detector: str) -> None:
         self.clouds = clouds
         self.detector = detector
-        self.range_m = RANGES_M[detector]
+        self.range_m = configuration(detector).sensor.range_m
         self.robots = tuple(cloud.name for cloud in clouds)
 
     def pose(self, robot: str, frame: int) -> Pose:
@@ -169,7 +169,6 @@ def _pose(cloud: Cloud) -> Matrix:
 
 def _suiting(clouds: Sequence[Cloud], named: str | None) -> tuple[str, tuple[str, ...]]:
     """The detector that was named, or suits the scans best, and why it may not suit them."""
-    from perception.detector import configuration
     from perception.detector.suits import best_detector, misfits, profile
 
     seen = profile([cloud.points for cloud in clouds])

@@ -81,7 +81,7 @@ def test_a_recording_without_truth_has_no_precision(
     monkeypatch.setattr(Scans, "_write_truth", lambda *given: None)
     path = write_recording(tmp_path / "blind.mcap", (40,))
     assert main(["ap", str(path), "--algorithm", "late"]) == 1
-    assert "a swarm of 3 robots and does not say what was really there" in capsys.readouterr().err
+    assert "of 3 robots and does not say what was really there" in capsys.readouterr().err
 
 
 def test_a_recording_of_those_who_were_asked_says_so(
