@@ -30,7 +30,7 @@ COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector compute peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console
 # Without what is C (perception/kernels/_coding.c ...).
-DOCUMENTED = swarm perception worlds sensing robot_agent ego_agent network_controller llm_gateway deploy \
+DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent network_controller llm_gateway deploy \
 	'!perception.kernels._' '!worlds.factory._'
 
 .DEFAULT_GOAL := help

@@ -11,6 +11,7 @@ from perception.fusion.algorithms import all_fusions
 from swarm.defaults import SWARM
 
 if TYPE_CHECKING:
+    from coadapt.recorded import Recorded
     from perception.fusion.base import Fusion
 
 
@@ -43,14 +44,16 @@ def add_swarm(parser: argparse.ArgumentParser) -> None:
 
 
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
-    """Adds what is fused and how: DIR, --algorithm or --opencood, --ego, --pose-noise, --delay and
+    """Adds what is fused and how: DATA, --algorithm or --opencood, --ego, --pose-noise, --delay and
     --json."""
     parser.add_argument(
-        "directory",
+        "data",
         type=Path,
         nargs="?",
-        metavar="DIR",
-        help="a recorded scenario (default: the sample that `coadapt data` brings)",
+        metavar="DATA",
+        help="a recording of a swarm (.mcap, by `coadapt record`), a directory in OPV2V's layout, "
+        "or a folder of robots' bags or scans "
+        "(default: the sample that `coadapt data` brings)",
     )
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument(
@@ -82,14 +85,18 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
 
 
-def recorded_directory(args: argparse.Namespace) -> Path:
-    """The scenario that `add_recorded_fusion` was given, else the sample.
+def recorded_data(args: argparse.Namespace) -> Recorded:
+    """What `add_recorded_fusion` was given, else the sample. What is wrong with data that can be
+    used all the same goes to standard error.
 
-    Raises WorldError when there is none.
+    Raises WorldError when there is none, or it cannot be used.
     """
+    from coadapt.recorded import open_recorded
     from worlds.sample import opv2v_sample
 
-    return args.directory or opv2v_sample()
+    data = open_recorded(args.data or opv2v_sample())
+    data.tell_notes()
+    return data
 
 
 def chosen_fusion(args: argparse.Namespace) -> str | Fusion:

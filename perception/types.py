@@ -11,7 +11,7 @@ from swarm.errors import ScanError
 from swarm.geometry import Matrix, Points, transform, wrap_heading, yaw_of
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class SceneObject:
     """One object of a scene description, in the frame of the points it was made from."""
 
@@ -25,16 +25,28 @@ class SceneObject:
     density: float
     """Points per cubic metre of the axis-aligned box."""
 
+    def __repr__(self) -> str:
+        at, size = (" ".join(f"{v:.2f}" for v in row) for row in (self.centroid, self.size))
+        return (
+            f"SceneObject(at {at} m, {self.distance:.1f} m away, {size} m large, "
+            f"{self.points} points)"
+        )
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Scene:
     """A structured description of one scan (Scene Abstraction Module)."""
 
     objects: tuple[SceneObject, ...]
     ground_points: int
 
+    def __repr__(self) -> str:
+        nearest = min((one.distance for one in self.objects), default=None)
+        near = "" if nearest is None else f", the nearest {nearest:.1f} m away"
+        return f"Scene({len(self.objects)} objects{near}; {self.ground_points} ground points)"
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Boxes:
     """N oriented boxes in one frame.
 
@@ -52,6 +64,14 @@ class Boxes:
     def __len__(self) -> int:
         return len(self.headings)
 
+    def __repr__(self) -> str:
+        kinds = []
+        for label in dict.fromkeys(self.labels):
+            scores = [self.scores[i] for i, other in enumerate(self.labels) if other == label]
+            low, high = f"{min(scores):.2f}", f"{max(scores):.2f}"
+            kinds.append(f"{len(scores)} {label} {low}" + (f" to {high}" if high != low else ""))
+        return f"Boxes({len(self)}{': ' if kinds else ''}{', '.join(kinds)})"
+
     @classmethod
     def empty(cls) -> Boxes:
         """No boxes."""
@@ -67,6 +87,16 @@ class Boxes:
             self.scores[picked],
             tuple(self.labels[i] for i in picked),
         )
+
+    def above(self, score: float) -> Boxes:
+        """The boxes with at least this score.
+
+        >>> both = Boxes(np.zeros((2, 3)), np.ones((2, 3)), np.zeros(2), np.array([0.9, 0.2]),
+        ...              ("person", "robot"))
+        >>> both, both.above(0.5)
+        (Boxes(2: 1 person 0.90, 1 robot 0.20), Boxes(1: 1 person 0.90))
+        """
+        return self.take(self.scores >= score)
 
     def transformed(self, a_from_b: Matrix) -> Boxes:
         """Boxes given in b, in a. Roll and pitch of the transform move the centres only."""

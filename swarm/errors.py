@@ -19,6 +19,7 @@
     │   └── LinkGoneError     the link is not there (any more)
     ├── GatewayError          a request to a language model got no answer
     ├── RecordingError        a recording of a swarm cannot be written or compared
+    ├── PictureError          a picture cannot be drawn or written
     └── DeployError           a runtime cannot be started, read or stopped
 
 The command line prints the message and exits with 1; a message therefore names the thing, the
@@ -125,6 +126,10 @@ class GatewayError(CoAdaptError):
 
 class RecordingError(CoAdaptError):
     """A recording of a swarm cannot be written or compared."""
+
+
+class PictureError(CoAdaptError):
+    """A picture cannot be drawn or written."""
 
 
 class DeployError(CoAdaptError):

@@ -14,7 +14,7 @@ from swarm.body import Body
 from swarm.geometry import Points, Pose
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Scan:
     """What one robot's LiDAR sees in one frame."""
 
@@ -29,6 +29,10 @@ class Scan:
     captured_ns: int | None = None
     """When it was taken, on this machine's clock, nanoseconds since the Unix epoch; None: at the
     moment of its frame. A live robot's scans come when they come."""
+
+    def __repr__(self) -> str:
+        at = f"{self.pose.x:.2f}, {self.pose.y:.2f}, {self.pose.z:.2f}"
+        return f"Scan({self.robot} in frame {self.frame}: {len(self.points)} points, at ({at}) m)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +71,38 @@ class World(Protocol):
 
     def ground_truth(self, frame: int) -> GroundTruth:
         """The true boxes of one frame."""
+        ...
+
+
+class Shown:
+    """What a world looks like where somebody prints it."""
+
+    def __repr__(self: World) -> str:
+        return (
+            f"{type(self).__name__}({', '.join(self.robots[:4])}"
+            f"{', ...' if len(self.robots) > 4 else ''}; {self.frame_count} frames at "
+            f"{self.rate_hz:g} Hz, detector {self.detector})"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """The rays of a spinning sensor that measures in steps: a scan of it is a range image."""
+
+    directions: NDArray[np.float32]
+    """(rings, columns, 3): unit vectors in the sensor's frame; rings from the lowest, columns
+    evenly around from azimuth 0. A point is a direction times a range, both float32; a scan's
+    points come ring by ring."""
+    step_m: float
+    """Ranges are whole multiples of it."""
+
+
+@runtime_checkable
+class Rayed(Protocol):
+    """A world that knows the rays of its sensors."""
+
+    def rays(self) -> Rays | None:
+        """The same for all robots; None where scans are no range images."""
         ...
 
 

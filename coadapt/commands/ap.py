@@ -1,4 +1,4 @@
-"""`coadapt ap DIR`: average precision of a fusion algorithm on a recorded scenario."""
+"""`coadapt ap DATA`: average precision of a fusion algorithm on recorded data."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from coadapt.arguments import add_recorded_fusion, chosen_fusion, recorded_directory
-from swarm.errors import WorldError
+from coadapt.arguments import add_recorded_fusion, chosen_fusion, recorded_data
 
 
 def register(commands: Any) -> None:
     """Adds `ap` to the subparsers of `coadapt`."""
     parser = commands.add_parser(
         "ap",
-        help="average precision on a recorded scenario",
-        description="Average precision of a fusion algorithm over all frames of a directory in "
-        "OPV2V's layout, all vehicles taking part. Boxes count within 140 m along and 40 m across "
-        "the ego's heading (OPV2V's range), true ones with at least 5 points in all scans "
-        "together; overlap is that of the footprints.",
+        help="average precision on recorded data",
+        description="Average precision of a fusion algorithm over all frames of a recording of a "
+        "swarm, or of a directory in OPV2V's layout, all robots taking part. Boxes count within "
+        "140 m along and 40 m across the ego's heading on roads (OPV2V's range), within 25 m in a "
+        "factory, true ones with at least 5 points in all scans together; overlap is that of the "
+        "footprints.",
     )
     add_recorded_fusion(parser)
     parser.add_argument(
@@ -32,23 +32,17 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Prints the figures. Raises CoAdaptError for bad data or names."""
-    from options.bags.recording import holds_bags
     from worlds.cooperative.fusing import Disturbance
     from worlds.cooperative.judging import evaluate
-    from worlds.opv2v.world import Opv2vWorld
 
-    directory = recorded_directory(args)
-    if holds_bags(directory):
-        raise WorldError(
-            f"{directory} holds robots' bags, which do not say what was really there: "
-            "precision needs a recording with true boxes (OPV2V's layout)"
-        )
-    world = Opv2vWorld(directory)
+    data = recorded_data(args)
+    frames = data.judged()
     precision = evaluate(
-        world,
+        data.world,
         chosen_fusion(args),
-        args.ego or world.robots[0],
+        args.ego or data.ego,
         Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
+        frames,
         per_frame=args.per_frame,
     )
     figures = {name: round(value, 4) for name, value in asdict(precision).items()}

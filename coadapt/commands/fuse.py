@@ -1,4 +1,4 @@
-"""`coadapt fuse DIR`: one frame of a recorded scenario, fused."""
+"""`coadapt fuse DATA`: one frame of recorded data, fused."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from coadapt.arguments import (
     add_recorded_fusion,
     chosen_fusion,
     comma_separated,
-    recorded_directory,
+    recorded_data,
 )
 from perception.types import Boxes
 
@@ -20,12 +20,12 @@ def register(commands: Any) -> None:
     """Adds `fuse` to the subparsers of `coadapt`."""
     parser = commands.add_parser(
         "fuse",
-        help="fuse one frame of a recorded scenario",
-        description="Fuse one frame of a directory in OPV2V's layout. Boxes are in the "
-        "right-handed world frame (y is minus CARLA's y).",
+        help="fuse one frame of recorded data",
+        description="Fuse one frame of a recording of a swarm, or of a directory in OPV2V's "
+        "layout. Boxes are in the right-handed world frame (OPV2V: y is minus CARLA's y).",
     )
     add_recorded_fusion(parser)
-    parser.add_argument("--frame", required=True, help="a frame's name (006220) or index (0)")
+    parser.add_argument("--frame", required=True, help="its number from 0, or its name (006220)")
     parser.add_argument(
         "--participants",
         type=comma_separated,
@@ -40,11 +40,10 @@ def run(args: argparse.Namespace) -> int:
     """Prints the fused boxes of one frame. Raises CoAdaptError for bad data or names."""
     from perception.fusion.known import bodies
     from worlds.cooperative.fusing import Disturbance, fuse_frame
-    from worlds.opv2v.world import Opv2vWorld
 
-    world = Opv2vWorld(recorded_directory(args))
-    frame = world.frame_index(args.frame)
-    ego = args.ego or world.robots[0]
+    data = recorded_data(args)
+    world, frame = data.world, data.frame(args.frame)
+    ego = args.ego or data.ego
     participants = args.participants or world.robots
     fusion = chosen_fusion(args)
     disturbance = Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay)

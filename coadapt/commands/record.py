@@ -37,6 +37,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--rate", type=float, metavar="HZ", help="frames a second with scans (default: all)"
     )
+    parser.add_argument(
+        "--whole",
+        action="store_true",
+        help="every point of a scan for viewers, in place of some: seven times as large",
+    )
     parser.add_argument("--no-truth", action="store_true", help="leave out what is really there")
     parser.add_argument(
         "--live",
@@ -84,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
         Wanted(
             output=output,
             points=args.points,
+            whole=args.whole,
             truth=not args.no_truth,
             rate_hz=args.rate,
             seconds=args.seconds,

@@ -13,6 +13,8 @@ import msgspec
 from deploy.progress import typed
 
 SHOWN = 5
+PROGRESS_S = 5.0
+"""Between two lines of progress, where standard error is no terminal."""
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -41,15 +43,27 @@ def run(args: argparse.Namespace) -> int:
         from options.recordings.check import check
         from options.recordings.world import RecordingWorld
 
-        result = check(RecordingWorld(args.file), _progress if sys.stderr.isatty() else None)
+        result = check(RecordingWorld(args.file), _Progress())
         facts["check"] = msgspec.to_builtins(result)
         status = 0 if result.equal else 1
     print(msgspec.json.encode(facts).decode() if args.json else _text(facts))
     return status
 
 
-def _progress(done: int, of: int) -> None:
-    print(f"\r  {done} of {of} frames", end="\n" if done == of else "", file=sys.stderr, flush=True)
+class _Progress:
+    """Tells on standard error how far it is: in place on a terminal, else a line now and then."""
+
+    def __init__(self) -> None:
+        self._told = time.monotonic()
+
+    def __call__(self, done: int, of: int) -> None:
+        text = f"  {done} of {of} frames"
+        if sys.stderr.isatty():
+            end = "\n" if done == of else ""
+            print(f"\r{text}", end=end, file=sys.stderr, flush=True)
+        elif done in (1, of) or time.monotonic() - self._told >= PROGRESS_S:
+            self._told = time.monotonic()
+            print(text, file=sys.stderr, flush=True)
 
 
 def _facts(file: Any) -> dict[str, Any]:

@@ -6,7 +6,12 @@ import argparse
 import json
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from swarm.errors import ScanError
+
+if TYPE_CHECKING:
+    from swarm.geometry import Points
 
 
 def register(commands: Any) -> None:
@@ -17,8 +22,13 @@ def register(commands: Any) -> None:
         description="Describe the objects in a scan, in the sensor's frame as stored in the file.",
     )
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="a scan: .pcd, .ply, .npy, or .bin (KITTI)"
+        "file",
+        type=Path,
+        metavar="FILE",
+        help="a scan: .pcd, .ply, .npy, or .bin (KITTI); or a recording of a swarm (.mcap)",
     )
+    parser.add_argument("--robot", help="of a recording: whose scan (default: the ego's)")
+    parser.add_argument("--frame", metavar="F", help="of a recording: number from 0 (default: 0)")
     parser.add_argument(
         "--method",
         choices=("fast", "reference"),
@@ -32,9 +42,8 @@ def register(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Prints the description of one file. Raises CoAdaptError when it cannot be read."""
     from perception.scene import describe
-    from worlds.scans import read_scan
 
-    points = read_scan(args.file)
+    points = _points(args)
     describe(points[:5], method=args.method)  # loads the method's libraries: not part of the time
     started = time.perf_counter()
     scene = describe(points, method=args.method)
@@ -68,3 +77,22 @@ def run(args: argparse.Namespace) -> int:
         f"{elapsed_ms:.1f} ms ({args.method})"
     )
     return 0
+
+
+def _points(args: argparse.Namespace) -> Points:
+    """The scan of a file, or of a robot in one frame of a recording."""
+    from coadapt.recorded import open_recorded
+    from worlds.scans import read_scan
+
+    if args.file.suffix.lower() != ".mcap":
+        if args.robot is not None or args.frame is not None:
+            raise ScanError(f"{args.file} is one scan; --robot and --frame are of a recording")
+        return read_scan(args.file)
+    data = open_recorded(args.file)
+    data.tell_notes()
+    points = data.world.scan(args.robot or data.ego, data.frame(args.frame or "0")).points
+    if not len(points):
+        raise ScanError(
+            f"{args.file} holds no scan of {args.robot or data.ego} in frame {args.frame or 0}"
+        )
+    return points

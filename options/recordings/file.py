@@ -10,9 +10,22 @@ import msgspec
 from options.bags.mcap_file import McapFile
 from options.bags.storage import Place
 from options.recordings.clouds import read_points
-from options.recordings.format import FRAME, HEADER, VERSION, Frame, Header
+from options.recordings.format import (
+    FRAME,
+    HEADER,
+    RAYS,
+    READABLE,
+    Frame,
+    Header,
+    Ranges,
+    SensorRays,
+    points_topic,
+    ranges_topic,
+)
+from options.recordings.ranges import take_rays, take_scan
 from swarm.errors import WorldError
 from swarm.geometry import Points
+from worlds.base import Rays
 
 T = TypeVar("T")
 
@@ -41,10 +54,13 @@ class RecordingFile:
                 + "".join(f"; {note}" for note in self.notes)
             )
         self.header = self.message(HEADER, self.times(HEADER)[0], Header)
-        if self.header.version != VERSION:
+        if self.header.version not in READABLE:
             raise WorldError(
-                f"recording {path} has version {self.header.version}; this program reads {VERSION}"
+                f"recording {path} has version {self.header.version}; this program reads "
+                f"{' and '.join(map(str, READABLE))}"
             )
+        self.rays = self._rays()
+        """Of the robots' sensors; None where no scan is a range image."""
 
     def times(self, topic: str) -> list[int]:
         """When the messages of a topic were logged, ascending; empty where there are none."""
@@ -88,12 +104,30 @@ class RecordingFile:
         """The robots in the frame of a capture time."""
         return self.message(FRAME, time_ns, Frame)
 
-    def points(self, topic: str, time_ns: int) -> Points:
+    def points(self, robot: str, time_ns: int) -> Points:
         """A scan: float32 (N, 3) in the sensor's frame."""
+        topic = ranges_topic(robot)
+        if self.has(topic, time_ns):
+            if self.rays is None:
+                raise WorldError(f"recording {self.path} has ranges, but lacks topic {RAYS}")
+            try:
+                return take_scan(self.message(topic, time_ns, Ranges), self.rays)
+            except WorldError as error:
+                raise WorldError(f"topic {topic} of recording {self.path}: {error}") from error
+        topic = points_topic(robot)
         try:
             return read_points(self._raw(topic, time_ns))
         except WorldError as error:
             raise WorldError(f"topic {topic} of recording {self.path}: {error}") from error
+
+    def _rays(self) -> Rays | None:
+        times = self.times(RAYS)
+        if not times:
+            return None
+        try:
+            return take_rays(self.message(RAYS, times[0], SensorRays))
+        except WorldError as error:
+            raise WorldError(f"topic {RAYS} of recording {self.path}: {error}") from error
 
     def _raw(self, topic: str, time_ns: int) -> bytes:
         place = self._index(topic).get(time_ns)

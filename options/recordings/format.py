@@ -11,11 +11,14 @@ from typing import Annotated, Literal
 
 import msgspec
 
-VERSION = 1
+VERSION = 2
+READABLE = (1, 2)
+"""In version 1 no scans are ranges."""
 WORLD_FRAME = "world"
 
 HEADER = "/recording"
 FRAME = "/frame"
+RAYS = "/rays"
 TRUTH = "/truth"
 TRUTH_BOXES = "/truth/boxes"
 FUSED = "/ego/detections"
@@ -33,8 +36,14 @@ Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
 def points_topic(robot: str) -> str:
-    """`foxglove.PointCloud`: a robot's scan, in its sensor's frame (named by the robot)."""
+    """`foxglove.PointCloud`: a robot's scan, in its sensor's frame (named by the robot); for
+    viewers some of its points, where the scan is on `ranges_topic`."""
     return f"/robot/{robot}/points"
+
+
+def ranges_topic(robot: str) -> str:
+    """A robot's scan, to the last bit, where the sensor's rays are known."""
+    return f"/robot/{robot}/ranges"
 
 
 def objects_topic(robot: str) -> str:
@@ -72,6 +81,32 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
     comm_range_m: Annotated[float, msgspec.Meta(gt=0)] | None = None
     """How far from the ego a robot could take part; None where it was the ego's own setting."""
     started_ns: Count
+
+
+class SensorRays(msgspec.Struct, frozen=True, kw_only=True):
+    """The rays of every robot's sensor; before the first scan."""
+
+    rings: Annotated[int, msgspec.Meta(ge=1)]
+    columns: Annotated[int, msgspec.Meta(ge=1)]
+    step_m: Annotated[float, msgspec.Meta(gt=0)]
+    """Ranges are whole multiples of it."""
+    directions: bytes
+    """zlib of float32 (rings, columns, 3), little endian: unit vectors in the sensor's frame."""
+
+
+class Ranges(msgspec.Struct, frozen=True, kw_only=True):
+    """One scan: point = direction x (steps x step_m), all in float32, ring by ring.
+
+    Each part is packed with zlib. The steps of each ray with a return, less those of the return
+    before (0 for the first), zigzag: 0, -1, 1, -2 ... are 0, 1, 2, 3 ...
+    """
+
+    points: Count
+    present: bytes
+    """A bit for each ray, the first in the highest: whether there is a return."""
+    low: bytes
+    """The lower byte of each."""
+    high: bytes
 
 
 class RobotInFrame(msgspec.Struct, frozen=True, kw_only=True):

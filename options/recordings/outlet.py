@@ -7,6 +7,7 @@ from typing import Any
 import foxglove
 import msgspec
 from foxglove import channels
+from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 from foxglove.messages import FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate
 from foxglove.websocket import WebSocketServer
 
@@ -14,6 +15,9 @@ from options.recordings.sink import Sink
 from swarm.errors import RecordingError
 
 LIVE_HOST = "127.0.0.1"
+# Measured: half as large as with lz4, at no more processor time than without; its own threads would
+# take the cores from the swarm.
+_PACKED = MCAPWriteOptions(compression=MCAPCompression.Zstd, compression_threads=0)
 _KINDS: dict[type, Any] = {
     PointCloud: channels.PointCloudChannel,
     SceneUpdate: channels.SceneUpdateChannel,
@@ -48,7 +52,7 @@ class Outlet:
                     f"{error}"
                 ) from error
         if sink is not None:
-            self._writer = foxglove.open_mcap(sink, context=self._context)
+            self._writer = foxglove.open_mcap(sink, context=self._context, writer_options=_PACKED)
 
     @property
     def port(self) -> int | None:

@@ -34,6 +34,8 @@ class Wanted:
     output: Path | None
     """None writes no file: the swarm is shown live only."""
     points: Points = "all"
+    whole: bool = False
+    """Every point for viewers; else some, and scans as ranges where they can be that."""
     truth: bool = True
     """True boxes, where scans are recorded; a simulated world shoots all robots' scans for them."""
     rate_hz: float | None = None
@@ -85,7 +87,7 @@ def record(
     """
     scans = None
     if wanted.points != "none":
-        scans = Scans(state.spec, wanted.points, wanted.rate_hz, wanted.truth)
+        scans = Scans(state.spec, wanted.points, wanted.rate_hz, wanted.truth, whole=wanted.whole)
     sink = None if wanted.output is None else Sink(wanted.output)
     try:
         outlet = Outlet(sink, wanted.live_port, f"coadapt {state.spec.swarm}")

@@ -9,9 +9,10 @@ from deploy.spec import SwarmSpec
 from options.recordings import format as layout
 from options.recordings import shapes
 from options.recordings.outlet import Outlet
+from options.recordings.ranges import for_view, put_rays, put_scan
 from swarm.errors import RecordingError
 from swarm.messages import Detections
-from worlds.base import World
+from worlds.base import Rayed, Scan, World
 from worlds.registry import open_world
 
 
@@ -19,7 +20,13 @@ class Scans:
     """Writes a swarm's scans, poses and ground truth, frame by frame."""
 
     def __init__(
-        self, spec: SwarmSpec, points: layout.Points, rate_hz: float | None, truth: bool = True
+        self,
+        spec: SwarmSpec,
+        points: layout.Points,
+        rate_hz: float | None,
+        truth: bool = True,
+        *,
+        whole: bool = False,
     ) -> None:
         """Opens the world. Raises RecordingError for a rate that is not above 0, and WorldError
         when the world cannot be opened."""
@@ -35,6 +42,8 @@ class Scans:
         if rate_hz is not None and not rate_hz > 0:
             raise RecordingError(f"rate {rate_hz} cannot be used; it must be frames a second > 0")
         self._truth = truth
+        self._rays = self.world.rays() if isinstance(self.world, Rayed) and not whole else None
+        self._rays_told = False
         self.robots = tuple(robot for robot in spec.robots if robot in self.world.robots)
         """Those of the swarm that the world has."""
         self._all = points == "all"
@@ -57,9 +66,7 @@ class Scans:
         }
         outlet.put(layout.TRANSFORMS, shapes.transforms(poses, time_ns), time_ns)
         for robot, scan in scans.items():
-            outlet.put(
-                layout.points_topic(robot), shapes.cloud(robot, scan.points, time_ns), time_ns
-            )
+            self._write_scan(robot, scan, time_ns, outlet)
         if self._truth:
             self._write_truth(fused.frame, number, time_ns, outlet)
         # Last: where it is, all of the frame is.
@@ -79,6 +86,17 @@ class Scans:
             ),
             time_ns,
         )
+
+    def _write_scan(self, robot: str, scan: Scan, time_ns: int, outlet: Outlet) -> None:
+        """As ranges where these give back each point, with some points for viewers; else whole."""
+        points = scan.points
+        if self._rays is not None and (ranges := put_scan(points, self._rays)) is not None:
+            if not self._rays_told:
+                outlet.put_json(layout.RAYS, put_rays(self._rays), time_ns)
+                self._rays_told = True
+            outlet.put_json(layout.ranges_topic(robot), ranges, time_ns)
+            points = for_view(points)
+        outlet.put(layout.points_topic(robot), shapes.cloud(robot, points, time_ns), time_ns)
 
     def _write_truth(self, frame: int, number: int, time_ns: int, outlet: Outlet) -> None:
         truth = self.world.ground_truth(number)

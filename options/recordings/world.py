@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from options.recordings.file import RecordingFile
-from options.recordings.format import TRUTH, Frame, RobotInFrame, Truth, points_topic
+from options.recordings.format import TRUTH, Frame, RobotInFrame, Truth
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Rays, Scan, Shown
 from worlds.recent import Recent
 
 MAX_KEPT = 64
@@ -23,7 +23,7 @@ HELD_S = 1.0
 """Seconds for which a frame stands in for those after it that were not recorded."""
 
 
-class RecordingWorld:
+class RecordingWorld(Shown):
     """A file of `coadapt record`. No scan is read before it is asked for.
 
     Frame 0 is the first recorded one. Frames are as far apart as the recorded ones; one that the
@@ -38,12 +38,13 @@ class RecordingWorld:
         """Opens a recording. Raises WorldError that names what is missing."""
         self.file = RecordingFile(path)
         header = self.file.header
-        self.notes = self.file.notes
+        self.notes = self.file.notes + _notes(self.file)
         """What is wrong with a recording that can be used all the same."""
         self._times = self.file.frames()
         if header.rate_hz is None or header.range_m is None or header.detector is None:
             raise WorldError(f"recording {path} does not say its rate_hz, range_m and detector")
         self.robots = header.robots
+        self.ego = header.ego if header.ego in header.robots else header.robots[0]
         self.range_m: float = header.range_m
         self.detector: str = header.detector
         self.comm_range_m = header.comm_range_m
@@ -63,6 +64,22 @@ class RecordingWorld:
         if at < 0 or self._numbers[at] != number:
             return None
         return (number - self._numbers[0]) // self._stride
+
+    def recorded_frames(self) -> tuple[int, ...]:
+        """This world's frames that were recorded: no other stands in for them."""
+        return tuple((number - self._numbers[0]) // self._stride for number in self._numbers)
+
+    def judged_frames(self) -> tuple[int, ...]:
+        """Those of the recorded frames that come with what was really there."""
+        return tuple(
+            frame
+            for frame, time_ns in zip(self.recorded_frames(), self._times, strict=True)
+            if self.file.has(TRUTH, time_ns)
+        )
+
+    def rays(self) -> Rays | None:
+        """See `worlds.base.Rayed`: those of the recorded world."""
+        return self.file.rays
 
     def pose(self, robot: str, frame: int) -> Pose:
         """See `worlds.base.World`."""
@@ -99,9 +116,8 @@ class RecordingWorld:
         )
 
     def _points(self, robot: str, time_ns: int) -> Points:
-        topic = points_topic(robot)
         points: Points = self._recent.get(
-            (robot, time_ns), lambda: self.file.points(topic, time_ns)
+            (robot, time_ns), lambda: self.file.points(robot, time_ns)
         )
         return points
 
@@ -121,3 +137,11 @@ class RecordingWorld:
         number = self._numbers[0] + frame % self.frame_count * self._stride
         at = bisect_right(self._numbers, number) - 1
         return self._times[at], number - self._numbers[at] <= self._held
+
+
+def _notes(file: RecordingFile) -> tuple[str, ...]:
+    if file.header.points != "selected":
+        return ()
+    return (
+        f"{file.path} was recorded with --points selected: robots that were not asked have no scan",
+    )

@@ -59,12 +59,17 @@ DECISION = Decision(
 
 
 def write_recording(
-    path: Path, numbers: Sequence[int], robots: int = 3, points: Points = "all"
+    path: Path,
+    numbers: Sequence[int],
+    robots: int = 3,
+    points: Points = "all",
+    *,
+    whole: bool = False,
 ) -> Path:
     """A recording of these frames of a factory with LiDARs of 16 rings. The last comes twice."""
     ids = tuple(f"R{number}" for number in range(1, robots + 1))
     spec = make_spec(robots=ids, rings=16, epoch_ns=EPOCH_NS, run_dir=str(path.parent))
-    scans = Scans(spec, points, None) if points != "none" else None
+    scans = Scans(spec, points, None, whole=whole) if points != "none" else None
     world = FactoryWorld(robots=robots, rings=16)
     outlet = Outlet(Sink(path))
     recorder = Recorder(spec, outlet, scans, points, EPOCH_NS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swarm.geometry import Pose
+from worlds.base import Rays
 from worlds.factory.actors import Solids
 from worlds.factory.grid import RayGrid
 from worlds.factory.layout import Floor
@@ -21,6 +22,9 @@ RANGE_M = 40.0
 MIN_RANGE_M = 0.3
 NOISE_M = 0.02
 """Standard deviation of the range; data sheets of this class give 2 to 3 cm."""
+RANGE_STEP_M = 1 / 256
+"""Ranges are told in steps, as the VLP-32C tells them in 4 mm; a power of two is exact in
+float32."""
 DROP_OUT = 0.01
 """Share of the returns that get lost."""
 
@@ -30,7 +34,8 @@ class Lidar:
 
     def __init__(self, floor: Floor, rings: int) -> None:
         grid = RayGrid(np.linspace(LOWEST_RAD, HIGHEST_RAD, rings), COLUMNS)
-        self._directions = grid.directions().reshape(-1, 3)
+        self.rays = Rays(grid.directions(), RANGE_STEP_M)
+        self._directions = self.rays.directions.reshape(-1, 3)
         self._library = rays()
         self._rays = (
             MeshRays(floor, grid, RANGE_M)
@@ -52,12 +57,13 @@ class Lidar:
         distance, actors = self._rays.cast(pose, own, bodies)
         noise = rng.standard_normal(len(distance), dtype=np.float32)
         luck = rng.random(len(distance), dtype=np.float32)
-        limits = NOISE_M, DROP_OUT, MIN_RANGE_M, RANGE_M
+        limits = NOISE_M, RANGE_STEP_M, DROP_OUT, MIN_RANGE_M, RANGE_M
         if self._library is not None:
             return come_back(
                 self._library, distance, actors, self._directions, noise, luck, *limits
             )
         distance += noise * np.float32(NOISE_M)
+        distance = np.rint(distance / np.float32(RANGE_STEP_M)) * np.float32(RANGE_STEP_M)
         kept = luck >= DROP_OUT
         kept &= (distance >= MIN_RANGE_M) & (distance <= RANGE_M)
         index = np.flatnonzero(kept)

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 /* Raise with any change of what functions take: worlds/factory/rays.py has the same. */
-int loops_version(void) { return 1; }
+int loops_version(void) { return 2; }
 
 static const double TURN = 6.283185307179586;
 
@@ -133,15 +133,15 @@ void measure(const float *way, const int16_t *who, const float *longer, long rin
 }
 
 /* Of n rays, the points (m, 3) and actors of those that come back; returns m. Ranges err by `noise`
-   times `deviation`; a ray is lost when its `luck` is below `lost`, or its range not within `least`
-   and `most`. There is room for n. */
+   times `deviation` and are multiples of `step`; a ray is lost when its `luck` is below `lost`, or its
+   range not within `least` and `most`. There is room for n. */
 long come_back(const float *range, const int16_t *actor, const float *rays, const float *noise,
-               const float *luck, long n, float deviation, float lost, float least, float most,
-               float *points, int16_t *actors)
+               const float *luck, long n, float deviation, float step, float lost, float least,
+               float most, float *points, int16_t *actors)
 {
     long kept = 0;
     for (long i = 0; i < n; i++) {
-        float error = noise[i] * deviation, distance = range[i] + error;
+        float error = noise[i] * deviation, distance = rintf((range[i] + error) / step) * step;
         points[3 * kept] = rays[3 * i] * distance;
         points[3 * kept + 1] = rays[3 * i + 1] * distance;
         points[3 * kept + 2] = rays[3 * i + 2] * distance;

@@ -19,13 +19,13 @@ from worlds.returns import Returns
 Floats = NDArray[np.float32]
 Owners = NDArray[np.int16]
 
-_VERSION = 1
+_VERSION = 2
 """Of the functions of rays.c: a library that was built from another source is not called."""
 _FUNCTIONS = {
     "lay_floor": "v dp ll pp",
     "hit_boxes": "v pppp l i d p ppl pl pp",
     "measure": "v ppp ll pp",
-    "come_back": "l ppppp l ffff pp",
+    "come_back": "l ppppp l fffff pp",
 }
 _MARGIN_M = 1.0
 """What is this far beyond the range cannot come back, whatever the noise."""
@@ -98,8 +98,8 @@ def come_back(
 ) -> Returns:
     """The points of rays (N, 3) whose `luck`, 0 to 1, and distance suffice.
 
-    `limits`: the noise's standard deviation in metres, the share that is lost, the least and the
-    most distance.
+    `limits`: the noise's standard deviation and the step of ranges in metres, the share that is
+    lost, the least and the most distance.
     """
     count = len(distance)
     points = np.empty((count, 3), dtype=np.float32)

@@ -12,7 +12,7 @@ from perception.types import Boxes
 from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Pose
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Rays, Scan, Shown
 from worlds.cache import ScanCache
 from worlds.factory.actors import ROBOT_BODY, SENSOR_HEIGHT_M, Solids, solids, true_boxes
 from worlds.factory.layout import build_floor
@@ -25,14 +25,14 @@ from worlds.returns import Returns, kept_returns
 RATE_HZ = 10.0
 ROBOTS_ALLOWED = (2, 100)
 ROOM_ALLOWED = (1.0, 4.0)
-GENERATOR, GENERATOR_UNCOMPILED = 2, 1
+GENERATOR, GENERATOR_UNCOMPILED = 4, 3
 """Versions of everything that shapes a scan, with rays cast in C and without, where points differ
 in their last bits. Any change of a point takes a new number."""
 MIN_KEPT = 64
 """Scans and truths held in memory; a large swarm holds one frame of all its robots."""
 
 
-class FactoryWorld:
+class FactoryWorld(Shown):
     """A factory floor with robots R1 to Rn.
 
     Every scan follows from (robots, seed, rings, scenario, room, robot, frame) alone: any process
@@ -101,6 +101,10 @@ class FactoryWorld:
         """The carrier with its mast. Raises WorldError for an unknown robot."""
         self._index(robot)
         return ROBOT_BODY
+
+    def rays(self) -> Rays:
+        """Of every robot's sensor."""
+        return self._lidar.rays
 
     def scan(self, robot: str, frame: int) -> Scan:
         """One scan: all rays at the frame's time. Raises WorldError for an unknown robot."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,15 +11,18 @@ from pathlib import Path
 import pytest
 
 from perception.fusion.registry import fusion_names
+from tests.support.ego_swarm import numerics_of_this_process
 from tests.support.opencood_models import settings, write_model
 
 
 def coadapt(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Each call would run the detector in what it finds fastest, and two would differ."""
     return subprocess.run(
         [sys.executable, "-m", "coadapt.main", *arguments],
         capture_output=True,
         text=True,
         timeout=240,
+        env=os.environ | numerics_of_this_process("road"),
         check=False,
     )
 

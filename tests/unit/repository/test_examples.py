@@ -20,6 +20,8 @@ MODULES = sorted(
 
 def test_there_are_examples_of_what_users_start_with() -> None:
     assert {
+        "coadapt.api.fusing",
+        "coadapt.api.scans",
         "ego_agent.plan.policies.registry",
         "perception.codec.points",
         "perception.fusion.registry",

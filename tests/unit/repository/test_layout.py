@@ -116,9 +116,13 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.bags", SENSES | {"options.ros"}),
         ("options.ros2", SENSES | {"options.ros"}),
         ("options.opencood", {"swarm", "perception"}),
+        ("options.pictures", {"swarm", "perception"}),
         ("options.recordings", SENSES | {"deploy", "options.bags"}),
         ("research.training", SENSES),
-        ("research.evaluation", (PRODUCT - {"robot_agent", "coadapt"}) | {"research.training"}),
+        (
+            "research.evaluation",
+            (PRODUCT - {"robot_agent", "coadapt"}) | {"research.training", "options.pictures"},
+        ),
     ],
 )
 def test_a_room_imports_only_what_the_table_says(package: str, allowed: set[str]) -> None:

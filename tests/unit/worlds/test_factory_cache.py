@@ -12,7 +12,7 @@ from worlds.cache import ScanCache
 from worlds.factory.rays import rays
 from worlds.factory.world import FactoryWorld
 
-NAME = f"v{1 if rays() is None else 2}-floor-s1-r16-n6-R1-0003"
+NAME = f"v{3 if rays() is None else 4}-floor-s1-r16-n6-R1-0003"
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, invert, transform
 from tests.support.paths import REPOSITORY
-from worlds.factory.lidar import COLUMNS, DROP_OUT, NOISE_M
+from worlds.factory.lidar import COLUMNS, DROP_OUT, NOISE_M, RANGE_STEP_M
 from worlds.factory.world import FactoryWorld
 from worlds.registry import open_world
 
@@ -97,6 +97,16 @@ def test_points_come_ring_by_ring_in_ascending_azimuth(rings: int) -> None:
     order = np.round(ring) * COLUMNS + np.round(column) % COLUMNS
     assert (np.diff(order) > 0).all()
     assert scan.points.dtype == np.float32
+
+
+def test_ranges_are_told_in_steps_along_the_rays(world: FactoryWorld) -> None:
+    points = world.scan("R2", 17).points.astype(np.float64)
+    steps = np.linalg.norm(points, axis=1) / RANGE_STEP_M
+    assert np.abs(steps - np.rint(steps)).max() < 0.01
+    towards = world.rays().directions.reshape(-1, 3).astype(np.float64)
+    lowest = towards[: world.rays().directions.shape[1]]
+    ways = points[:500] / np.linalg.norm(points[:500], axis=1)[:, None]
+    assert (ways @ lowest.T).max(axis=1) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_noise_and_drop_out_are_as_stated(world: FactoryWorld) -> None:

@@ -29,8 +29,10 @@ from options.recordings.world import RecordingWorld
 from swarm.errors import RecordingError, TransportError
 from swarm.messages import Beacon, Decision, Detections, Message, SceneDescription
 from tests.support.ego_swarm import Swarm, numerics_of_this_process, swarm_of
+from tests.support.first_hour import Figure
 from tests.support.recording_files import write_recording
 from tests.support.zenoh_fixtures import RouterProcess
+from worlds.factory.world import FactoryWorld
 
 ROBOTS = ("R1", "R2")
 Taken = list[Message | Presence]
@@ -56,15 +58,25 @@ def frames_at_two_rates(taken: Taken) -> bool:
 class Running:
     """A swarm of processes, and its record as `up` would have left it."""
 
-    def __init__(self, swarm: Swarm, folder: Path) -> None:
+    def __init__(
+        self,
+        swarm: Swarm,
+        folder: Path,
+        *,
+        robots: tuple[str, ...] = ROBOTS,
+        world: str = "recording",
+        rings: int = 16,
+    ) -> None:
         self.swarm = swarm
+        self.robots = robots
         self.state = State(
             runtime="netns",
             spec=make_spec(
                 swarm="test",
-                robots=ROBOTS,
-                world="recording",
-                data=swarm.env["COADAPT_WORLD_DATA"],
+                robots=robots,
+                world=world,
+                rings=rings,
+                data=swarm.env.get("COADAPT_WORLD_DATA", ""),
                 epoch_ns=int(swarm.env["COADAPT_EPOCH_NS"]),
                 run_dir=str(folder),
                 var_dir=str(folder),
@@ -77,7 +89,7 @@ class Running:
     def fused_together(self) -> None:
         """Waits for a frame to which all have contributed."""
         self._frames.skip()
-        self._frames.until(lambda frame: len(frame.participants) == len(ROBOTS))
+        self._frames.until(lambda frame: len(frame.participants) == len(self.robots))
 
     def record(self, wanted: Wanted, stop: threading.Event | None = None) -> Result:
         return record(
@@ -148,6 +160,52 @@ def test_a_recording_of_one_run_replays_to_the_same_detections(
         scan, expected = world.scan("R2", frame), ran.scan("R2", one.frame)
         np.testing.assert_array_equal(scan.points, expected.points)
         assert scan.pose == expected.pose
+
+
+FLOOR = ("R1", "R2", "R3", "R4")
+FLOOR_FRAMES = 25
+"""Enough that what is written once does not count."""
+
+
+@pytest.mark.stumble(
+    "a recording of 4 robots takes 73 MB for 8 s",
+    command="make record ARGS='--seconds 8'; coadapt replay run.mcap --check",
+)
+def test_a_recording_of_a_factory_is_small_and_exact(tmp_path: Path, figure: Figure) -> None:
+    """Four robots with 32 rings. However many frames a busy machine fuses, the figure is that of
+    all frames of the world's rate."""
+    world = {"COADAPT_WORLD": "factory", "COADAPT_WORLD_ROBOTS": str(len(FLOOR))}
+    with swarm_of(world | numerics_of_this_process(), tmp_path) as swarm:
+        swarm.router()
+        swarm.robot(*FLOOR[1:])
+        swarm.ego(ego="R1", policy="static-late", journal=str(tmp_path / "journal.jsonl"))
+        running = Running(swarm, tmp_path, robots=FLOOR, world="factory", rings=32)
+        running.fused_together()
+        wanted = Wanted(tmp_path / "floor.mcap", seconds=90.0)
+        made = running.record_until(
+            wanted, lambda taken: sum(type(one) is Detections for one in taken) >= FLOOR_FRAMES
+        )
+    assert made.path is not None
+    assert made.left_out == made.lost == 0
+    recorded = RecordingWorld(made.path)
+    assert recorded.rate_hz <= 10.0
+    floor = FactoryWorld(robots=len(FLOOR))
+    fused = recorded.file.messages(FUSED, Fused)
+    for one in fused[::8]:
+        frame = recorded.frame_of(one.frame)
+        assert frame is not None
+        for robot in FLOOR:
+            scan, expected = recorded.scan(robot, frame), floor.scan(robot, one.frame)
+            assert scan.points.tobytes() == expected.points.tobytes()
+    result = check(recorded)
+    assert result.compared == made.frames
+    # A robot of a busy machine may answer with the scan before the one asked for.
+    assert result.equal >= result.compared / 2, result.different
+    assert result.largest < 1e-4
+    per_scan_mb = made.bytes / 1e6 / made.frames / len(FLOOR)
+    mb_per_robot_s = per_scan_mb * floor.rate_hz
+    figure("recording_mb_per_robot_s", round(mb_per_robot_s, 3))
+    assert mb_per_robot_s <= 0.5
 
 
 def test_the_file_is_whole_and_holds_what_the_swarm_said(made: Result) -> None:

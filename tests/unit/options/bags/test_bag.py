@@ -430,7 +430,7 @@ def test_ap_says_that_bags_have_no_true_boxes(
     recorded: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["ap", str(recorded), "--algorithm", "late"]) == 1
-    assert "robots' bags, which do not say what was really there" in capsys.readouterr().err
+    assert "bags of 3 robots and does not say what was really there" in capsys.readouterr().err
 
 
 def test_transforms_of_both_kinds_in_one_message_are_told_apart(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""What `import coadapt` offers to scripts and notebooks."""

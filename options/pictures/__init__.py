@@ -1,0 +1,1 @@
+"""Pictures of what was fused, from above: as SVG, PNG or PDF."""
