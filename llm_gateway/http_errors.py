@@ -41,7 +41,7 @@ class HttpError(Exception):
         self.param = param
         self.headers = headers
 
-    def response(self) -> Response:
+    def body(self) -> bytes:
         """OpenAI's error body."""
         kind = "invalid_request_error" if self.status < 500 else "server_error"
         error = {
@@ -50,8 +50,11 @@ class HttpError(Exception):
             "param": self.param,
             "code": self.code,
         }
-        raw = msgspec.json.encode({"error": error})
-        return Response(raw, self.status, self.headers, "application/json")
+        return msgspec.json.encode({"error": error})
+
+    def response(self) -> Response:
+        """The whole answer."""
+        return Response(self.body(), self.status, self.headers, "application/json")
 
 
 def of_gateway(error: GatewayError) -> HttpError:
