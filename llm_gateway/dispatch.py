@@ -81,6 +81,8 @@ class Dispatcher:
             raise GatewayError("unavailable", "the gateway is closing")
         refusal = self._breaker.refusal(time.monotonic())
         if refusal:
+            if self._backend.trouble:
+                refusal = f"the model does not answer: {self._backend.trouble}"
             raise GatewayError("unavailable", refusal)
         flight = Flight(
             job.prompt,

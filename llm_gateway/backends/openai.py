@@ -220,9 +220,10 @@ class OpenAi:
                 return _Said(response.status, later, body_read, reply)
         except aiohttp.ClientConnectionError as error:
             why = why_lost(error, self._url, self._said(error))
-            # One that breaks off amid an answer is there.
             if isinstance(error, aiohttp.ClientConnectorError | aiohttp.ServerTimeoutError):
                 self._reach.lost(why)
+            else:
+                self._reach.broke_off(why)
             raise GatewayError("unavailable", f"{self._url} cannot be reached: {why}") from None
         except aiohttp.ClientError as error:
             why = f"{self._url} does not speak HTTP well: {self._said(error)}"

@@ -14,6 +14,8 @@ from swarm.log import Logger
 
 PROBE_S = 3.0
 """How often a server that could not be reached is tried, whether or not anybody asks."""
+DOUBT_S = 0.5
+"""After how long a server that broke a connection off is tried."""
 
 
 class Reach:
@@ -31,8 +33,15 @@ class Reach:
         """It could not be reached."""
         if not self.trouble:
             self._log.warning("llm_server_unreachable", url=self._url, error=why)
-            self._trying = asyncio.create_task(self._try())
         self.trouble = why
+        self._begin_trying(PROBE_S)
+
+    def broke_off(self, why: str) -> None:
+        """It ended a connection without an answer: that may happen once to one that is there."""
+        if self._is_trying():
+            self.lost(why)
+        else:
+            self._begin_trying(DOUBT_S)
 
     def found(self) -> None:
         """It has answered, whatever it said."""
@@ -48,7 +57,16 @@ class Reach:
             with contextlib.suppress(asyncio.CancelledError):
                 await trying
 
-    async def _try(self) -> None:
+    def _is_trying(self) -> bool:
+        return self._trying is not None and not self._trying.done()
+
+    def _begin_trying(self, first_s: float) -> None:
+        if not self._is_trying():
+            self._trying = asyncio.create_task(self._try(first_s))
+
+    async def _try(self, first_s: float) -> None:
+        await asyncio.sleep(first_s)
+        await self._probe()
         while self.trouble:
             await asyncio.sleep(PROBE_S)
             await self._probe()
