@@ -93,8 +93,10 @@ def _endpoint(operation: Operation, service: Service) -> Callable[[Request], Awa
         body = None
         if operation.body is not None:
             raw = await _read(request)
+            if not raw:
+                raise problems.invalid("the body is missing")
             # Also keeps web pages out: a browser does not send JSON elsewhere without asking first.
-            if raw and media_type(request.headers) != "application/json":
+            if media_type(request.headers) != "application/json":
                 raise problems.unsupported_media(request.headers.get("content-type", ""))
             try:
                 body = read(raw, operation.body)
