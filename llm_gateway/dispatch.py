@@ -14,7 +14,7 @@ from llm_gateway.backends.base import Backend
 from llm_gateway.breaker import Breaker
 from llm_gateway.budget import RetryBudget
 from llm_gateway.metrics import GatewayMetrics
-from llm_gateway.model import Finish, Hear, Job, Reply
+from llm_gateway.model import Finish, Hear, Job, PromptRefusedError, Reply
 from llm_gateway.schemas import Schemas
 from llm_gateway.single_flight import Flight, Landed
 from llm_gateway.stops import Telling, before_stop
@@ -198,6 +198,7 @@ class Dispatcher:
                 now = time.monotonic()
                 if (
                     error.code not in _RETRIED
+                    or isinstance(error, PromptRefusedError)
                     # Another answer would not go on from these words.
                     or flight.told
                     or attempt + 1 == MAX_TRIES
@@ -256,7 +257,7 @@ class Dispatcher:
     def _judge(self, flight: Flight, error: GatewayError) -> None:
         """Tells the breaker how a call ended."""
         self._metrics.faults.labels(error.code).inc()
-        if error.code == "invalid":
+        if error.code == "invalid" or isinstance(error, PromptRefusedError):
             self._succeeded()
         elif error.code == "expired":
             self._judge_expired(flight, str(error))

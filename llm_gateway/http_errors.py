@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import msgspec
 from starlette.responses import Response
 
+from llm_gateway.model import PromptRefusedError
 from swarm.errors import GatewayCode, GatewayError
 
 STATUSES: dict[GatewayCode, int] = {
@@ -59,6 +60,6 @@ class HttpError(Exception):
 
 def of_gateway(error: GatewayError) -> HttpError:
     """What a client is told where the gateway has no answer."""
-    status = STATUSES[error.code]
+    status = 400 if isinstance(error, PromptRefusedError) else STATUSES[error.code]
     later = {"Retry-After": str(RETRY_AFTER_S)} if status in (429, 503) else None
     return HttpError(status, str(error), code=error.code, headers=later)

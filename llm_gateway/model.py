@@ -10,6 +10,7 @@ from typing import Literal
 
 import msgspec
 
+from swarm.errors import GatewayError
 from swarm.messages import ChatMessage, LlmTimings, LlmTokens
 
 Finish = Literal["stop", "length"]
@@ -79,6 +80,10 @@ class Reply:
     text: str
     tokens: LlmTokens = field(default_factory=LlmTokens)
     finish: Finish = "stop"
+
+
+class PromptRefusedError(GatewayError):
+    """The model is well, but takes no such prompt: to ask again would not help."""
 
 
 @dataclass(frozen=True, slots=True)

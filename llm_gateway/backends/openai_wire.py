@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from llm_gateway.model import Finish, Prompt, Reply
+from llm_gateway.model import Finish, Prompt, PromptRefusedError, Reply
 from swarm.errors import GatewayError
 from swarm.messages import LlmTokens
 
@@ -219,7 +219,8 @@ def refusal(status: int, headers: Mapping[str, str], raw: bytes, where: str) -> 
         later = headers.get("Retry-After", "")
         wait = f"; it says to come back in {later} s" if re.fullmatch(r"\d{1,6}", later) else ""
         return GatewayError("unavailable", f"{where} answered {status}: {said}{wait}")
-    return GatewayError("failed", f"{where} answered {status}: {said}")
+    kind = PromptRefusedError if status in (400, 422) else GatewayError
+    return kind("failed", f"{where} answered {status}: {said}")
 
 
 def _too_long(raw: bytes) -> bool:

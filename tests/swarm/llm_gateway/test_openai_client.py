@@ -281,6 +281,18 @@ def what_is_not_offered_is_a_bad_request_that_names_it(shop: Shop) -> None:
 
 
 @case
+def what_the_model_server_refuses_is_a_bad_request_and_does_not_open_the_breaker(
+    shop: Shop,
+) -> None:
+    for _ in range(8):
+        shop.server.plan.append(refuses(400, "Only the default (1).", param="temperature"))
+        error = shop.refused(openai.BadRequestError, temperature=0.5)
+        assert "Only the default" in error.message
+    shop.server.plan.append(says("well"))
+    assert shop.say().choices[0].message.content == "well"
+
+
+@case
 def fields_that_nobody_knows_change_nothing(shop: Shop) -> None:
     shop.server.plan.append(says("fine"))
     answer = shop.say(user="u", metadata={"a": "b"}, extra_body={"top_k": 3, "presence_penalty": 0})
