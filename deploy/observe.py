@@ -19,6 +19,7 @@ from swarm.messages import (
     Beacon,
     Decision,
     Detections,
+    GatewayState,
     LinkState,
     NetState,
     RobotSteered,
@@ -92,6 +93,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """None for policies that ask no language model."""
     blind: str = ""
     """Why the ego perceives with nobody's help against its will, or not at all."""
+    model_trouble: str = ""
+    """Why the LLM gateway's model does not answer."""
 
 
 @dataclass(slots=True)
@@ -104,6 +107,7 @@ class _Heard:
     detections: int = 0
     bytes: dict[str, int] | None = None
     cell: LinkState | None = None
+    gateway: GatewayState | None = None
     duties: dict[str, RobotSteered | None] = field(default_factory=dict)
     """What the robots that are not heard said when they were asked; None: nothing."""
 
@@ -124,6 +128,7 @@ class Watch:
                 Beacon: self._on_beacon,
                 Decision: self._on_decision,
                 Detections: self._on_detections,
+                GatewayState: self._on_gateway_state,
                 NetState: self._on_net_state,
             },
             state.spec.ego,
@@ -238,6 +243,7 @@ class Watch:
                 model=decision.model if decision else None,
                 advice=decision.advice if decision else None,
                 blind=decision.blind if decision else "",
+                model_trouble=heard.gateway.trouble if heard.gateway else "",
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
@@ -323,6 +329,10 @@ class Watch:
         with self._changed:
             self._heard.cell = state.link(self._state.spec.ego, "down")
             self._changed.notify_all()
+
+    def _on_gateway_state(self, state: GatewayState) -> None:
+        with self._changed:
+            self._heard.gateway = state
 
     def _on_detections(self, detections: Detections) -> None:
         with self._changed:

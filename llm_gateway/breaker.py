@@ -30,6 +30,11 @@ class Breaker:
             return f"the breaker lets one request probe the model after: {self._why}"
         return f"the breaker is open for another {self._until - now:.1f} s after: {self._why}"
 
+    @property
+    def trouble(self) -> str:
+        """Why the model is left alone, until it answers again; empty while it is not."""
+        return "" if self.state == "closed" else self._why
+
     def admit(self) -> bool:
         """Takes a call that was not refused; returns whether it is the probe."""
         if self.state == "closed":

@@ -14,9 +14,10 @@ from llm_gateway.backends.base import Backend
 from llm_gateway.breaker import Breaker
 from llm_gateway.budget import RetryBudget
 from llm_gateway.metrics import GatewayMetrics
-from llm_gateway.model import Job, Prompt, Reply
+from llm_gateway.model import Finish, Hear, Job, PromptRefusedError, Reply
 from llm_gateway.schemas import Schemas
 from llm_gateway.single_flight import Flight, Landed
+from llm_gateway.stops import Telling, before_stop
 from llm_gateway.waiting import Waiting
 from swarm.errors import GatewayError
 from swarm.log import Logger
@@ -62,6 +63,11 @@ class Dispatcher:
         self._running: set[Flight] = set()
         self._closed = False
 
+    @property
+    def trouble(self) -> str:
+        """Why the model does not answer; empty where it does, or nobody knows."""
+        return self._backend.trouble or self._breaker.trouble
+
     def flight(self, key: str) -> Flight | None:
         """The call for an equal prompt, waiting or under way."""
         return self._flights.get(key)
@@ -75,6 +81,8 @@ class Dispatcher:
             raise GatewayError("unavailable", "the gateway is closing")
         refusal = self._breaker.refusal(time.monotonic())
         if refusal:
+            if self._backend.trouble:
+                refusal = f"the model does not answer: {self._backend.trouble}"
             raise GatewayError("unavailable", refusal)
         flight = Flight(
             job.prompt,
@@ -98,9 +106,9 @@ class Dispatcher:
         self._wake()
         return flight
 
-    def leave(self, flight: Flight) -> None:
+    def leave(self, flight: Flight, hear: Hear | None) -> None:
         """One does not wait any more; what nobody waits for is not worked on."""
-        flight.waiters -= 1
+        flight.leave(hear)
         if flight.waiters or flight.future.done():
             return
         self._give_up(flight, GatewayError("expired", "nobody waits for it any more"))
@@ -190,6 +198,9 @@ class Dispatcher:
                 now = time.monotonic()
                 if (
                     error.code not in _RETRIED
+                    or isinstance(error, PromptRefusedError)
+                    # Another answer would not go on from these words.
+                    or flight.told
                     or attempt + 1 == MAX_TRIES
                     or self._breaker.state != "closed"
                     or now + pause_s >= flight.deadline
@@ -199,26 +210,41 @@ class Dispatcher:
                 self._metrics.retries.inc()
                 await asyncio.sleep(pause_s)
             else:
-                self._breaker.succeeded()
+                self._succeeded()
                 return landed
         raise AssertionError("the last try returns or raises")
 
     async def _call(self, flight: Flight) -> Landed:
         self._metrics.calls.inc()
-        reply = await self._asked(flight.prompt, flight.deadline - time.monotonic())
+        prompt = flight.prompt
+        reply = await self._asked(flight, flight.deadline - time.monotonic())
         self._metrics.used(reply.tokens)
-        text = reply.text
-        if flight.prompt.schema:
+        # Here once more: not every server knows stop sequences.
+        text, stopped = before_stop(reply.text, prompt.stop)
+        finish: Finish = "stop" if stopped else reply.finish
+        if prompt.schema:
             try:
-                text = extract(text, flight.prompt.schema, self._schemas)
+                text = extract(text, prompt.schema, self._schemas)
             except AnswerError as error:
                 self._metrics.invalid.labels(error.reason).inc()
-                raise GatewayError("invalid", f"the model's answer: {error}") from error
-        return Landed(text, reply.tokens, time.monotonic())
+                cut = f" (cut at max_tokens = {prompt.max_tokens})" if finish == "length" else ""
+                raise GatewayError("invalid", f"the model's answer{cut}: {error}") from error
+            finish = "stop"
+        return Landed(text, reply.tokens, time.monotonic(), finish)
 
-    async def _asked(self, prompt: Prompt, timeout_s: float) -> Reply:
+    async def _asked(self, flight: Flight, timeout_s: float) -> Reply:
+        telling = Telling(flight.prompt.stop)
+
+        def hear(words: str) -> None:
+            if told := telling.take(words):
+                flight.tell(told)
+
+        # What must follow a schema is told when it does.
+        listened = flight.listeners and not flight.prompt.schema
         try:
-            return await self._backend.complete(prompt, timeout_s)
+            return await self._backend.complete(
+                flight.prompt, timeout_s, hear if listened else None
+            )
         except GatewayError:
             raise
         except Exception as error:
@@ -231,8 +257,8 @@ class Dispatcher:
     def _judge(self, flight: Flight, error: GatewayError) -> None:
         """Tells the breaker how a call ended."""
         self._metrics.faults.labels(error.code).inc()
-        if error.code == "invalid":
-            self._breaker.succeeded()
+        if error.code == "invalid" or isinstance(error, PromptRefusedError):
+            self._succeeded()
         elif error.code == "expired":
             self._judge_expired(flight, str(error))
         elif error.code != "too_large":
@@ -255,10 +281,16 @@ class Dispatcher:
         if flight.probe or ran_s >= HANG_S:
             self._failed(flight, f"{why} ({ran_s:.1f} s)")
 
+    def _succeeded(self) -> None:
+        if self._breaker.trouble:
+            self._log.info("breaker_closed")
+        self._breaker.succeeded()
+
     def _failed(self, flight: Flight, why: str) -> None:
         if not self._breaker.failed(time.monotonic(), why[:200], probe=flight.probe):
             return
-        self._log.warning("breaker_open", error=why[:200])
+        if not flight.probe:
+            self._log.warning("breaker_open", error=why[:200])
         for waiting in self._waiting.clear():
             self._give_up(waiting, GatewayError("unavailable", f"the breaker opened: {why[:200]}"))
 

@@ -17,7 +17,7 @@ from llm_gateway.cache import Cache
 from llm_gateway.cache_store import Entry
 from llm_gateway.dispatch import Dispatcher
 from llm_gateway.metrics import GatewayMetrics
-from llm_gateway.model import Completion, Job, Prompt
+from llm_gateway.model import Completion, Hear, Job, Prompt
 from llm_gateway.schemas import Schemas
 from llm_gateway.single_flight import Flight, Landed
 from llm_gateway.waiting import Waiting
@@ -67,6 +67,11 @@ class Gateway:
         """The model that answers."""
         return self._backend.model
 
+    @property
+    def trouble(self) -> str:
+        """Why the model does not answer; empty where it does, or nobody knows."""
+        return self._dispatcher.trouble
+
     async def start(self) -> None:
         """Opens the cache and starts the back end. Raises SettingError."""
         await self._cache.start()
@@ -78,8 +83,11 @@ class Gateway:
         await self._backend.close()
         await self._cache.close()
 
-    async def complete(self, job: Job) -> Completion:
+    async def complete(self, job: Job, hear: Hear | None = None) -> Completion:
         """An answer to a job before its deadline. Cancelling leaves the job.
+
+        `hear` is told the beginning of the answer while the model is at it, where the back end
+        can tell and no schema must be followed first.
 
         Raises GatewayError, for any of its reasons.
         """
@@ -89,11 +97,11 @@ class Gateway:
             self._check(job.prompt)
             job = replace(job, deadline=min(job.deadline, begun + self._deadline_max_s))
             key = job.prompt.key(self.model)
-            done = self._known(job, key, begun)
+            done = self._known(job, key, begun) if job.prompt.repeatable else None
             if done is None:
                 self._metrics.misses.inc()
                 asked_model = True
-                done = await self._asked(job, key, begun)
+                done = await self._asked(job, key, begun, hear)
         except GatewayError as error:
             self._metrics.refused(error.code, asked_model=asked_model)
             raise
@@ -118,7 +126,7 @@ class Gateway:
         exact = self._cache.exact(key)
         entry = exact
         hit: Literal["exact", "fingerprint"] = "exact"
-        if exact is None and job.fingerprint and job.prompt.schema:
+        if exact is None and job.fingerprint and job.prompt.schema and job.prompt.plain:
             scene = self._cache.scene(self.model, job.fingerprint)
             entry, hit = self._cache.similar(scene), "fingerprint"
         if entry is None or not self._follows(entry, job.prompt):
@@ -144,7 +152,7 @@ class Gateway:
         except (AnswerError, GatewayError):
             return False
 
-    async def _asked(self, job: Job, key: str, begun: float) -> Completion:
+    async def _asked(self, job: Job, key: str, begun: float, hear: Hear | None) -> Completion:
         """The model's answer, perhaps to another one's equal prompt."""
         if time.monotonic() >= job.deadline:
             raise GatewayError("expired", "the deadline had passed")
@@ -153,12 +161,12 @@ class Gateway:
             self._metrics.joined.inc()
         else:
             flight = self._dispatcher.submit(job, key, self.model)
-        flight.join(job.deadline)
+        flight.join(job.deadline, hear)
         try:
             await asyncio.wait({flight.future}, timeout=job.deadline - time.monotonic())
             answered = flight.future.done()
         finally:
-            self._dispatcher.leave(flight)
+            self._dispatcher.leave(flight, hear)
         now = time.monotonic()
         if not answered or now > job.deadline:
             where = "in the queue" if flight.started is None else "from the model"
@@ -177,8 +185,13 @@ class Gateway:
                 model_ms=max(0.0, landed.finished - started) * 1e3,
                 total_ms=(now - begun) * 1e3,
             ),
+            finish=landed.finish,
         )
 
     def _keep(self, flight: Flight, landed: Landed) -> None:
-        scene = self._cache.scene(flight.model, flight.fingerprint)
+        # The cache does not remember why an answer ended.
+        if not flight.prompt.repeatable or landed.finish != "stop":
+            return
+        fingerprint = flight.fingerprint if flight.prompt.plain else ""
+        scene = self._cache.scene(flight.model, fingerprint)
         self._cache.put(flight.key, scene, flight.model, landed.text, landed.tokens)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable
-from typing import Protocol, TypeVar
+from collections.abc import AsyncGenerator, Awaitable
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 from prometheus_client import CollectorRegistry, Counter
@@ -17,12 +17,13 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from llm_gateway.http_chat import read_job, write_answer
+from llm_gateway.http_chat import Asked, read_request, unknown_model, write_answer
 from llm_gateway.http_errors import HttpError, of_gateway
-from llm_gateway.model import Completion, Job
+from llm_gateway.http_stream import AnswerStream, EventStream
+from llm_gateway.model import Completion, Hear, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
-from swarm.http_serving import Bearer
+from swarm.http_serving import Bearer, media_type
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 2_000_000
@@ -41,7 +42,7 @@ class Completer(Protocol):
         """The name of the model that answers."""
         ...
 
-    async def complete(self, job: Job) -> Completion:
+    async def complete(self, job: Job, hear: Hear | None = None) -> Completion:
         """Raises GatewayError; cancelling takes the job back."""
         ...
 
@@ -53,19 +54,29 @@ def make_app(gateway: Completer, token: str, registry: CollectorRegistry, log: L
 
     async def complete(request: Request) -> Response:
         # Also keeps web pages out: a browser does not send JSON elsewhere without asking first.
-        if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
+        if media_type(request.headers) != "application/json":
             raise HttpError(415, "the body must be application/json")
         raw = await _read(request)
         address = request.client.host if request.client else "local"
-        job = read_job(raw, request.headers, address, gateway.model)
+        asked = read_request(raw, request.headers, address, gateway.model)
+        job = asked.job
         _check(schemas, job.prompt.schema)
+        if asked.stream:
+            return await _streamed(request, gateway, asked)
         completion = await _unless_gone(request, gateway.complete(job))
         return Response(write_answer(completion), media_type="application/json")
 
+    def described() -> dict[str, Any]:
+        return {"id": gateway.model, "object": "model", "created": began, "owned_by": "coadapt"}
+
     async def models(request: Request) -> Response:
-        model = {"id": gateway.model, "object": "model", "created": began, "owned_by": "coadapt"}
-        raw = msgspec.json.encode({"object": "list", "data": [model]})
+        raw = msgspec.json.encode({"object": "list", "data": [described()]})
         return Response(raw, media_type="application/json")
+
+    async def model(request: Request) -> Response:
+        if (name := request.path_params["name"]) != gateway.model:
+            raise unknown_model(name, gateway.model)
+        return Response(msgspec.json.encode(described()), media_type="application/json")
 
     async def health(request: Request) -> Response:
         return Response(b'{"status":"ok"}', media_type="application/json")
@@ -94,6 +105,8 @@ def make_app(gateway: Completer, token: str, registry: CollectorRegistry, log: L
         routes=[
             Route("/v1/chat/completions", complete, methods=["POST"]),
             Route("/v1/models", models, methods=["GET"]),
+            # Names of models have slashes in them.
+            Route("/v1/models/{name:path}", model, methods=["GET"]),
             Route(HEALTH_PATH, health, methods=["GET"]),
         ],
         exception_handlers={
@@ -133,6 +146,33 @@ async def _read(request: Request) -> bytes:
     if size > MAX_BODY_BYTES:
         raise HttpError(413, f"the body has more than {MAX_BODY_BYTES} bytes", code="too_large")
     return bytes(raw)
+
+
+async def _streamed(request: Request, gateway: Completer, asked: Asked) -> Response:
+    """The answer as server-sent events; until its first words there may still be an error."""
+    stream = AnswerStream(
+        lambda hear: gateway.complete(asked.job, hear),
+        gateway.model,
+        include_usage=asked.include_usage,
+    )
+    try:
+        await _unless_gone(request, stream.begin())
+    except BaseException:
+        await stream.close()
+        raise
+
+    async def events() -> AsyncGenerator[bytes]:
+        found = aiter(stream.events())
+        try:
+            while True:
+                yield await _unless_gone(request, anext(found))
+        except (StopAsyncIteration, ClientDisconnect):
+            pass
+        finally:
+            await stream.close()
+
+    headers = {"Cache-Control": "no-cache", "X-Accel-Buffering": "no"}
+    return EventStream(events(), headers)
 
 
 async def _unless_gone(request: Request, awaited: Awaitable[T]) -> T:

@@ -6,6 +6,7 @@ import re
 import time
 import uuid
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -21,6 +22,7 @@ MAX_SCHEMA_CHARS = 50_000
 ANY_OBJECT = '{"type":"object"}'
 _Seconds = Annotated[float, msgspec.Meta(ge=0.05, le=600)]
 _Tokens = Annotated[int, msgspec.Meta(ge=1, le=4096)]
+_Stop = Annotated[str, msgspec.Meta(min_length=1, max_length=1000)]
 
 
 class _Part(msgspec.Struct):
@@ -44,6 +46,10 @@ class _Format(msgspec.Struct):
     """Beside `json_object`, as llama.cpp's servers read it."""
 
 
+class _Options(msgspec.Struct):
+    include_usage: bool | None = None
+
+
 class _Chat(msgspec.Struct):
     """What the endpoint reads of a request; other fields change nothing and are let through."""
 
@@ -53,12 +59,32 @@ class _Chat(msgspec.Struct):
     max_tokens: _Tokens | None = None
     max_completion_tokens: _Tokens | None = None
     stream: bool | None = None
+    stream_options: _Options | None = None
+    stop: _Stop | Annotated[list[_Stop], msgspec.Meta(max_length=4)] | None = None
+    temperature: Annotated[float, msgspec.Meta(ge=0, le=2)] | None = None
+    top_p: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
+    seed: Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)] | None = None
     n: int | None = None
     tools: list[Any] | None = None
+    functions: list[Any] | None = None
+    logprobs: bool | None = None
+    logit_bias: dict[str, float] | None = None
+    presence_penalty: float | None = None
+    frequency_penalty: float | None = None
 
 
-def read_job(raw: bytes, headers: Mapping[str, str], address: str, model: str) -> Job:
-    """The job that a request asks for; `address` is whose it is where no client is named.
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A request, read."""
+
+    job: Job
+    stream: bool
+    include_usage: bool
+    """A stream's last chunk tells the tokens."""
+
+
+def read_request(raw: bytes, headers: Mapping[str, str], address: str, model: str) -> Asked:
+    """What a request asks for; `address` is whose it is where no client is named.
 
     Raises HttpError.
     """
@@ -67,20 +93,15 @@ def read_job(raw: bytes, headers: Mapping[str, str], address: str, model: str) -
     try:
         chat = msgspec.json.decode(raw, type=_Chat)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise HttpError(400, f"the body is no chat completion request: {error}") from error
-    if chat.stream:
-        raise HttpError(400, "stream must be false: answers are whole", param="stream")
-    if chat.n not in (None, 1):
-        raise HttpError(400, f"n = {chat.n} is not offered; it must be 1", param="n")
-    if chat.tools:
-        raise HttpError(400, "tools are not offered; leave them out", param="tools")
-    if chat.model not in (None, "", "default", model):
+        at = re.search(r"`\$\.(\w+)", str(error))
         raise HttpError(
-            404,
-            f"the model {chat.model[:200]!r} is not here; {model!r} is, and 'default' names it",
-            code="model_not_found",
-            param="model",
-        )
+            400,
+            f"the body is no chat completion request: {error}",
+            param=at.group(1) if at else None,
+        ) from error
+    _refuse_unoffered(chat)
+    if chat.model not in (None, "", "default", model):
+        raise unknown_model(chat.model, model)
     messages = tuple(_message(turn) for turn in chat.messages)
     if sum(len(message.content) for message in messages) > MAX_PROMPT_CHARS:
         raise HttpError(
@@ -89,18 +110,37 @@ def read_job(raw: bytes, headers: Mapping[str, str], address: str, model: str) -
             code="too_large",
             param="messages",
         )
-    most = chat.max_completion_tokens or chat.max_tokens or DEFAULT_TOKENS
-    return Job(
-        Prompt(messages, _schema(chat.response_format), most),
+    prompt = Prompt(
+        messages,
+        _schema(chat.response_format),
+        chat.max_completion_tokens or chat.max_tokens or DEFAULT_TOKENS,
+        stop=(chat.stop,) if isinstance(chat.stop, str) else tuple(chat.stop or ()),
+        temperature=chat.temperature or 0.0,
+        top_p=1.0 if chat.top_p is None else chat.top_p,
+        seed=chat.seed,
+    )
+    job = Job(
+        prompt,
         client=_header(headers, "X-CoAdapt-Client", r"[A-Za-z0-9_-]{1,32}") or address,
         deadline=now + _deadline_s(headers),
         fingerprint=_header(headers, "X-CoAdapt-Fingerprint", r"[0-9a-f]{16,64}"),
+    )
+    usage = chat.stream_options is not None and bool(chat.stream_options.include_usage)
+    return Asked(job, bool(chat.stream), usage)
+
+
+def unknown_model(name: str, model: str) -> HttpError:
+    """The answer to a request that names another model than ours."""
+    return HttpError(
+        404,
+        f"the model {name[:200]!r} is not here; {model!r} is, and 'default' names it",
+        code="model_not_found",
+        param="model",
     )
 
 
 def write_answer(completion: Completion) -> bytes:
     """OpenAI's answer, with where it comes from beside it."""
-    tokens = completion.tokens
     answer = {
         "id": f"chatcmpl-{uuid.uuid4().hex}",
         "object": "chat.completion",
@@ -110,23 +150,54 @@ def write_answer(completion: Completion) -> bytes:
             {
                 "index": 0,
                 "message": {"role": "assistant", "content": completion.text},
-                "finish_reason": "stop",
+                "finish_reason": completion.finish,
             }
         ],
-        "usage": {
-            "prompt_tokens": tokens.prompt,
-            "completion_tokens": tokens.output,
-            "total_tokens": tokens.prompt + tokens.output,
-            "prompt_tokens_details": {"cached_tokens": tokens.reused},
-        },
-        "coadapt": {
-            "source": completion.source,
-            "hit": completion.hit,
-            "age_s": completion.age_s,
-            "timings": completion.timings,
-        },
+        "usage": usage_of(completion),
+        "coadapt": origin_of(completion),
     }
     return msgspec.json.encode(answer)
+
+
+def usage_of(completion: Completion) -> dict[str, Any]:
+    """The tokens of an answer, as OpenAI tells them; none where the cache had it."""
+    tokens = completion.tokens
+    return {
+        "prompt_tokens": tokens.prompt,
+        "completion_tokens": tokens.output,
+        "total_tokens": tokens.prompt + tokens.output,
+        "prompt_tokens_details": {"cached_tokens": tokens.reused},
+    }
+
+
+def origin_of(completion: Completion) -> dict[str, Any]:
+    """Where an answer comes from, and where its time went."""
+    return {
+        "source": completion.source,
+        "hit": completion.hit,
+        "age_s": completion.age_s,
+        "timings": completion.timings,
+    }
+
+
+def _refuse_unoffered(chat: _Chat) -> None:
+    """What would change the answer, and is not offered. Raises HttpError."""
+    for name in ("tools", "functions", "logprobs", "logit_bias"):
+        if getattr(chat, name):
+            raise HttpError(
+                400,
+                f"{name} is not offered; leave it out",
+                code="unsupported_parameter",
+                param=name,
+            )
+    for name, only in (("n", 1), ("presence_penalty", 0), ("frequency_penalty", 0)):
+        if (value := getattr(chat, name)) not in (None, only):
+            raise HttpError(
+                400,
+                f"{name} = {value} is not offered; it must be {only}",
+                code="unsupported_value",
+                param=name,
+            )
 
 
 def _message(turn: _Turn) -> ChatMessage:

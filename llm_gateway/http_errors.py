@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import msgspec
 from starlette.responses import Response
 
+from llm_gateway.model import PromptRefusedError
 from swarm.errors import GatewayCode, GatewayError
 
 STATUSES: dict[GatewayCode, int] = {
@@ -41,7 +42,7 @@ class HttpError(Exception):
         self.param = param
         self.headers = headers
 
-    def response(self) -> Response:
+    def body(self) -> bytes:
         """OpenAI's error body."""
         kind = "invalid_request_error" if self.status < 500 else "server_error"
         error = {
@@ -50,12 +51,15 @@ class HttpError(Exception):
             "param": self.param,
             "code": self.code,
         }
-        raw = msgspec.json.encode({"error": error})
-        return Response(raw, self.status, self.headers, "application/json")
+        return msgspec.json.encode({"error": error})
+
+    def response(self) -> Response:
+        """The whole answer."""
+        return Response(self.body(), self.status, self.headers, "application/json")
 
 
 def of_gateway(error: GatewayError) -> HttpError:
     """What a client is told where the gateway has no answer."""
-    status = STATUSES[error.code]
+    status = 400 if isinstance(error, PromptRefusedError) else STATUSES[error.code]
     later = {"Retry-After": str(RETRY_AFTER_S)} if status in (429, 503) else None
     return HttpError(status, str(error), code=error.code, headers=later)

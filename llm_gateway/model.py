@@ -3,27 +3,59 @@
 from __future__ import annotations
 
 import hashlib
+import secrets
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
 import msgspec
 
+from swarm.errors import GatewayError
 from swarm.messages import ChatMessage, LlmTimings, LlmTokens
+
+Finish = Literal["stop", "length"]
+"""Why an answer ended: the model or a stop sequence ended it, or it reached `max_tokens`."""
+Hear = Callable[[str], None]
+"""Hears an answer's words as they come, each once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What a model is given. Equal prompts get equal answers: this is what the cache goes by."""
+    """What a model is given, and how it is to answer."""
 
     messages: tuple[ChatMessage, ...]
     schema: str = ""
     """JSON schema of the answer, as text; empty: free text."""
     max_tokens: int = 256
+    stop: tuple[str, ...] = ()
+    """The answer ends before the first of these."""
+    temperature: float = 0.0
+    """0 takes the likeliest words; above, chance has a part."""
+    top_p: float = 1.0
+    """Only the likeliest words that reach this probability together are drawn from."""
+    seed: int | None = None
+    """Of chance; None: another one each time."""
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether equal prompts get equal answers: only then may one serve the other."""
+        return self.temperature == 0 or self.seed is not None
+
+    @property
+    def plain(self) -> bool:
+        """Whether the answer is the model's likeliest and whole, as a scene's is."""
+        return self.temperature == 0 and not self.stop
 
     def key(self, model: str) -> str:
-        """SHA-256 of the canonical prompt and the model, hexadecimal."""
+        """SHA-256 of the canonical prompt and the model, hexadecimal; where chance has a part,
+        a key of its own each time."""
+        if not self.repeatable:
+            return secrets.token_hex(32)
         canonical = msgspec.json.encode(
-            [model, [[m.role, m.content] for m in self.messages], self.schema, self.max_tokens]
+            [
+                *(model, [[m.role, m.content] for m in self.messages], self.schema),
+                *(self.max_tokens, self.stop, self.temperature, self.top_p, self.seed),
+            ]
         )
         return hashlib.sha256(canonical).hexdigest()
 
@@ -47,6 +79,11 @@ class Reply:
 
     text: str
     tokens: LlmTokens = field(default_factory=LlmTokens)
+    finish: Finish = "stop"
+
+
+class PromptRefusedError(GatewayError):
+    """The model is well, but takes no such prompt: to ask again would not help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +97,4 @@ class Completion:
     age_s: float
     tokens: LlmTokens
     timings: LlmTimings
+    finish: Finish = "stop"

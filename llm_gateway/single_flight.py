@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from llm_gateway.model import Prompt
+from llm_gateway.model import Finish, Hear, Prompt
 from swarm.errors import GatewayError
 from swarm.messages import LlmTokens
 
@@ -18,6 +18,7 @@ class Landed:
     tokens: LlmTokens
     finished: float
     """`time.monotonic()` seconds."""
+    finish: Finish = "stop"
 
 
 @dataclass(slots=True, eq=False)
@@ -39,11 +40,31 @@ class Flight:
     started: float | None = None
     """When the model was first asked, `time.monotonic()` seconds."""
     task: asyncio.Task[None] | None = None
+    told: str = ""
+    """The answer so far, where somebody listens."""
+    listeners: list[Hear] = field(default_factory=list)
 
-    def join(self, deadline: float) -> None:
-        """One more waits; the call may take as long as its most patient waiter."""
+    def join(self, deadline: float, hear: Hear | None = None) -> None:
+        """One more waits, and perhaps listens; the call may take as long as its most patient
+        waiter."""
         self.waiters += 1
         self.deadline = max(self.deadline, deadline)
+        if hear is not None:
+            self.listeners.append(hear)
+            if self.told:
+                hear(self.told)
+
+    def leave(self, hear: Hear | None) -> None:
+        """One waits and listens no more."""
+        self.waiters -= 1
+        if hear is not None:
+            self.listeners.remove(hear)
+
+    def tell(self, words: str) -> None:
+        """Gives more words of the answer to those who listen."""
+        self.told += words
+        for hear in self.listeners:
+            hear(words)
 
     def land(self, landed: Landed) -> None:
         """Gives everybody the answer."""

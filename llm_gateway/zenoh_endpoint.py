@@ -5,21 +5,24 @@ from __future__ import annotations
 import asyncio
 import time
 from concurrent.futures import CancelledError
+from contextlib import suppress
 
 from llm_gateway.gateway import Gateway
 from llm_gateway.model import Job, Prompt
 from swarm import keyspace
-from swarm.errors import GatewayError
-from swarm.messages import DecideAnswer, DecideRequest
+from swarm.errors import GatewayError, TransportError
+from swarm.messages import DecideAnswer, DecideRequest, GatewayState
 from swarm.session import Session
 
 WORKERS = 256
 """As many as may wait, so that the gateway's order holds and not that of a thread pool."""
 SLACK_S = 1.0
+STATE_S = 1.0
+"""Between two words of how the model stands."""
 
 
 class ZenohEndpoint:
-    """Hands requests of a session to the gateway's event loop."""
+    """Hands requests of a session to the gateway's event loop, and tells how the model stands."""
 
     def __init__(self, gateway: Gateway, loop: asyncio.AbstractEventLoop) -> None:
         self._gateway = gateway
@@ -35,6 +38,18 @@ class ZenohEndpoint:
             waiting=WORKERS,
         )
         session.declare_gateway()
+        asyncio.run_coroutine_threadsafe(self._tell(session), self._loop)
+
+    async def _tell(self, session: Session) -> None:
+        """Until the session or the loop closes."""
+        key = keyspace.llm_state(session.swarm)
+        with suppress(TransportError):
+            while True:
+                state = GatewayState(
+                    model=self._gateway.model[:200], trouble=self._gateway.trouble[:300]
+                )
+                session.put(key, state)
+                await asyncio.sleep(STATE_S)
 
     def decide(self, request: DecideRequest) -> DecideAnswer:
         """Answers one request, on a thread of the session. Raises GatewayError."""

@@ -8,7 +8,7 @@ import hmac
 import ipaddress
 import re
 import socket
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from typing import Any
 
 import h11
@@ -37,6 +37,11 @@ def is_loopback(host: str) -> bool:
 def is_token(text: str) -> bool:
     """Whether a text can stand behind "Bearer"."""
     return _TOKEN.fullmatch(text) is not None
+
+
+def media_type(headers: Mapping[str, str]) -> str:
+    """What a body is declared as, without parameters and in small letters; "" where nothing is."""
+    return headers.get("content-type", "").split(";")[0].strip().lower()
 
 
 class Bearer:

@@ -111,6 +111,11 @@ def llm_decide(swarm: str) -> str:
     return _llm_key(swarm, "decide")
 
 
+def llm_state(swarm: str) -> str:
+    """`messages.GatewayState`, 1 Hz, from the LLM gateway."""
+    return _llm_key(swarm, "state")
+
+
 def llm_alive(swarm: str) -> str:
     """Liveliness token of the LLM gateway."""
     return _llm_key(swarm, "alive")

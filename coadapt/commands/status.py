@@ -91,7 +91,10 @@ def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
             for row in view.robots
         ]
     )
-    lines += ["", *_decision(view), ""]
+    lines += ["", *_decision(view)]
+    if view.model_trouble:
+        lines.append(f"model      does not answer: {view.model_trouble}")
+    lines.append("")
     lines += columns(
         [("process", "state", "restarts", "up", "")]
         + [

@@ -19,20 +19,28 @@ from deploy.netns import control
 
 Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 CHUNK = 64 * 1024
+CONNECT_S = 5.0
+REACHED, AWAY = b"1", b"0"
+"""The first byte of a connection to the way out: whether the address outside was reached."""
 
 
 def forwarder(
-    connect: Callable[[], Awaitable[Streams]],
+    connect: Callable[[], Awaitable[Streams]], *, tell: bool = False
 ) -> Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]:
     """A connection handler that copies bytes both ways to what `connect` opens, and passes on the
-    end of either direction while the other still flows."""
+    end of either direction while the other still flows. With `tell` it says first whether there is
+    a connection."""
 
     async def forward(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             far_reader, far_writer = await connect()
         except OSError:
+            if tell:
+                writer.write(AWAY)
             writer.close()
             return
+        if tell:
+            writer.write(REACHED)
         try:
             await asyncio.gather(_copy(reader, far_writer), _copy(far_reader, writer))
         finally:
@@ -73,7 +81,18 @@ async def _serve(source: str, target: str) -> asyncio.Server:
         inwards = forwarder(lambda: asyncio.open_unix_connection(target))
         return await asyncio.start_server(inwards, sock=socket.socket(fileno=int(source)))
     host, _, port = target.rpartition(":")
-    return await serve_unix(Path(source), host, int(port))
+    return await serve_outside(Path(source), host, int(port))
+
+
+async def serve_outside(path: Path, host: str, port: int) -> asyncio.Server:
+    """Listens on a Unix socket and forwards to an address outside, after the byte that says whether
+    it was reached."""
+
+    async def connect() -> Streams:
+        async with asyncio.timeout(CONNECT_S):
+            return await asyncio.open_connection(host, port)
+
+    return await asyncio.start_unix_server(forwarder(connect, tell=True), path=path)
 
 
 def main() -> int:

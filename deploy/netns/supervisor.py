@@ -107,12 +107,13 @@ class Supervisor:
                 )
             )
         way_out = await outside.serve(self._spec)
-        servers += [way_out] if way_out is not None else []
         self._children.start()
         answer(control.Reply())
         self._log.info("swarm_up", processes=len(self._members))
         await self._stop.wait()
         await self._children.stop()
+        if way_out is not None:
+            way_out.close()
         self._log.info("swarm_down")
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

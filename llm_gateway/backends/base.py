@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from llm_gateway.model import Prompt, Reply
+from llm_gateway.model import Hear, Prompt, Reply
 from llm_gateway.settings import GatewaySettings
 from swarm.log import Logger
 
@@ -29,6 +29,11 @@ class Backend(Protocol):
         """How many prompts it works on at a time; what comes in together is read together."""
         ...
 
+    @property
+    def trouble(self) -> str:
+        """Why no prompt can be answered now; empty where one can, or nobody knows."""
+        ...
+
     async def start(self) -> None:
         """Prepares what can be prepared; a model that cannot be reached yet is no error.
 
@@ -36,8 +41,11 @@ class Backend(Protocol):
         """
         ...
 
-    async def complete(self, prompt: Prompt, timeout_s: float) -> Reply:
+    async def complete(self, prompt: Prompt, timeout_s: float, hear: Hear | None = None) -> Reply:
         """The model's words. Cancelling stops the work on it.
+
+        `hear` is told them while they come, where that can be done. They may go on behind a stop
+        sequence: what a back end cannot do about `stop`, the gateway does.
 
         Raises GatewayError: `expired` after `timeout_s`, `too_large` for a prompt that the model
         cannot read, `unavailable` where nobody answers or says to come back later, `failed`.

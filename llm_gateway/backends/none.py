@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from llm_gateway.backends.base import BackendKind
-from llm_gateway.model import Prompt, Reply
+from llm_gateway.model import Hear, Prompt, Reply
 from swarm.errors import GatewayError
 
 
@@ -13,11 +13,12 @@ class NoBackend:
     name = "none"
     model = "none"
     parallel = 1
+    trouble = ""
 
     async def start(self) -> None:
         """Has nothing to prepare."""
 
-    async def complete(self, prompt: Prompt, timeout_s: float) -> Reply:
+    async def complete(self, prompt: Prompt, timeout_s: float, hear: Hear | None = None) -> Reply:
         """Raises GatewayError `unavailable`."""
         raise GatewayError("unavailable", "no model: COADAPT_LLM_BACKEND is none")
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import re
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
 from llm_gateway.backends.base import BackendKind
+from llm_gateway.backends.openai_stream import StreamedReply
 from llm_gateway.backends.openai_wire import (
     Dialect,
     Form,
@@ -19,13 +21,15 @@ from llm_gateway.backends.openai_wire import (
     refuses_form,
     request_body,
 )
-from llm_gateway.model import Prompt, Reply
+from llm_gateway.model import Hear, Prompt, Reply
 from llm_gateway.settings import GatewaySettings
 from swarm.errors import GatewayError, SettingError
 from swarm.log import Logger
 
 if TYPE_CHECKING:
     import aiohttp
+
+    from llm_gateway.backends.openai_reach import Reach
 
 MAX_ANSWER_BYTES = 4_000_000
 CONNECT_S = 5.0
@@ -35,6 +39,15 @@ _IDLE_S = 4.0
 """Shorter than the 5 s after which uvicorn, which many servers use, closes an idle connection:
 a request must not go out on one that is just being closed."""
 _MAX_NAME = 200
+
+
+class _Said(NamedTuple):
+    """A server's answer; with `reply` where it came as a stream."""
+
+    status: int
+    headers: dict[str, str]
+    raw: bytes
+    reply: Reply | None
 
 
 class OpenAi:
@@ -59,6 +72,7 @@ class OpenAi:
         self._log = log
         self._dialect = Dialect()
         self._session: aiohttp.ClientSession | None = None
+        self._reach: Reach | None = None
 
     def __repr__(self) -> str:
         return f"OpenAi({self._url!r}, {self.model!r})"
@@ -73,10 +87,18 @@ class OpenAi:
         """As configured; servers queue what is too much for them."""
         return self._parallel
 
+    @property
+    def trouble(self) -> str:
+        """Why the server cannot be reached."""
+        return self._reach.trouble if self._reach else ""
+
     async def start(self) -> None:
         """Asks the server which models it has; one that does not answer is asked again later."""
         import aiohttp
 
+        from llm_gateway.backends.openai_reach import Reach
+
+        self._reach = Reach(self._url, self._probe, self._log)
         headers = {"Content-Type": "application/json", "Accept-Encoding": "identity"}
         if self._key:
             headers["Authorization"] = f"Bearer {self._key}"
@@ -91,17 +113,18 @@ class OpenAi:
             async with asyncio.timeout(START_S):
                 await self._ask_models()
         except (GatewayError, TimeoutError) as error:
-            self._log.warning("llm_server_not_ready", url=self._url, error=str(error))
+            if not self.trouble:
+                self._log.warning("llm_server_not_ready", url=self._url, error=str(error))
         else:
             self._log.info("llm_server", url=self._url, model=self.model)
 
-    async def complete(self, prompt: Prompt, timeout_s: float) -> Reply:
+    async def complete(self, prompt: Prompt, timeout_s: float, hear: Hear | None = None) -> Reply:
         """See `Backend.complete`; `timeout_s` bounds everything, however slowly a body drips."""
         try:
             async with asyncio.timeout(timeout_s):
                 if not self._wanted and not self._found:
                     await self._ask_models()
-                return await self._complete(prompt)
+                return await self._complete(prompt, hear)
         except TimeoutError:
             raise GatewayError(
                 "expired", f"{self._url} did not answer within {timeout_s:.1f} s"
@@ -109,16 +132,25 @@ class OpenAi:
 
     async def close(self) -> None:
         """Closes all connections."""
+        if self._reach is not None:
+            await self._reach.close()
         session, self._session = self._session, None
         if session is not None:
             await session.close()
 
+    async def _probe(self) -> None:
+        with contextlib.suppress(GatewayError, TimeoutError):
+            async with asyncio.timeout(START_S):
+                await self._send("GET", "/models")
+
     async def _ask_models(self) -> None:
-        status, headers, raw = await self._send("GET", "/models")
-        if status != 200:
-            raise refusal(status, headers, raw, self._url)
+        said = await self._send("GET", "/models")
+        if said.status != 200:
+            raise refusal(said.status, said.headers, said.raw, self._url)
         names = [
-            n for n in read_models(raw, self._url) if 0 < len(n) <= _MAX_NAME and n.isprintable()
+            n
+            for n in read_models(said.raw, self._url)
+            if 0 < len(n) <= _MAX_NAME and n.isprintable()
         ]
         if not names and not self._wanted:
             raise GatewayError("unavailable", f"{self._url} lists no models")
@@ -126,21 +158,21 @@ class OpenAi:
             self._log.warning("llm_model_not_listed", model=self._wanted, listed=names[:10])
         self._found = names[0] if names else ""
 
-    async def _complete(self, prompt: Prompt) -> Reply:
+    async def _complete(self, prompt: Prompt, hear: Hear | None) -> Reply:
         """Asks in the best form that the server may understand, and worse ones after refusals."""
         for form in self._dialect.forms(time.monotonic()):
-            status, headers, raw = await self._ask(prompt, form)
-            if status == 200:
-                reply = read_reply(raw, self._url)
+            said = await self._ask(prompt, form, hear)
+            if said.status == 200:
+                reply = said.reply or read_reply(said.raw, self._url)
                 if prompt.schema:
                     self._learn(form)
                 return reply
-            if not prompt.schema or not refuses_form(status, raw):
+            if not prompt.schema or not refuses_form(said.status, said.raw):
                 break
-        if status == 404:
+        if said.status == 404:
             # The server may have been started again with another model.
             self._found = ""
-        raise refusal(status, headers, raw, self._url)
+        raise refusal(said.status, said.headers, said.raw, self._url)
 
     def _learn(self, form: Form) -> None:
         before = self._dialect.form
@@ -148,39 +180,51 @@ class OpenAi:
         if self._dialect.form != before:
             self._log.info("llm_form", form=self._dialect.form, before=before)
 
-    async def _ask(self, prompt: Prompt, form: Form) -> tuple[int, dict[str, str], bytes]:
+    async def _ask(self, prompt: Prompt, form: Form, hear: Hear | None) -> _Said:
+        stream = hear is not None
         while True:
-            body = request_body(prompt, self.model, form, self._dialect)
-            status, headers, raw = await self._send("POST", "/chat/completions", body)
-            if status == 200 or not adapt(self._dialect, status, raw):
-                return status, headers, raw
+            body = request_body(prompt, self.model, form, self._dialect, stream=stream)
+            said = await self._send("POST", "/chat/completions", body, hear)
+            if said.status == 200 or not adapt(self._dialect, prompt, said.status, said.raw):
+                return said
 
     async def _send(
-        self, method: str, path: str, body: bytes | None = None
-    ) -> tuple[int, dict[str, str], bytes]:
-        """Status, headers and body, the body bounded. Errors are raised without their causes,
-        which hold the request's headers."""
+        self, method: str, path: str, body: bytes | None = None, hear: Hear | None = None
+    ) -> _Said:
+        """What the server says, the body bounded. Errors are raised without their causes, which
+        hold the request's headers."""
         import aiohttp
 
-        if self._session is None:
+        from llm_gateway.backends.openai_reach import why_lost
+
+        if self._session is None or self._reach is None:
             raise GatewayError("unavailable", f"the connection to {self._url} is closed")
         try:
             async with self._session.request(
                 method, self._url + path, data=body, allow_redirects=False
             ) as response:
+                self._reach.found()
                 raw = bytearray()
+                streamed = StreamedReply(self._url) if hear and _is_stream(response) else None
                 async for chunk in response.content.iter_any():
                     raw += chunk
+                    if hear and streamed and (words := streamed.take(chunk)):
+                        hear(words)
                     if len(raw) > MAX_ANSWER_BYTES:
                         raise GatewayError(
                             "failed", f"{self._url} answers more than {MAX_ANSWER_BYTES} bytes"
                         )
                 later = {"Retry-After": response.headers.get("Retry-After", "")}
                 body_read = bytes(raw) if response.status == 200 else self._hide(bytes(raw))
-                return response.status, later, body_read
+                reply = streamed.reply() if streamed else None
+                return _Said(response.status, later, body_read, reply)
         except aiohttp.ClientConnectionError as error:
-            why = f"{self._url} cannot be reached: {self._said(error)}"
-            raise GatewayError("unavailable", why) from None
+            why = why_lost(error, self._url, self._said(error))
+            if isinstance(error, aiohttp.ClientConnectorError | aiohttp.ServerTimeoutError):
+                self._reach.lost(why)
+            else:
+                self._reach.broke_off(why)
+            raise GatewayError("unavailable", f"{self._url} cannot be reached: {why}") from None
         except aiohttp.ClientError as error:
             why = f"{self._url} does not speak HTTP well: {self._said(error)}"
             raise GatewayError("failed", why) from None
@@ -192,6 +236,10 @@ class OpenAi:
     def _said(self, error: Exception) -> str:
         text = self._hide(" ".join(str(error).split()).encode()).decode()
         return text[:200] or type(error).__name__
+
+
+def _is_stream(response: aiohttp.ClientResponse) -> bool:
+    return response.status == 200 and response.content_type == "text/event-stream"
 
 
 def _checked(url: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from llm_gateway.model import Prompt, Reply
+from llm_gateway.model import Finish, Prompt, PromptRefusedError, Reply
 from swarm.errors import GatewayError
 from swarm.messages import LlmTokens
 
@@ -43,6 +43,10 @@ class Dialect:
     """OpenAI's newer models know only `max_completion_tokens`."""
     temperature: bool = True
     """Some models refuse any but their own."""
+    stop: bool = True
+    """Some models refuse stop sequences, which the gateway sees to by itself, too."""
+    usage: bool = True
+    """Older servers do not know how to tell tokens at a stream's end."""
 
     def forms(self, now: float) -> tuple[Form, ...]:
         """Those to try, in this order."""
@@ -67,7 +71,9 @@ class _Details(msgspec.Struct):
     cached_tokens: Any = 0
 
 
-class _Usage(msgspec.Struct):
+class Usage(msgspec.Struct):
+    """What a server tells of tokens, whatever that is."""
+
     prompt_tokens: Any = 0
     completion_tokens: Any = 0
     prompt_tokens_details: _Details | None = None
@@ -79,11 +85,12 @@ class _Message(msgspec.Struct):
 
 class _Choice(msgspec.Struct):
     message: _Message
+    finish_reason: Any = None
 
 
 class _Completion(msgspec.Struct):
     choices: list[_Choice]
-    usage: _Usage | None = None
+    usage: Usage | None = None
 
 
 class _Model(msgspec.Struct):
@@ -94,13 +101,23 @@ class _Models(msgspec.Struct):
     data: list[_Model]
 
 
-def request_body(prompt: Prompt, model: str, form: Form, dialect: Dialect) -> bytes:
+def request_body(
+    prompt: Prompt, model: str, form: Form, dialect: Dialect, *, stream: bool = False
+) -> bytes:
     """A chat completion request as JSON. Raises GatewayError `failed` for a schema that is none."""
     messages = [{"role": m.role, "content": m.content} for m in prompt.messages]
-    body: dict[str, Any] = {"model": model, "messages": messages, "stream": False}
+    body: dict[str, Any] = {"model": model, "messages": messages, "stream": stream}
+    if stream and dialect.usage:
+        body["stream_options"] = {"include_usage": True}
     body[dialect.max_tokens] = prompt.max_tokens
-    if dialect.temperature:
-        body["temperature"] = 0
+    if dialect.temperature or prompt.temperature:
+        body["temperature"] = prompt.temperature
+    if prompt.top_p != 1:
+        body["top_p"] = prompt.top_p
+    if prompt.seed is not None:
+        body["seed"] = prompt.seed
+    if prompt.stop and dialect.stop:
+        body["stop"] = prompt.stop
     if prompt.schema and form == "text":
         # At the very end: what stands before is the same the next time, and need not be read again.
         messages[-1]["content"] += (
@@ -135,14 +152,20 @@ def read_reply(raw: bytes, where: str) -> Reply:
         raise GatewayError("failed", f"{where} answered no chat completion: {error}") from None
     if not completion.choices:
         raise GatewayError("failed", f"{where} answered a chat completion without choices")
-    usage = completion.usage or _Usage()
+    choice = completion.choices[0]
+    finish: Finish = "length" if choice.finish_reason == "length" else "stop"
+    return Reply(choice.message.content, tokens_of(completion.usage), finish)
+
+
+def tokens_of(usage: Usage | None) -> LlmTokens:
+    """A server's count of tokens; 0 for each that it does not tell."""
+    usage = usage or Usage()
     details = usage.prompt_tokens_details or _Details()
-    tokens = LlmTokens(
+    return LlmTokens(
         prompt=_count(usage.prompt_tokens),
         reused=_count(details.cached_tokens),
         output=_count(usage.completion_tokens),
     )
-    return Reply(completion.choices[0].message.content, tokens)
 
 
 def read_models(raw: bytes, where: str) -> list[str]:
@@ -154,16 +177,25 @@ def read_models(raw: bytes, where: str) -> list[str]:
     return [model.id for model in models.data]
 
 
-def adapt(dialect: Dialect, status: int, raw: bytes) -> bool:
-    """Whether a refusal names a field that can be left out or named otherwise; then it is."""
+def adapt(dialect: Dialect, prompt: Prompt, status: int, raw: bytes) -> bool:
+    """Whether a refusal names a field that can be left out or named otherwise; then it is.
+
+    A temperature or a seed that a client asks for cannot: the refusal is the answer.
+    """
     param = _error(raw).param
     if status not in (400, 422):
         return False
     if param == "max_tokens" and dialect.max_tokens == param:
         dialect.max_tokens = "max_completion_tokens"
         return True
-    if param == "temperature" and dialect.temperature:
+    if param == "temperature" and dialect.temperature and not prompt.temperature:
         dialect.temperature = False
+        return True
+    if param == "stop" and dialect.stop:
+        dialect.stop = False
+        return True
+    if str(param).startswith("stream_options") and dialect.usage:
+        dialect.usage = False
         return True
     return False
 
@@ -187,7 +219,8 @@ def refusal(status: int, headers: Mapping[str, str], raw: bytes, where: str) -> 
         later = headers.get("Retry-After", "")
         wait = f"; it says to come back in {later} s" if re.fullmatch(r"\d{1,6}", later) else ""
         return GatewayError("unavailable", f"{where} answered {status}: {said}{wait}")
-    return GatewayError("failed", f"{where} answered {status}: {said}")
+    kind = PromptRefusedError if status in (400, 422) else GatewayError
+    return kind("failed", f"{where} answered {status}: {said}")
 
 
 def _too_long(raw: bytes) -> bool:

@@ -19,22 +19,22 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from network_controller.qod import problems
 from network_controller.qod.messages import read
 from network_controller.qod.metrics import QodMetrics
-from network_controller.qod.openapi import document
+from network_controller.qod.openapi import CORRELATOR, document
 from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIONS, Operation
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
-from swarm.http_serving import Bearer
+from swarm.http_serving import Bearer, media_type
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 65_536
-_CORRELATOR = re.compile(r"[a-zA-Z0-9\-_:;./<>{}]{0,256}")
+_CORRELATOR = re.compile(CORRELATOR.strip("^$"))
 _CODES = {404: "NOT_FOUND", 405: "METHOD_NOT_ALLOWED"}
 
 
 def make_app(service: Service, token: str, metrics: QodMetrics, log: Logger) -> ASGIApp:
     """The application; with a token, clients must show it."""
-    described = msgspec.json.encode(document())
+    described = msgspec.json.encode(document(token=bool(token)))
 
     async def openapi(request: Request) -> Response:
         return Response(described, media_type="application/json")
@@ -58,11 +58,8 @@ def make_app(service: Service, token: str, metrics: QodMetrics, log: Logger) -> 
             ErrorInfo(status=500, code="INTERNAL", message="the controller's log says what failed")
         )
 
-    routes = [
-        Route(o.path, _endpoint(o, service), methods=[o.method], name=o.name) for o in OPERATIONS
-    ]
     app = Starlette(
-        routes=[*routes, Route(OPENAPI_PATH, openapi, methods=["GET"])],
+        routes=[*_routes(service), Route(OPENAPI_PATH, openapi, methods=["GET"])],
         exception_handlers={
             Problem: refused,
             NetworkError: unavailable,
@@ -74,16 +71,33 @@ def make_app(service: Service, token: str, metrics: QodMetrics, log: Logger) -> 
     return _Gate(app, token, metrics, log)
 
 
+def _routes(service: Service) -> list[Route]:
+    """One route a path: a method that a path does not have is answered with all that it has."""
+    by_path: dict[str, dict[str, Callable[[Request], Awaitable[Response]]]] = {}
+    for operation in OPERATIONS:
+        by_path.setdefault(operation.path, {})[operation.method] = _endpoint(operation, service)
+
+    def route(path: str, answers: Mapping[str, Callable[[Request], Awaitable[Response]]]) -> Route:
+        async def answer(request: Request) -> Response:
+            return await answers["GET" if request.method == "HEAD" else request.method](request)
+
+        return Route(path, answer, methods=list(answers))
+
+    return [route(path, answers) for path, answers in by_path.items()]
+
+
 def _endpoint(operation: Operation, service: Service) -> Callable[[Request], Awaitable[Response]]:
     carry_out = service.operations[operation.name]
 
     async def answer(request: Request) -> Response:
         body = None
         if operation.body is not None:
-            # Also keeps web pages out: a browser does not send JSON elsewhere without asking first.
-            if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
-                raise Problem(415, "UNSUPPORTED_MEDIA_TYPE", "the body must be application/json")
             raw = await _read(request)
+            if not raw:
+                raise problems.invalid("the body is missing")
+            # Also keeps web pages out: a browser does not send JSON elsewhere without asking first.
+            if media_type(request.headers) != "application/json":
+                raise problems.unsupported_media(request.headers.get("content-type", ""))
             try:
                 body = read(raw, operation.body)
             except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -1,6 +1,7 @@
 """The bodies of requests and answers, named as in CAMARA Quality-on-Demand 1.1.
 
-Requests with a field that is unknown are refused: a misspelt one would be silently ignored.
+Fields that are unknown are ignored, as the definition's schemas allow them: a client of a later
+version of the API is answered, too.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ Ipv4Range = Annotated[str, Meta(pattern=r"^[0-9.]{7,15}(/[0-9]{1,2})?(?!\n)$")]
 Ipv6Range = Annotated[str, Meta(pattern=r"^[0-9a-fA-F:.]{2,45}(/[0-9]{1,3})?(?!\n)$")]
 Secret = Annotated[str, Meta(min_length=1, max_length=8192)]
 _SOME = Meta(extra_json_schema={"minProperties": 1})
+_BESIDE = Meta(
+    extra_json_schema={"anyOf": [{"required": ["privateAddress"]}, {"required": ["publicPort"]}]}
+)
 
 
-class Request(
-    msgspec.Struct, frozen=True, kw_only=True, rename="camel", forbid_unknown_fields=True
-):
+class Request(msgspec.Struct, frozen=True, kw_only=True, rename="camel"):
     """Base of what clients send."""
 
 
@@ -68,7 +70,7 @@ class Device(Request, frozen=True, kw_only=True):
 
     phone_number: Annotated[str, Meta(pattern=r"^\+[1-9][0-9]{4,14}(?!\n)$")] | UnsetType = UNSET
     network_access_identifier: Annotated[str, Meta(max_length=320)] | UnsetType = UNSET
-    ipv4_address: Ipv4Address | UnsetType = UNSET
+    ipv4_address: Annotated[Ipv4Address, _BESIDE] | UnsetType = UNSET
     ipv6_address: Ipv6 | UnsetType = UNSET
 
     def __post_init__(self) -> None:

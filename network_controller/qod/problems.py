@@ -80,6 +80,15 @@ def not_extendable(status: str) -> Problem:
     )
 
 
+def unsupported_media(content_type: str) -> Problem:
+    """A body that is not declared as JSON."""
+    return Problem(
+        415,
+        "UNSUPPORTED_MEDIA_TYPE",
+        f"the body's Content-Type {content_type[:100]!r} must be 'application/json'",
+    )
+
+
 def missing_device() -> Problem:
     """The API's token stands for no device, so the request must name one."""
     return Problem(422, "MISSING_IDENTIFIER", "device is missing; name it by its ipv4Address")

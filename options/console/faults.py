@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
-from swarm.messages import Decision, NetDemand
+from swarm.messages import Decision, GatewayState, NetDemand
 
 SILENT_S = 2.0
 """Robots send beacons ten times a second."""
@@ -93,8 +93,17 @@ class Faults:
         """The LLM gateway has come or gone."""
         if self._holds("gateway", not alive):
             self._tell("fault", "the LLM gateway is away")
+            # What ails its model is not known any more.
+            self._open.discard("model")
         elif self._ends("gateway", alive):
             self._tell("good", "the LLM gateway is back")
+
+    def gateway_state(self, state: GatewayState) -> None:
+        """The LLM gateway has told how its model stands."""
+        if self._holds("model", bool(state.trouble)):
+            self._tell("fault", f"the language model does not answer: {state.trouble}")
+        elif self._ends("model", not state.trouble):
+            self._tell("good", f"the language model answers again: {state.model}")
 
     def decision(self, now: float, decision: Decision) -> None:
         """The ego has decided."""

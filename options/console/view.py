@@ -14,6 +14,7 @@ from swarm.messages import (
     Beacon,
     Decision,
     Detections,
+    GatewayState,
     LinkState,
     NetDemand,
     NetState,
@@ -113,6 +114,11 @@ class View:
         with self._lock:
             self._tell(gateway={"alive": alive, "since": now_s()})
             self._faults.gateway(alive)
+
+    def on_gateway_state(self, state: GatewayState) -> None:
+        """How the gateway stands with its model."""
+        with self._lock:
+            self._faults.gateway_state(state)
 
     def on_beacon(self, beacon: Beacon) -> None:
         """Where a robot is."""

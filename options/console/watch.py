@@ -20,6 +20,7 @@ from swarm.messages import (
     Beacon,
     Decision,
     Detections,
+    GatewayState,
     Message,
     NetDemand,
     NetState,
@@ -194,6 +195,7 @@ class Watch:
             self._swarm,
             {
                 Decision: view.on_decision,
+                GatewayState: view.on_gateway_state,
                 NetDemand: view.on_demand,
                 NetState: view.on_net_state,
             },

@@ -33,6 +33,7 @@ from swarm.messages.llm import (
     ChatMessage,
     DecideAnswer,
     DecideRequest,
+    GatewayState,
     LlmTimings,
     LlmTokens,
 )
@@ -82,6 +83,7 @@ __all__ = [
     "EgoSteered",
     "EgoSteering",
     "EgoWish",
+    "GatewayState",
     "KnownRobot",
     "LinkClass",
     "LinkState",

@@ -71,3 +71,11 @@ class DecideAnswer(Message, frozen=True, kw_only=True):
     """Since the model gave it; 0 when it was made for this request."""
     tokens: LlmTokens = LlmTokens()
     timings: LlmTimings = LlmTimings()
+
+
+class GatewayState(Message, frozen=True, kw_only=True):
+    """How the LLM gateway stands with its model."""
+
+    model: Annotated[str, msgspec.Meta(max_length=200)]
+    trouble: Annotated[str, msgspec.Meta(max_length=300)]
+    """Why the model does not answer; empty where it does, or nobody knows."""

@@ -20,7 +20,16 @@ from options.console.endpoint import Endpoint
 from options.console.settings import ConsoleSettings
 from swarm import keyspace
 from swarm.arrays import Array, pack
-from swarm.messages import Beacon, Decision, Detections, LinkClass, LinkState, NetDemand, NetState
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    GatewayState,
+    LinkClass,
+    LinkState,
+    NetDemand,
+    NetState,
+)
 from swarm.messages import SceneDescription as Scene
 from swarm.session import Session
 
@@ -233,6 +242,11 @@ class Speakers:
             capacity_bps=5_000_000,
         )
         self._session.put(keyspace.net_demand(self._swarm), message)
+
+    def gateway_state(self, trouble: str) -> None:
+        """How the LLM gateway stands with its model."""
+        message = GatewayState(model="test-model", trouble=trouble)
+        self._session.put(keyspace.llm_state(self._swarm), message)
 
     def net_state(self, capacity_bps: int, used_bps: int) -> None:
         """The cell towards the ego, as the network controller measures it."""

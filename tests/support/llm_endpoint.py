@@ -20,7 +20,7 @@ from llm_gateway.gateway import Gateway
 from llm_gateway.http_app import Completer
 from llm_gateway.http_endpoint import HttpEndpoint
 from llm_gateway.metrics import GatewayMetrics
-from llm_gateway.model import Completion, Job
+from llm_gateway.model import Completion, Hear, Job
 from swarm.log import make_logger
 from swarm.messages import LlmTimings, LlmTokens
 from tests.support.model_server import ModelServer
@@ -62,7 +62,7 @@ class Scripted:
         self.cancelled: queue.Queue[Job] = queue.Queue()
         self.answer: Callable[[Job], Awaitable[Completion]] = self.echo
 
-    async def complete(self, job: Job) -> Completion:
+    async def complete(self, job: Job, hear: Hear | None = None) -> Completion:
         self.jobs.put((job, time.monotonic()))
         try:
             return await self.answer(job)

@@ -15,7 +15,7 @@ from prometheus_client import CollectorRegistry
 from llm_gateway.cache import Cache
 from llm_gateway.gateway import Gateway
 from llm_gateway.metrics import GatewayMetrics
-from llm_gateway.model import Job, Prompt, Reply
+from llm_gateway.model import Hear, Job, Prompt, Reply
 from swarm.log import make_logger
 from swarm.messages import ChatMessage, LlmTokens
 
@@ -39,6 +39,7 @@ class Scripted:
     def __init__(self, script: Script | None = None, parallel: int = 4) -> None:
         self.model = "scripted"
         self.parallel = parallel
+        self.trouble = ""
         self.go = asyncio.Event()
         self.asked: list[str] = []
         """Last words of the prompts, in the order in which they came."""
@@ -53,7 +54,7 @@ class Scripted:
     async def close(self) -> None:
         pass
 
-    async def complete(self, prompt: Prompt, timeout_s: float) -> Reply:
+    async def complete(self, prompt: Prompt, timeout_s: float, hear: Hear | None = None) -> Reply:
         words = prompt.messages[-1].content
         self.asked.append(words)
         self.running += 1

@@ -25,6 +25,7 @@ from swarm.messages import (
     EgoSteered,
     EgoSteering,
     EgoWish,
+    GatewayState,
     KnownRobot,
     LinkClass,
     LinkState,
@@ -282,6 +283,7 @@ SAMPLES: tuple[Message, ...] = (
         tokens=LlmTokens(prompt=900, reused=700, output=40),
         timings=LlmTimings(queue_ms=0.5, model_ms=900.0, total_ms=901.0),
     ),
+    GatewayState(model="smollm2-135m", trouble="refused by 127.0.0.1:8000"),
 )
 
 

@@ -110,16 +110,52 @@ class ModelServer:
                     await task
 
 
-def completion(text: Any, **usage: Any) -> dict[str, Any]:
+def completion(text: Any, *, finish: str = "stop", **usage: Any) -> dict[str, Any]:
     """OpenAI's answer with this text."""
     message = {"role": "assistant", "content": text}
-    choice = {"index": 0, "message": message, "finish_reason": "stop"}
+    choice = {"index": 0, "message": message, "finish_reason": finish}
     counts = usage or {"prompt_tokens": 100, "completion_tokens": 7, "total_tokens": 107}
     return {"id": "x", "object": "chat.completion", "choices": [choice], "usage": counts}
 
 
-def says(text: Any, **usage: Any) -> Behaviour:
-    return status(200, json.dumps(completion(text, **usage)))
+def says(text: Any, *, finish: str = "stop", **usage: Any) -> Behaviour:
+    return status(200, json.dumps(completion(text, finish=finish, **usage)))
+
+
+def streams(
+    *words: str, go: threading.Event | None = None, finish: str | None = "stop"
+) -> Behaviour:
+    """Words as server-sent events; all but the first wait for `go`. Without `finish` it breaks off
+    behind the last one."""
+
+    async def behave(
+        reader: asyncio.StreamReader, writer: asyncio.StreamWriter, request: Request
+    ) -> None:
+        def send(data: str) -> None:
+            raw = f"data: {data}\n\n".encode()
+            writer.write(f"{len(raw):x}\r\n".encode() + raw + b"\r\n")
+
+        def chunk(delta: dict[str, str], end: str | None = None) -> None:
+            send(json.dumps({"choices": [{"index": 0, "delta": delta, "finish_reason": end}]}))
+
+        assert request.body["stream"]
+        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream; charset=utf-8\r\n")
+        writer.write(b"Transfer-Encoding: chunked\r\n\r\n")
+        chunk({"role": "assistant", "content": ""})
+        for number, word in enumerate(words):
+            if number == 1 and go is not None:
+                await asyncio.to_thread(go.wait, WAIT_S)
+            chunk({"content": word})
+            await writer.drain()
+        if finish:
+            chunk({}, finish)
+            usage = {"prompt_tokens": 11, "completion_tokens": len(words)}
+            send(json.dumps({"choices": [], "usage": usage}))
+            send("[DONE]")
+        writer.write(b"0\r\n\r\n")
+        await writer.drain()
+
+    return behave
 
 
 def status(code: int, body: str, **headers: str) -> Behaviour:

@@ -13,7 +13,7 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from pathlib import Path
 
 from llm_gateway.backends.llamacpp import frames, models
-from llm_gateway.model import Prompt, Reply
+from llm_gateway.model import Hear, Prompt, Reply
 from swarm.errors import GatewayError, SettingError
 from swarm.log import Logger
 
@@ -53,6 +53,7 @@ class LlamaCpp:
         self._cache = cache or models.cache_folder()
         self._idents = itertools.count(1)
         self._waiting: dict[int, asyncio.Future[Reply]] = {}
+        self._hearing: dict[int, Hear] = {}
         self._unacknowledged: dict[int, asyncio.TimerHandle] = {}
         self._process: Process | None = None
         self._ready = False
@@ -70,6 +71,11 @@ class LlamaCpp:
     def parallel(self) -> int:
         """Sequences that the model's context holds."""
         return self._parallel
+
+    @property
+    def trouble(self) -> str:
+        """Why the worker does not answer."""
+        return "" if self._ready else f"the model's worker {self._state}"
 
     @property
     def pid(self) -> int | None:
@@ -91,7 +97,7 @@ class LlamaCpp:
             await self.close()
             raise
 
-    async def complete(self, prompt: Prompt, timeout_s: float) -> Reply:
+    async def complete(self, prompt: Prompt, timeout_s: float, hear: Hear | None = None) -> Reply:
         """See Backend."""
         process = self._process
         if not self._ready or process is None or process.stdin is None:
@@ -99,8 +105,9 @@ class LlamaCpp:
         ident = next(self._idents)
         future: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()
         self._waiting[ident] = future
-        ask = frames.Ask(ident, prompt.messages, prompt.schema, prompt.max_tokens)
-        process.stdin.write(frames.pack(ask))
+        if hear is not None:
+            self._hearing[ident] = hear
+        process.stdin.write(frames.pack(frames.Ask(ident, prompt, words=hear is not None)))
         try:
             async with asyncio.timeout(timeout_s):
                 return await future
@@ -108,6 +115,7 @@ class LlamaCpp:
             raise GatewayError("expired", f"no answer in {timeout_s:.1f} s") from None
         finally:
             del self._waiting[ident]
+            self._hearing.pop(ident, None)
             if (not future.done() or future.cancelled()) and process is self._process:
                 self._cancel(process, ident)
 
@@ -199,6 +207,9 @@ class LlamaCpp:
             elif isinstance(frame, frames.Gone):
                 if handle := self._unacknowledged.pop(frame.ident, None):
                     handle.cancel()
+            elif isinstance(frame, frames.Words):
+                if hear := self._hearing.get(frame.ident):
+                    hear(frame.text)
             else:
                 self._settle(frame)
 
@@ -208,7 +219,7 @@ class LlamaCpp:
         if future is None or future.done():
             return
         if isinstance(frame, frames.Answer):
-            future.set_result(Reply(frame.text, frame.tokens))
+            future.set_result(Reply(frame.text, frame.tokens, frame.finish))
         else:
             future.set_exception(GatewayError(frame.code, frame.why))
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from llm_gateway.backends.llamacpp.native import Native
+from llm_gateway.backends.llamacpp.sampler import Sampler
 
 _NEAR = 6.0
 """Tokens whose logits are so near the best are tried before the whole vocabulary, which takes
@@ -52,10 +53,16 @@ class Alphabet:
 class Constraint:
     """Where one answer stands in its grammar; without a grammar, any text may come."""
 
-    def __init__(self, native: Native, alphabet: Alphabet, grammar: str) -> None:
-        """Raises ValueError for a grammar that llama.cpp cannot read."""
+    def __init__(
+        self, native: Native, alphabet: Alphabet, grammar: str, sampler: Sampler | None = None
+    ) -> None:
+        """Without a sampler, the likeliest token is chosen.
+
+        Raises ValueError for a grammar that llama.cpp cannot read.
+        """
         self._native = native
         self._alphabet = alphabet
+        self._sampler = sampler
         self._grammar: Any = native.grammar(grammar) if grammar else None
 
     def close(self) -> None:
@@ -63,6 +70,17 @@ class Constraint:
         if self._grammar is not None:
             self._native.free(self._grammar)
             self._grammar = None
+
+    def choose(self, logits: npt.NDArray[np.float32]) -> int:
+        """The next token: the best one, or one that is drawn from all that are legal."""
+        if self._sampler is None:
+            return self.best(logits)
+        logits[self._alphabet.markup] = -np.inf
+        if self._grammar is not None:
+            logits[~self._legal(np.arange(len(logits), dtype=np.int32))] = -np.inf
+            if not np.isfinite(logits).any():
+                raise RuntimeError("the grammar allows no token at all")
+        return self._sampler.draw(logits)
 
     def best(self, logits: npt.NDArray[np.float32]) -> int:
         """The legal token with the highest logit; the lowest number of equal ones."""
@@ -78,7 +96,7 @@ class Constraint:
         raise RuntimeError("the grammar allows no token at all")
 
     def accept(self, token: int) -> None:
-        """Moves on by a token that `best` or `allows` found legal."""
+        """Moves on by a token that `choose` found legal."""
         if self._grammar is not None and token != self._alphabet.end:
             self._native.accept(self._grammar, token)
 

@@ -10,17 +10,18 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 from llm_gateway.backends.llamacpp import slots as places
 from llm_gateway.backends.llamacpp.constraint import Alphabet, Constraint
 from llm_gateway.backends.llamacpp.native import CHUNK, Native, Part
+from llm_gateway.backends.llamacpp.run import Run
+from llm_gateway.backends.llamacpp.sampler import Sampler
 from llm_gateway.backends.llamacpp.schema import grammar_of
 from llm_gateway.backends.llamacpp.slots import Slot
-from llm_gateway.model import Prompt, Reply
+from llm_gateway.model import Finish, Prompt, Reply
 from swarm.errors import GatewayError
-from swarm.messages import LlmTokens
 
 
 @dataclass(frozen=True)
@@ -39,30 +40,6 @@ class Tuning:
     are no neighbours would be decoded apart, too."""
 
 
-@dataclass
-class _Run:
-    """One prompt from its arrival to its answer."""
-
-    ident: int
-    prompt: list[int]
-    limit: int
-    constraint: Constraint
-    slot: Slot | None = None
-    reused: int = 0
-    read: bool = False
-    """Whether the whole prompt is in the context."""
-    out: list[int] = field(default_factory=list)
-    """The answer so far; its last token is not in the context yet."""
-    guide: list[int] = field(default_factory=list)
-    """The answer to an earlier prompt that began like this one."""
-
-    @property
-    def held(self) -> Slot:
-        """The slot of a run that is not waiting."""
-        assert self.slot is not None
-        return self.slot
-
-
 class Engine:
     """Not for several threads."""
 
@@ -74,8 +51,8 @@ class Engine:
         self._tuning = tuning or Tuning()
         self._alphabet = Alphabet.of(native)
         self._slots = [Slot(i) for i in range(sequences)]
-        self._waiting: deque[_Run] = deque()
-        self._running: list[_Run] = []
+        self._waiting: deque[Run] = deque()
+        self._running: list[Run] = []
         self._taken = 0
         self._read_next = False
         self.decodes = 0
@@ -97,16 +74,20 @@ class Engine:
             )
         try:
             grammar = grammar_of(prompt.schema) if prompt.schema else ""
-            constraint = Constraint(self._native, self._alphabet, grammar)
+            constraint = Constraint(self._native, self._alphabet, grammar, _sampler(prompt))
         except ValueError as error:
             raise GatewayError("invalid", f"the schema cannot be followed: {error}") from error
-        self._waiting.append(_Run(ident, tokens, prompt.max_tokens, constraint))
+        self._waiting.append(Run(ident, prompt, tokens, constraint))
 
     def cancel(self, ident: int) -> None:
         """Stops the work on a prompt; what was read of it stays for later ones."""
         for run in [*self._waiting, *self._running]:
             if run.ident == ident:
                 self._end(run)
+
+    def words(self, ident: int) -> str:
+        """What the answer under way to a prompt has got since this was asked last."""
+        return next((run.words() for run in self._running if run.ident == ident), "")
 
     def step(self) -> list[tuple[int, Reply]]:
         """Asks the model once; returns the answers that are complete now."""
@@ -118,18 +99,18 @@ class Engine:
             return self._read(reading[0])
         return self._answer(answering) if answering else []
 
-    def _read(self, run: _Run) -> list[tuple[int, Reply]]:
+    def _read(self, run: Run) -> list[tuple[int, Reply]]:
         """Reads the next chunk of a prompt, and begins its answer when that was the last."""
         slot = run.held
         at = len(slot.tokens)
-        chunk = run.prompt[at : at + self._tuning.chunk]
-        run.read = at + len(chunk) == len(run.prompt)
+        chunk = run.tokens[at : at + self._tuning.chunk]
+        run.read = at + len(chunk) == len(run.tokens)
         index = self._decode([(slot.number, at, chunk, int(run.read))])[slot.number]
         slot.tokens += chunk
         reply = self._advance(run, [], index) if run.read else None
         return [] if reply is None else [(run.ident, reply)]
 
-    def _answer(self, runs: list[_Run]) -> list[tuple[int, Reply]]:
+    def _answer(self, runs: list[Run]) -> list[tuple[int, Reply]]:
         """Goes on with all answers under way."""
         runs = sorted(runs, key=lambda run: run.held.number)
         few = len(runs) <= self._tuning.few
@@ -159,10 +140,11 @@ class Engine:
                 found += [(s.number, len(s.tokens), [self._alphabet.end], 0) for s in between]
         return found
 
-    def _draft(self, run: _Run) -> list[int]:
+    def _draft(self, run: Run) -> list[int]:
         """How an earlier answer went on, if it began like this one."""
         done = len(run.out)
-        if run.guide[:done] != run.out:
+        # Chance would hardly follow a draft.
+        if run.prompt.temperature or run.guide[:done] != run.out:
             return []
         return run.guide[done : done + self._tuning.draft]
 
@@ -176,7 +158,7 @@ class Engine:
         """Gives the prompt at the head of the queue a place, once the one before it is read."""
         if not self._waiting or any(not run.read for run in self._running):
             return
-        choice = places.choose(self._slots, self._waiting[0].prompt)
+        choice = places.choose(self._slots, self._waiting[0].tokens)
         if choice is None:
             return
         run, slot = self._waiting.popleft(), choice.target
@@ -186,22 +168,20 @@ class Engine:
                 self._native.copy(choice.source.number, slot.number)
             slot.answer = []
         self._native.keep(slot.number, choice.shared)
-        slot.tokens = run.prompt[: choice.shared]
+        slot.tokens = run.tokens[: choice.shared]
         self._taken += 1
         slot.busy, slot.used = True, self._taken
         run.slot, run.reused = slot, choice.shared
         self._running.append(run)
 
-    def _advance(self, run: _Run, draft: Sequence[int], index: int) -> Reply | None:
+    def _advance(self, run: Run, draft: Sequence[int], index: int) -> Reply | None:
         """Takes the model's choices for what was decoded, along a draft while it agrees."""
-        agreed, done = 0, False
-        while not done:
-            token = run.constraint.best(self._native.logits(index + agreed))
-            done = self._native.ends(token)
-            if not done:
-                run.constraint.accept(token)
-                run.out.append(token)
-                done = run.constraint.complete() or len(run.out) >= run.limit
+        agreed = 0
+        finish: Finish | None = None
+        while finish is None:
+            token = run.constraint.choose(self._native.logits(index + agreed))
+            ended = self._native.ends(token)
+            finish = "stop" if ended else run.add(token, self._native.piece(token))
             if draft[agreed : agreed + 1] != [token]:
                 break
             agreed += 1
@@ -209,15 +189,13 @@ class Engine:
         slot.tokens += draft[:agreed]
         if agreed < len(draft):
             self._native.keep(slot.number, len(slot.tokens))
-        if not done:
+        if finish is None:
             return None
         slot.answer = run.out
         self._end(run)
-        text = b"".join(self._native.piece(token) for token in run.out)
-        tokens = LlmTokens(prompt=len(run.prompt), reused=run.reused, output=len(run.out))
-        return Reply(text.decode(errors="replace"), tokens)
+        return run.reply(finish)
 
-    def _end(self, run: _Run) -> None:
+    def _end(self, run: Run) -> None:
         """Gives back what a run holds."""
         run.constraint.close()
         if run.slot is not None:
@@ -225,3 +203,10 @@ class Engine:
             self._running.remove(run)
         else:
             self._waiting.remove(run)
+
+
+def _sampler(prompt: Prompt) -> Sampler | None:
+    """What draws a prompt's tokens; None: the likeliest are taken."""
+    if prompt.temperature == 0:
+        return None
+    return Sampler(prompt.temperature, prompt.top_p, prompt.seed)

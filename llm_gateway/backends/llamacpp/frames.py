@@ -6,8 +6,9 @@ from typing import BinaryIO
 
 import msgspec
 
+from llm_gateway.model import Finish, Prompt
 from swarm.errors import GatewayCode
-from swarm.messages import ChatMessage, LlmTokens
+from swarm.messages import LlmTokens
 
 MAX_BYTES = 8_000_000
 _LENGTH = 4
@@ -17,9 +18,9 @@ class Ask(msgspec.Struct, tag="ask", frozen=True):
     """A prompt to answer."""
 
     ident: int
-    messages: tuple[ChatMessage, ...]
-    schema: str
-    max_tokens: int
+    prompt: Prompt
+    words: bool = False
+    """Whether the answer is told while it comes, in `Words`."""
 
 
 class Cancel(msgspec.Struct, tag="cancel", frozen=True):
@@ -40,12 +41,20 @@ class Broken(msgspec.Struct, tag="broken", frozen=True):
     why: str
 
 
+class Words(msgspec.Struct, tag="words", frozen=True):
+    """What the model has said since the last ones."""
+
+    ident: int
+    text: str
+
+
 class Answer(msgspec.Struct, tag="answer", frozen=True):
-    """What the model says."""
+    """All that the model says."""
 
     ident: int
     text: str
     tokens: LlmTokens
+    finish: Finish = "stop"
 
 
 class Failed(msgspec.Struct, tag="failed", frozen=True):
@@ -63,7 +72,7 @@ class Gone(msgspec.Struct, tag="gone", frozen=True):
 
 
 ToWorker = Ask | Cancel
-FromWorker = Ready | Broken | Answer | Failed | Gone
+FromWorker = Ready | Broken | Words | Answer | Failed | Gone
 
 
 def pack(frame: ToWorker | FromWorker) -> bytes:

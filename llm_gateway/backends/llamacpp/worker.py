@@ -64,8 +64,9 @@ def main(arguments: list[str] | None = None) -> int:
     if args.once:
         return 0
     out.write(frames.pack(frames.Ready(native.features())))
+    told: set[int] = set()
     while True:
-        _serve(engine, inbox, out)
+        _serve(engine, inbox, out, told)
 
 
 def _receive(stream: BinaryIO, inbox: queue.SimpleQueue[frames.ToWorker]) -> None:
@@ -84,23 +85,36 @@ def _try_out(engine: Engine) -> None:
         engine.step()
 
 
-def _serve(engine: Engine, inbox: queue.SimpleQueue[frames.ToWorker], out: BinaryIO) -> None:
-    """Takes what has come in, waiting for it if there is nothing else to do; one step."""
+def _serve(
+    engine: Engine, inbox: queue.SimpleQueue[frames.ToWorker], out: BinaryIO, told: set[int]
+) -> None:
+    """Takes what has come in, waiting for it if there is nothing else to do; one step.
+
+    `told` are the prompts whose answers are told while they come.
+    """
     while not engine.busy or not inbox.empty():
-        if (refused := _take(engine, inbox.get())) is not None:
+        if (refused := _take(engine, inbox.get(), told)) is not None:
             out.write(frames.pack(refused))
-    for ident, reply in engine.step():
-        out.write(frames.pack(frames.Answer(ident, reply.text, reply.tokens)))
+    answers = engine.step()
+    for ident in told:
+        if words := engine.words(ident):
+            out.write(frames.pack(frames.Words(ident, words)))
+    for ident, reply in answers:
+        told.discard(ident)
+        out.write(frames.pack(frames.Answer(ident, reply.text, reply.tokens, reply.finish)))
 
 
-def _take(engine: Engine, frame: frames.ToWorker) -> frames.FromWorker | None:
+def _take(engine: Engine, frame: frames.ToWorker, told: set[int]) -> frames.FromWorker | None:
     if isinstance(frame, frames.Cancel):
         engine.cancel(frame.ident)
+        told.discard(frame.ident)
         return frames.Gone(frame.ident)
     try:
-        engine.submit(frame.ident, Prompt(frame.messages, frame.schema, frame.max_tokens))
+        engine.submit(frame.ident, frame.prompt)
     except GatewayError as error:
         return frames.Failed(frame.ident, error.code, error.why)
+    if frame.words:
+        told.add(frame.ident)
     return None
 
 

@@ -139,7 +139,13 @@ def test_headers_and_fields_replace_them(endpoint: Client, gateway: Scripted) ->
 @pytest.mark.parametrize(
     ("fields", "named"),
     [
-        ({"stream": True}, "stream"),
+        ({"stop": ["a", "b", "c", "d", "e"]}, "stop"),
+        ({"stop": [""]}, "stop"),
+        ({"temperature": 2.1}, "temperature"),
+        ({"top_p": -0.1}, "top_p"),
+        ({"seed": 0.5}, "seed"),
+        ({"presence_penalty": 0.5}, "presence_penalty = 0.5"),
+        ({"logprobs": True}, "logprobs"),
         ({"n": 2}, "n = 2"),
         ({"tools": [{}]}, "tools"),
         ({"messages": []}, "messages"),

@@ -21,11 +21,19 @@ from llm_gateway.model import Prompt
 from llm_gateway.zenoh_endpoint import ZenohEndpoint
 from swarm import keyspace
 from swarm.errors import RefusedError
-from swarm.messages import MAX_PROMPT_CHARS, ChatMessage, DecideAnswer, DecideRequest
+from swarm.listening import hear
+from swarm.messages import (
+    MAX_PROMPT_CHARS,
+    ChatMessage,
+    DecideAnswer,
+    DecideRequest,
+    GatewayState,
+)
 from swarm.session import Session
 from swarm.traffic import TrafficClass
 from tests.support.free_ports import free_port
 from tests.support.llm_scripted import EARLY, SCHEMA, Rig, Scripted
+from tests.support.model_server import ModelServer
 from tests.support.zenoh_fixtures import (
     WAIT_S,
     Inbox,
@@ -147,6 +155,29 @@ def test_egos_get_answers_from_the_model_and_the_cache(
     assert (again.request, again.source, again.hit) == (8, "cache", "exact")
     similar = ask(ego, request("again?", fingerprint="0123456789abcdef"))
     assert (similar.hit, similar.decision) == ("fingerprint", EARLY)
+
+
+@pytest.mark.stumble(
+    "an unreachable model server shows in no event",
+    command="make up LLM=http://127.0.0.1:9 MODEL=x; make status",
+)
+def test_the_swarm_hears_that_the_model_server_cannot_be_reached_and_is_back(
+    start: Start, ego: Session
+) -> None:
+    port = free_port()
+    states: Inbox[GatewayState] = Inbox()
+    hear(ego, {GatewayState: states.put})
+    start(LLM_BACKEND="openai", LLM_URL=f"http://127.0.0.1:{port}", LLM_MODEL="m")
+    first = states.next()
+    assert (first.model, first.trouble) == ("m", f"refused by 127.0.0.1:{port}")
+    server = ModelServer()
+    server.port = port
+    server.start()
+    try:
+        while states.next().trouble:
+            pass
+    finally:
+        server.stop()
 
 
 def test_a_hundred_egos_at_once_all_get_their_answer(

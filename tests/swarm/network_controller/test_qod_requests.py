@@ -88,7 +88,6 @@ def refused(reply: Reply, status: int, code: str) -> str:
         {"qosProfile": "QOS_XXL"},
         {"sinkCredential": {}},
         {"sinkCredential": {"credentialType": "ACCESSTOKEN"}},
-        {"qosProfil": "QOS_S"},
     ],
 )
 def test_a_body_of_the_wrong_form_is_an_invalid_argument(api: Api, changes: Any) -> None:
@@ -303,7 +302,12 @@ def test_the_document_describes_what_is_answered(api: Api) -> None:
     assert document["openapi"].startswith("3.1")
     create = document["paths"][SESSIONS]["post"]
     assert create["operationId"] == "createSession"
-    assert {"201", "400", "401", "404", "409", "422"} <= set(create["responses"])
+    assert {"201", "400", "404", "409", "415", "422"} <= set(create["responses"])
+    assert "401" not in create["responses"]
+    with served(token="right-token") as guarded:
+        create = guarded.send("GET", "/openapi.json").body["paths"][SESSIONS]["post"]
+        assert create["security"] == [{"token": []}]
+        assert "401" in create["responses"]
     schemas = document["components"]["schemas"]
     session = schemas["SessionInfo"]
     assert set(api_fields := session["required"]) >= {"sessionId", "duration", "qosStatus"}

@@ -14,6 +14,7 @@ from swarm.messages import (
     Beacon,
     Decision,
     Detections,
+    GatewayState,
     Message,
     NetDemand,
     NetState,
@@ -24,7 +25,10 @@ from swarm.session import Session
 from tests.support.message_samples import SAMPLES
 from tests.support.zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMaker, until
 
-KINDS = (Beacon, SceneDescription, Decision, Detections, NetDemand, NetState, TcpState)
+KINDS = (
+    *(Beacon, SceneDescription, Decision, Detections),
+    *(GatewayState, NetDemand, NetState, TcpState),
+)
 
 
 def key_of(message: Message, swarm: str) -> str:
@@ -38,6 +42,8 @@ def key_of(message: Message, swarm: str) -> str:
             return keyspace.decision(swarm, ego)
         case Detections(ego=ego):
             return keyspace.detections(swarm, ego)
+        case GatewayState():
+            return keyspace.llm_state(swarm)
         case NetDemand():
             return keyspace.net_demand(swarm)
         case NetState():

@@ -268,6 +268,13 @@ def test_the_table_shows_each_robot_the_decision_and_each_process() -> None:
     assert "last ended with x" in rows["robot-R2"]
 
 
+def test_a_language_model_that_does_not_answer_is_told() -> None:
+    trouble = "refused by 127.0.0.1:8000"
+    text = render(msgspec.structs.replace(VIEW, model_trouble=trouble), [])
+    assert f"model      does not answer: {trouble}" in text.splitlines()
+    assert "model " not in render(VIEW, [])
+
+
 def shown(advice: AdviceReport) -> str:
     text = render(msgspec.structs.replace(VIEW, policy="llm", source="hold", advice=advice), [])
     return next(line for line in text.splitlines() if line.startswith("advice"))

@@ -8,8 +8,12 @@ import struct
 import sys
 from pathlib import Path
 
+import pytest
+
 from deploy.netns import control
-from deploy.netns.relay import forwarder, serve_unix
+from deploy.netns.outside import StandIn
+from deploy.netns.relay import AWAY, REACHED, forwarder, serve_outside, serve_unix
+from tests.support.free_ports import free_port
 
 SIZE = 3_000_000
 
@@ -65,10 +69,50 @@ def test_the_relay_leads_to_one_address_outside_and_ends_with_the_supervisor(
             while not way.exists():
                 await asyncio.sleep(0.01)
             answer = await _ask(way, b"tokens")
+            server.close()
+            await server.wait_closed()
+            assert await _ask(way, b"") == AWAY
             end.close()
             return answer, await relay.wait()
 
-    assert asyncio.run(run()) == (b"TOKENS", 0)
+    assert asyncio.run(run()) == (REACHED + b"TOKENS", 0)
+
+
+def test_a_server_outside_that_is_away_refuses_inside_until_it_is_back(tmp_path: Path) -> None:
+    async def shout(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write((await reader.read(100)).upper())
+        writer.close()
+
+    async def ask(port: int) -> bytes:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"tokens")
+        try:
+            return await reader.read()
+        finally:
+            writer.close()
+
+    async def run() -> bytes:
+        inside, outside = free_port(), free_port()
+        way = tmp_path / "server.sock"
+        stand_in = StandIn(way, "127.0.0.1", inside)
+        await stand_in.open()
+        first = asyncio.create_task(ask(inside))
+        # The relay starts after the swarm.
+        async with asyncio.timeout(30), await serve_outside(way, "127.0.0.1", outside):
+            assert await first == b""
+            with pytest.raises(ConnectionRefusedError):
+                await ask(inside)
+            async with await asyncio.start_server(shout, "127.0.0.1", outside):
+                while True:
+                    try:
+                        answer = await ask(inside)
+                    except ConnectionRefusedError:
+                        await asyncio.sleep(0.05)
+                    else:
+                        stand_in.close()
+                        return answer
+
+    assert asyncio.run(run()) == b"TOKENS"
 
 
 def test_a_connection_to_nothing_is_closed(tmp_path: Path) -> None:

@@ -319,6 +319,21 @@ def test_arrays_that_do_not_fit_together_are_a_fault_told_once(
     assert "scene/R2" not in viewer.state
 
 
+def test_a_model_server_that_is_away_is_one_event_and_its_return_another(
+    speakers: Speakers, viewers: Callable[[], Viewer]
+) -> None:
+    viewer = viewers()
+    away = "refused by 127.0.0.1:8000"
+    hear(viewer, lambda: speakers.gateway_state(away), lambda: bool(viewer.faults), "it is away")
+    for _ in range(5):
+        speakers.gateway_state(away)
+    hear(viewer, lambda: speakers.gateway_state(""), lambda: len(viewer.faults) > 1, "it is back")
+    assert [(fault["level"], fault["text"]) for fault in viewer.faults] == [
+        ("fault", f"the language model does not answer: {away}"),
+        ("good", "the language model answers again: test-model"),
+    ]
+
+
 def test_the_floor_plan_is_that_of_the_simulated_factory() -> None:
     shown = plan("factory", 6, 1)
     floor = FactoryWorld(robots=6, seed=1).floor

@@ -13,7 +13,7 @@ from options.console.board import MAX_GONE, Board
 from options.console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Faults
 from options.console.view import MAX_ROBOTS, View
 from swarm.arrays import Array, pack
-from swarm.messages import Beacon, Decision, Detections, SceneDescription
+from swarm.messages import Beacon, Decision, Detections, GatewayState, SceneDescription
 from tests.support.console_swarm import EGO, rows
 
 VISIBLE = pack(np.full((72, 1), 9.5, np.float32))
@@ -192,6 +192,26 @@ def test_faults_are_told_when_they_begin_and_when_they_end() -> None:
     faults.decision(21.0, decision(1))
     assert "ego R1 decides no more" in said
     assert said[-2:] == ["ego R1 decides again", "ego R1 has started anew"]
+
+
+def test_a_language_model_that_does_not_answer_is_told_once_each_way() -> None:
+    said: list[dict[str, Any]] = []
+    faults = Faults(EGO, said.append)
+    for trouble in ("", "refused by h:1", "refused by h:1", "no answer from h:1", "", ""):
+        faults.gateway_state(GatewayState(model="m", trouble=trouble))
+    assert [(event["level"], event["text"]) for event in said] == [
+        ("fault", "the language model does not answer: refused by h:1"),
+        ("good", "the language model answers again: m"),
+    ]
+    said.clear()
+    faults.gateway_state(GatewayState(model="m", trouble="refused by h:1"))
+    faults.gateway(False)
+    faults.gateway(True)
+    faults.gateway_state(GatewayState(model="m", trouble=""))
+    assert [event["text"] for event in said[1:]] == [
+        "the LLM gateway is away",
+        "the LLM gateway is back",
+    ]
 
 
 def test_an_ego_that_decides_rarely_is_not_silent_between_two_decisions() -> None:

@@ -1,0 +1,35 @@
+"""Drawing tokens by their probability."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from llm_gateway.backends.llamacpp.sampler import Sampler
+
+LOGITS = np.log(np.array([0.1, 0.6, 0.3], np.float32))
+
+
+def shares(sampler: Sampler, draws: int = 4000) -> list[float]:
+    drawn = [sampler.draw(LOGITS) for _ in range(draws)]
+    return [drawn.count(token) / draws for token in range(len(LOGITS))]
+
+
+def test_tokens_come_as_often_as_they_are_likely() -> None:
+    assert np.allclose(shares(Sampler(1.0, seed=1)), [0.1, 0.6, 0.3], atol=0.03)
+
+
+def test_a_low_temperature_prefers_the_likeliest_and_a_high_one_levels() -> None:
+    cold, warm = shares(Sampler(0.2, seed=1)), shares(Sampler(2.0, seed=1))
+    assert cold[1] > 0.95
+    assert 0.35 < warm[1] < 0.5
+
+
+def test_top_p_leaves_out_the_unlikely() -> None:
+    assert shares(Sampler(1.0, 0.5, seed=1)) == [0, 1, 0]
+    assert np.allclose(shares(Sampler(1.0, 0.7, seed=1)), [0, 2 / 3, 1 / 3], atol=0.03)
+    assert Sampler(1.0, 0.0, seed=1).draw(LOGITS) == 1
+
+
+def test_what_is_forbidden_is_never_drawn() -> None:
+    logits = np.array([-np.inf, 0.0, -np.inf], np.float32)
+    assert {Sampler(2.0, seed=seed).draw(logits) for seed in range(20)} == {1}
