@@ -57,6 +57,7 @@ def main() -> int:
         return 1
     with live.live_swarm("factory", SETTINGS, console=True) as state, browser() as opened:
         page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.on("dialog", lambda dialog: dialog.accept())
         page.goto(state.console_url)
         steer(page)
         for scheme, name in NAMES.items():

@@ -55,7 +55,7 @@ def swarm() -> Iterator[SwarmSpec]:
             robots=factory_robots(4),
             rings=16,
             link_bps=55_000_000,
-            prometheus=False,
+            prometheus_port=free_port(),
             console=True,
             console_port=free_port(),
             ego_metrics_port=free_port(),
@@ -122,8 +122,14 @@ def test_a_robot_that_is_stopped_on_the_page_leaves_and_comes_back(page: Page) -
     steering = region(page, "Ego and robots")
     expect(page.locator("#decision-what")).to_contain_text("R3")
     page.get_by_role("combobox", name="robot", exact=True).select_option("R3")
+    page.once("dialog", lambda dialog: dialog.dismiss())
+    page.get_by_role("button", name="Stop robot").click()
+    expect(steering.get_by_role("status")).to_contain_text("nothing was changed")
+    asked: list[str] = []
+    page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept()))
     page.get_by_role("button", name="Stop robot").click()
     expect(steering.get_by_role("status")).to_contain_text("R3 is off duty")
+    assert "without R3" in asked[0]
     expect(robot_row(page, "R3")).to_contain_text("off duty, by consoleno: off duty")
     expect(page.locator("#decision-what")).not_to_contain_text("R3")
     events = page.get_by_role("list", name="Events, newest first")

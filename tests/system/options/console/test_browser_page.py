@@ -173,6 +173,48 @@ def test_robots_far_apart_are_shown_where_no_floor_plan_bounds_them(
         expect(page.get_by_role("img", name="Map of the floor: 2 robots")).to_be_visible()
 
 
+@pytest.mark.stumble("the map shows boxes below the operating point", command="open localhost:8080")
+def test_boxes_are_drawn_from_the_operating_point_on_and_a_slider_shows_more(
+    speakers: Speakers, page: Page
+) -> None:
+    boxes = [(10.0 * i, 8.0, 0.5, 1.0, 1.0, 1.0, 0.0) for i in range(3)]
+    scores = (0.9, 0.55, 0.3)
+
+    def say(operating_point: float | None) -> Callable[[], None]:
+        def told() -> None:
+            speakers.robot(EGO, 5.0, 8.0)
+            speakers.detections(*boxes, scores=scores, operating_point=operating_point)
+
+        return told
+
+    speakers._session.declare_alive(EGO)
+    # Raw scores of a detector that nobody has calibrated only rank boxes.
+    tell(page, say(None), shows("0.50 (not calibrated), 2 of 3 boxes", "#box-words"))
+    tell(page, say(0.25), shows("0.25 (operating point), 3 of 3 boxes", "#box-words"))
+    slider = page.get_by_role("slider", name="boxes from score")
+    slider.fill("0.6")
+    tell(page, say(0.25), shows("0.60 (chosen here), 1 of 3 boxes", "#box-words"))
+    page.get_by_role("button", name="Back to the operating point").click()
+    tell(page, say(0.25), shows("0.25 (operating point), 3 of 3 boxes", "#box-words"))
+
+
+def test_without_prometheus_the_page_tells_of_what_it_sees_itself(
+    speakers: Speakers, page: Page
+) -> None:
+    alerts = region(page, "Alerts")
+    expect(alerts).to_contain_text("none")
+    expect(alerts).to_contain_text("the swarm runs without Prometheus")
+    expect(page.locator("#timeline-from")).to_contain_text("the swarm runs without Prometheus")
+    expect(page.get_by_role("link", name="Prometheus")).to_be_hidden()
+
+    def say() -> None:
+        speakers.decision(speakers.seq, EGO)
+        speakers.demand(reachable=False)
+
+    tell(page, say, shows("Q_min 0.7 is out of reach: C(t) is too small", "#alerts"))
+    expect(page.locator("#alerts-count")).to_have_text("1 now")
+
+
 def test_an_empty_floor_is_shown_as_such(page: Page) -> None:
     expect(page.locator("#robots-count")).to_have_text("0 alive")
     expect(page.get_by_role("img", name="Map of the floor: 0 robots, 0 take part")).to_be_visible()
