@@ -6,7 +6,7 @@ import { bytes, clock } from "./words.js";
 const $ = (id) => document.getElementById(id);
 
 export function watchRecordings(stream) {
-  $("recordings-open").addEventListener("toggle", async (event) => {
+  $("recordings-open").parentElement.addEventListener("toggle", async (event) => {
     if (!event.target.open) return;
     let found = [{ name: "", words: "the console does not answer" }];
     try {

@@ -102,10 +102,18 @@ export class RobotPanel {
   #links(now) {
     const net = this.stream.get("net");
     if (!net || now - net.at > OLD_S.net) return "not measured";
+    const ego = this.stream.get("swarm")?.ego;
     const own = net.links.filter((link) => link.robot === this.robot);
-    if (!own.length) return "not shaped";
-    return own.map((link) =>
-      `${link.direction}: ${rate(link.used_bps)} of ${rate(link.capacity_bps)}, ${link.latency_ms} ms` +
-      (link.drops ? `, ${link.drops} packets dropped` : "") + (link.level ? `, level ${link.level}` : "")).join("; ");
+    // What it sends goes through the ego's cell, too.
+    const cell = net.links.find((link) => link.robot === ego && link.direction === "down");
+    const found = own.map((link) => `${link.direction}: ${carried(link)}`);
+    if (!own.length) found.push("not shaped itself");
+    if (cell && this.robot !== ego) found.push(`the ego’s cell: ${carried(cell)}`);
+    return found.join("; ");
   }
+}
+
+function carried(link) {
+  return `${rate(link.used_bps)} of ${rate(link.capacity_bps)}, ${link.latency_ms} ms` +
+    (link.drops ? `, ${link.drops} packets dropped` : "") + (link.level ? `, level ${link.level}` : "");
 }

@@ -2,7 +2,7 @@
 
 import { decisionOldAfter, rate } from "./words.js";
 
-const LEFT = 96, RIGHT = 12, TOP = 6, BOTTOM = 20;
+const LEFT = 96, RIGHT = 62, TOP = 6, BOTTOM = 20;
 const LANES = [
   { name: "capacity", share: 0.42 },
   { name: "robots", share: 0.2 },
@@ -10,7 +10,8 @@ const LANES = [
   { name: "latency", share: 0.26 },
 ];
 const GAP = 10;
-const FONT = "12px system-ui, sans-serif";
+const FONT = "12px system-ui, sans-serif", SMALL = "11px system-ui, sans-serif";
+const TICK_PX = 55; // What a time takes beside its neighbour.
 
 export class Timeline {
   constructor(canvas, past, theme) {
@@ -87,7 +88,7 @@ export class Timeline {
 
   _robots(c, spans, box) {
     const most = Math.max(1, ...spans.map((s) => s.robots));
-    const y = (n) => box.top + box.height * (1 - (0.85 * n) / most);
+    const y = (n) => box.top + box.height * (1 - n / (most + 1));
     let from = null;
     const names = [];
     spans.forEach((s, i) => {
@@ -104,7 +105,7 @@ export class Timeline {
     this.#steps(c, spans, (s) => s.robots, y, "--chosen", 2);
     c.fillStyle = this.theme("--text");
     for (const [name, at] of names) c.fillText(name, at, box.top + box.height - 9);
-    this.#scale(c, box, `${Math.ceil(most / 0.85)} robots`);
+    this.#scale(c, box, `${most + 1} robots`);
     this.#label(c, box, `${this.last?.robots ?? "–"} robots`, "--text", 0.5);
   }
 
@@ -127,7 +128,7 @@ export class Timeline {
   }
 
   _latency(c, spans, box) {
-    const top = Math.max(10, ...spans.map((s) => s.latency_ms ?? 0)) * 1.15;
+    const top = Math.max(10, ...spans.map((s) => s.latency_ms ?? 0)) * 1.1;
     const y = (v) => box.top + box.height * (1 - v / top);
     this.#steps(c, spans, (s) => s.latency_ms, y, "--box", 2);
     this.#scale(c, box, `${top.toFixed(0)} ms`);
@@ -161,17 +162,13 @@ export class Timeline {
     c.textAlign = "left";
   }
 
-  // What the lane's upper edge stands for; its lower edge is 0.
+  // What the lane's edges stand for.
   #scale(c, box, words) {
-    c.font = "10.5px system-ui, sans-serif";
+    c.font = SMALL;
     c.fillStyle = this.theme("--quiet");
-    c.textAlign = "right";
-    c.lineWidth = 3;
-    c.strokeStyle = this.theme("--panel");
-    c.strokeText(words, box.right - 4, box.top + 9);
-    c.fillText(words, box.right - 4, box.top + 9);
+    c.fillText(words, box.right + 4, box.top + 5, RIGHT - 6);
+    c.fillText("0", box.right + 4, box.top + box.height - 4);
     c.font = FONT;
-    c.textAlign = "left";
   }
 
   #axis(c, x, height) {
@@ -179,7 +176,8 @@ export class Timeline {
     c.textAlign = "center";
     const { span, stream } = this.past;
     const now = stream.now();
-    for (const share of [1, 0.75, 0.5, 0.25, 0]) {
+    const fine = x(now - 0.75 * span) - x(now - span) > TICK_PX;
+    for (const share of fine ? [1, 0.75, 0.5, 0.25, 0] : [1, 0.5, 0]) {
       const ago = share * span;
       c.textAlign = share === 0 ? "right" : share === 1 ? "left" : "center";
       c.fillText(ago ? `−${spanWords(ago)}` : "now", x(now - ago), height - 8);
