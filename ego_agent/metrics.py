@@ -16,6 +16,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from ego_agent.execute.frame_round import MISSING_KINDS
 from ego_agent.knowledge.journal import ByteTotals, CycleRecord, byte_totals
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
+from ego_agent.monitor.snapshot import MAX_ROBOTS
 from ego_agent.plan.advice.metrics import AdviceMetrics
 from swarm.messages import Decision, NetDemand, Source
 from swarm.metrics import start_at_zero
@@ -175,6 +176,8 @@ class EgoMetrics:
         )
         self.advice = AdviceMetrics(registry)
         self._robots: set[str] = set()
+        self._met: set[str] = set()
+        """Robots whose counters begin at 0."""
         self._algorithms: tuple[str, ...] = ()
         start_at_zero(self.frames, _RESULTS)
         start_at_zero(self.publish_failures, ("decision", "demand", "detections"))
@@ -197,9 +200,11 @@ class EgoMetrics:
         for robot, view in robots.items():
             self.robot_capacity_bps.labels(robot).set(min(view.capacity_bps, snapshot.capacity_bps))
             self.robot_alive.labels(robot).set(view.alive)
-        new = robots.keys() - self._robots
-        start_at_zero(self.received_bytes, new, self._algorithms)
-        start_at_zero(self.missing, new, MISSING_KINDS)
+        if len(self._met) < MAX_ROBOTS:  # Ids come from the network.
+            new = robots.keys() - self._met
+            start_at_zero(self.received_bytes, new, self._algorithms)
+            start_at_zero(self.missing, new, MISSING_KINDS)
+            self._met |= new
         for robot in self._robots - robots.keys():
             self.robot_capacity_bps.remove(robot)
             self.robot_alive.remove(robot)
