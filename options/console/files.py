@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from starlette.exceptions import HTTPException
-from starlette.responses import FileResponse
+from starlette.responses import StreamingResponse
 
-SUFFIX = ".mcap"
 MAX_SHOWN = 100
+CHUNK_BYTES = 256 * 1024
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,200}\.mcap")
 
 
 class Recordings:
@@ -23,18 +26,35 @@ class Recordings:
         if self._folder is None:
             return []
         found: list[dict[str, Any]] = []
-        for path in self._folder.glob(f"*{SUFFIX}"):
+        for path in self._folder.glob("*.mcap"):
             try:
                 facts = path.stat()
             except OSError:  # Taken away meanwhile.
                 continue
-            found.append({"name": path.name, "bytes": facts.st_size, "at": facts.st_mtime})
+            if _NAME.fullmatch(path.name):
+                found.append({"name": path.name, "bytes": facts.st_size, "at": facts.st_mtime})
         return sorted(found, key=lambda one: one["at"], reverse=True)[:MAX_SHOWN]
 
-    def file(self, name: str) -> FileResponse:
-        """One of them, to be saved. Raises HTTPException 404 for a name that is none of theirs."""
-        if self._folder is None or name not in {one["name"] for one in self.found()}:
+    def file(self, name: str) -> StreamingResponse:
+        """One of them, to be saved: as much as there is now of one that is being written.
+
+        Raises HTTPException 404 for a name that is none of theirs.
+        """
+        sizes = {one["name"]: one["bytes"] for one in self.found()}
+        if self._folder is None or name not in sizes:
             raise HTTPException(404)
-        return FileResponse(
-            self._folder / name, media_type="application/octet-stream", filename=name
+        return StreamingResponse(
+            _beginning(self._folder / name, sizes[name]),
+            media_type="application/octet-stream",
+            headers={
+                "Content-Disposition": f'attachment; filename="{name}"',
+                "Content-Length": str(sizes[name]),
+            },
         )
+
+
+def _beginning(path: Path, size: int) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while size > 0 and (chunk := file.read(min(CHUNK_BYTES, size))):
+            size -= len(chunk)
+            yield chunk

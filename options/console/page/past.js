@@ -33,9 +33,11 @@ export class Past {
     return [...before, ...live.map((p) => ({ ...p, robots: p.participants.length }))];
   }
 
-  // The stream tells of decisions before anybody looked, but not of what was used then.
+  // Since when what was used is known: the stream tells of decisions while nobody looked, but not of
+  // what was used then.
   #heardFrom() {
-    return this.stream.history.find((p) => p.used_bps !== null)?.at ?? Infinity;
+    const { history } = this.stream;
+    return history[history.findLastIndex((p) => p.used_bps === null) + 1]?.at ?? Infinity;
   }
 
   // Where it is from, in words.

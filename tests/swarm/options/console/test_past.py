@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import http.client
 import json
 import os
 import shutil
 import subprocess
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,7 +19,7 @@ from prometheus_client import CollectorRegistry
 from ego_agent.metrics import EgoMetrics
 from options.console.past import STEPS_S
 from swarm.metrics import MetricsServer
-from tests.support.console_swarm import EGO, Viewer, ask, console
+from tests.support.console_swarm import EGO, WAIT_S, Viewer, ask, console
 from tests.support.free_ports import free_port
 from tests.support.zenoh_fixtures import RouterProcess, until
 
@@ -169,3 +171,21 @@ def test_recordings_are_listed_newest_first_and_nothing_else_is_given_away(
         assert ask(port, "GET", "/recordings/new.mcap").body == b"new.mcap"
         for name in ("notes.txt", "..%2fsecret.mcap", "../secret.mcap", "%2e%2e"):
             assert ask(port, "GET", f"/recordings/{name}").status == 404
+
+
+def test_a_recording_that_grows_is_given_as_it_was_when_it_was_asked_for(
+    shared_router: RouterProcess, swarm_name: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "growing.mcap"
+    begun = os.urandom(4_000_000)
+    file.write_bytes(begun)
+    with console(shared_router.address, swarm_name, console_recordings=str(tmp_path)) as port:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=WAIT_S)
+        with closing(connection):
+            connection.request("GET", "/recordings/growing.mcap")
+            reply = connection.getresponse()
+            first = reply.read(1000)
+            with file.open("ab") as more:
+                more.write(bytes(1_000_000))
+            assert first + reply.read() == begun
+        assert len(ask(port, "GET", "/recordings/growing.mcap").body) == 5_000_000
