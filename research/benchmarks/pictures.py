@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from research.benchmarks import live
 from research.benchmarks.browser import browser, why_not
-from research.benchmarks.processes import free_ports
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -57,7 +56,7 @@ def main() -> int:
     if (missing := why_not() or live.why_not()) is not None:
         print(f"pictures: {missing}", file=sys.stderr)
         return 1
-    watched = {"console": True, "prometheus": True, "prometheus_port": free_ports(1)}
+    watched = {"console": True, "prometheus": True}
     with live.live_swarm("factory", SETTINGS, **watched) as state, browser() as opened:
         page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.on("dialog", lambda dialog: dialog.accept())

@@ -130,6 +130,12 @@ def test_a_robot_that_takes_no_part_shows_why(speakers: Speakers, page: Page) ->
             )
         ),
     )
+    page.get_by_role("button", name="R3", exact=True).click()
+    # 4,000 bytes in each of ten frames a second.
+    why = "no: it could, but was not chosen (coverage: 2 see more). It would add 320 kbit/s"
+    tell(page, say, shows(why, "#robot-facts"))
+    page.get_by_role("button", name="R4", exact=True).click()
+    tell(page, say, shows("no: out of range", "#robot-facts"))
 
 
 def test_only_what_was_changed_is_asked_of_the_ego_and_its_silence_is_seen(
