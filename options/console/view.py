@@ -133,8 +133,8 @@ class View:
             if self._robot(beacon.robot, **facts):
                 self._heard_at[beacon.robot] = monotonic()
                 self._faults.beacon(beacon.robot)
-                # Apart from what changes with every beacon.
-                if self._sizes.get(beacon.robot) != beacon.sizes:
+                # Apart from what changes with every beacon; on a narrow link many tell no sizes.
+                if beacon.sizes and self._sizes.get(beacon.robot) != beacon.sizes:
                     self._sizes[beacon.robot] = beacon.sizes
                     self._board.put(f"sizes/{beacon.robot}", beacon.sizes)
 

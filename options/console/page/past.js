@@ -44,7 +44,8 @@ export class Past {
   source() {
     if (this.trouble && this.span > LIVE_S) return `not known: ${this.trouble}`;
     if (this.trouble) return `used bytes and latency only since this page was opened: ${this.trouble}`;
-    return this.told.length ? "from Prometheus" + (this.span > LIVE_S ? "" : " before this page was opened") : "";
+    if (!this.told.length) return "";
+    return this.span > LIVE_S ? "from Prometheus" : "the older part from Prometheus";
   }
 
   async #ask() {

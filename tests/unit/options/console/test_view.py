@@ -161,7 +161,8 @@ def test_what_frames_of_a_robot_take_is_told_when_it_changes(view: View, board: 
     view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes={"early": 4000}))
     number, found = board.since(0)
     assert json.loads(b"{%b}" % found)["state"]["sizes/R2"] == {"early": 4000}
-    view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes={"early": 4000}))
+    for sizes in ({"early": 4000}, {}):
+        view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes=sizes))
     number, found = board.since(number)
     assert "sizes/R2" not in json.loads(b"{%b}" % found)["state"]
     view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes={"early": 5000}))
