@@ -80,7 +80,7 @@ export class RobotPanel {
     const size = this.stream.get(`sizes/${robot.robot}`)?.[decision.algorithm];
     const more = size === undefined ? "" :
       ` It would add ${rate(8 * size * decision.rate_hz)} to the ${rate(decision.cost_bps)} that are planned, of C(t) ${rate(decision.capacity_bps)}.`;
-    return `no: it could, but was not chosen (${decision.policy}: ${decision.reason}).${more}`;
+    return `no: it could, but was not chosen (${decision.policy}: ${decision.reason.replace(/\.$/, "")}).${more}`;
   }
 
   #sends(robot, now) {
