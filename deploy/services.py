@@ -31,7 +31,9 @@ NET = "net"
 """The controller's part of `var_dir`."""
 LLM = "llm"
 """The gateway's."""
-FOLDERS = (JOURNAL, NET, LLM, "prometheus")
+RECORDINGS = "recordings"
+"""Where `coadapt record` writes; the console shows it."""
+FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, "prometheus")
 SECRETS: Mapping[str, Role] = {
     "COADAPT_QOD_": "controller",
     "COADAPT_LLM_API_KEY": "gateway",
@@ -69,6 +71,8 @@ class Place:
     data: str = ""
     """The recorded world's directory; empty for a simulated one."""
     cache: str = ""
+    prometheus_host_port: int = PROMETHEUS_PORT
+    """Port at which the console reaches Prometheus on its own loopback."""
     python: str = "python3"
     prometheus: str = "prometheus"
 
@@ -252,11 +256,20 @@ def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
         "COADAPT_EGO": spec.ego,
         **_range_environment(spec),
         "COADAPT_CONSOLE_PORT": str(spec.console_port),
+        "COADAPT_CONSOLE_RECORDINGS": f"{place.var_dir}/{RECORDINGS}",
+        **(_prometheus_environment(spec, place) if spec.prometheus else {}),
         "COADAPT_WORLD": spec.world,
         "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),
         "COADAPT_WORLD_SEED": str(spec.seed),
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
+    }
+
+
+def _prometheus_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
+    return {
+        "COADAPT_CONSOLE_PROMETHEUS": f"http://127.0.0.1:{place.prometheus_host_port}",
+        "COADAPT_CONSOLE_PROMETHEUS_LINK": f"http://127.0.0.1:{spec.prometheus_port}",
     }
 
 

@@ -133,6 +133,7 @@ class EgoAgent:
         available = fusion_names(world.detector) if fusions is None else tuple(fusions)
         policy = make_policy(settings.policy, available)
         algorithms = _algorithms(settings, available, policy)
+        metrics.decides_among(algorithms)
         if fusions is None:
             fusions = {name: make_fusion(name, world.detector) for name in algorithms}
         knowledge = Knowledge.of_detector(

@@ -8,16 +8,21 @@ restart, so the two agree at any time; frames and decisions count from the start
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable
+from typing import get_args
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
+from ego_agent.execute.frame_round import MISSING_KINDS
 from ego_agent.knowledge.journal import ByteTotals, CycleRecord, byte_totals
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
+from ego_agent.monitor.snapshot import MAX_ROBOTS
 from ego_agent.plan.advice.metrics import AdviceMetrics
-from swarm.messages import Decision, NetDemand
+from swarm.messages import Decision, NetDemand, Source
+from swarm.metrics import start_at_zero
 
 _BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
+_RESULTS = ("fused", "skipped", "failed")
 
 
 class EgoMetrics:
@@ -94,10 +99,14 @@ class EgoMetrics:
         )
         self.estimate_error = Gauge(
             "coadapt_link_estimate_error_ratio",
-            "(measured - configured) / configured capacity for fusion; NaN without either.",
+            "(measured - configured) / configured capacity for fusion; 0 while not compared.",
             registry=registry,
         )
-        self.estimate_error.set(math.nan)
+        self.estimate_compared = Gauge(
+            "coadapt_link_estimate_compared",
+            "1 while the ego has measured what the network controller has configured.",
+            registry=registry,
+        )
         self.demand_bytes_s = Gauge(
             "coadapt_demand_bytes_per_second",
             "Capacity for the cheapest decision that reaches Q_min, bytes/s.",
@@ -167,6 +176,17 @@ class EgoMetrics:
         )
         self.advice = AdviceMetrics(registry)
         self._robots: set[str] = set()
+        self._met: set[str] = set()
+        """Robots whose counters begin at 0."""
+        self._algorithms: tuple[str, ...] = ()
+        start_at_zero(self.frames, _RESULTS)
+        start_at_zero(self.publish_failures, ("decision", "demand", "detections"))
+        start_at_zero(self.messages_ignored, ("out_of_order", "no_room"))
+
+    def decides_among(self, algorithms: Iterable[str]) -> None:
+        """Shows what may be decided, and received of each robot that comes, at 0 from then on."""
+        self._algorithms = tuple(algorithms)
+        start_at_zero(self.decisions, get_args(Source), self._algorithms)
 
     def links(self, snapshot: Snapshot) -> None:
         """Shows who is there and what a cycle takes the links to deliver; robots that were
@@ -174,11 +194,17 @@ class EgoMetrics:
         self.capacity_bps.set(snapshot.capacity_bps)
         self.capacity_known.set(snapshot.capacity_source != "prior")
         error = snapshot.capacity_error
-        self.estimate_error.set(math.nan if error is None else error)
+        self.estimate_error.set(0.0 if error is None else error)
+        self.estimate_compared.set(error is not None)
         robots = {r: v for r, v in snapshot.robots.items() if r != snapshot.ego}
         for robot, view in robots.items():
             self.robot_capacity_bps.labels(robot).set(min(view.capacity_bps, snapshot.capacity_bps))
             self.robot_alive.labels(robot).set(view.alive)
+        if len(self._met) < MAX_ROBOTS:  # Ids come from the network.
+            new = robots.keys() - self._met
+            start_at_zero(self.received_bytes, new, self._algorithms)
+            start_at_zero(self.missing, new, MISSING_KINDS)
+            self._met |= new
         for robot in self._robots - robots.keys():
             self.robot_capacity_bps.remove(robot)
             self.robot_alive.remove(robot)
@@ -212,7 +238,7 @@ class EgoMetrics:
         self.decisions.labels(record.decision.source, record.decision.algorithm).inc()
         for (robot, algorithm), size in byte_totals(record).items():
             self.received_bytes.labels(robot, algorithm).inc(size)
-        for result in ("fused", "skipped", "failed"):
+        for result in _RESULTS:
             self.frames.labels(result).inc(getattr(record.frames, result))
         self.late_answers.inc(record.frames.late_answers)
         for robot, reasons in record.missing.items():

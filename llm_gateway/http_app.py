@@ -18,13 +18,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from llm_gateway.http_chat import Asked, read_request, unknown_model, write_answer
-from llm_gateway.http_errors import HttpError, of_gateway
+from llm_gateway.http_errors import STATUSES, HttpError, of_gateway
 from llm_gateway.http_stream import AnswerStream, EventStream
 from llm_gateway.model import Completion, Hear, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
 from swarm.http_serving import Bearer, media_type
 from swarm.log import Logger
+from swarm.metrics import start_at_zero
 
 MAX_BODY_BYTES = 2_000_000
 DRAINED_BYTES = 16_000_000
@@ -207,6 +208,7 @@ class _Gate:
             ["status"],
             registry=registry,
         )
+        start_at_zero(self._requests, ("200", "499", *map(str, set(STATUSES.values()))))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def counted(message: Message) -> None:

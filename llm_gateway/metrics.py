@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
+from llm_gateway.answers import Reason
 from llm_gateway.breaker import State
 from llm_gateway.model import Completion
+from swarm.errors import GatewayCode
 from swarm.messages import LlmTokens
+from swarm.metrics import start_at_zero
 
 _SECONDS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 _STATES: dict[State, int] = {"closed": 0, "half_open": 1, "open": 2}
+_HITS = ("exact", "fingerprint")
+_TOKENS = ("prompt", "reused", "output")
+_CACHE_FAULTS = ("slow", "read", "write", "dropped", "corrupt")
 
 
 class GatewayMetrics:
@@ -58,6 +66,16 @@ class GatewayMetrics:
             "cache_faults_total", "What the cache's disk refused, by kind.", "kind"
         )
         self.breaker = gauge("breaker_state", "0 closed, 1 half open, 2 open.")
+        codes = get_args(GatewayCode)
+        start_at_zero(self.requests, ("llm", *_HITS), ("ok",))
+        start_at_zero(self.requests, ("llm", "none"), codes)
+        start_at_zero(self.refusals, codes)
+        start_at_zero(self.latency, ("queue", "model", "total", "hit"))
+        start_at_zero(self.tokens, _TOKENS)
+        start_at_zero(self.faults, codes)
+        start_at_zero(self.invalid, get_args(Reason))
+        start_at_zero(self.hits, _HITS)
+        start_at_zero(self.cache_faults, _CACHE_FAULTS)
 
     def answered(self, done: Completion) -> None:
         """Counts a request that got its answer."""
@@ -77,9 +95,8 @@ class GatewayMetrics:
 
     def used(self, tokens: LlmTokens) -> None:
         """Counts what one call read and wrote."""
-        self.tokens.labels("prompt").inc(tokens.prompt)
-        self.tokens.labels("reused").inc(tokens.reused)
-        self.tokens.labels("output").inc(tokens.output)
+        for kind in _TOKENS:
+            self.tokens.labels(kind).inc(getattr(tokens, kind))
 
     def show_breaker(self, state: State) -> None:
         """Takes the breaker's state."""

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import get_args
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from swarm.messages import LinkState
+from swarm.messages.net import Profile
+from swarm.metrics import start_at_zero
 
 _LINK = ["robot", "direction"]
 _CLASS = [*_LINK, "traffic"]
+ACTIONS = (
+    *("shaped", "shape_ended", "refused", "expired", "raised", "lowered", "held", "released"),
+    *("congested", "relieved", "adopted", "cleared", "ready", "unready", "step_failed"),
+    *("link_gone", "shape_lost", "shape_changed", "apply_failed"),
+)
+"""What `Notes.note` tells."""
 
 
 class ControllerMetrics:
@@ -40,6 +49,8 @@ class ControllerMetrics:
         )
         self.demand = gauge("demand_bytes_per_second", "What an ego needs for Q_min.", ["ego"])
         self.unreachable = gauge("unreachable_seconds", "How long Q_min is out of reach.", ["ego"])
+        start_at_zero(self.actions, ACTIONS)
+        start_at_zero(self.requests, get_args(Profile), ("done", "refused"))
         self._links: set[tuple[str, str]] = set()
         self._egos: set[str] = set()
 
@@ -57,6 +68,8 @@ class ControllerMetrics:
                 self.guaranteed.labels(*link, name).set(cls.rate_bps)
                 self.throughput.labels(*link, name).set(cls.throughput_bps)
                 self.backlog.labels(*link, name).set(cls.backlog_bytes)
+                for counted in (self.sent, self.drops, self.overlimits):
+                    start_at_zero(counted, (state.robot,), (state.direction,), (name,))
         for link in self._links - shown:
             for one in (self.capacity, self.available, self.latency, self.level):
                 one.remove(*link)

@@ -55,6 +55,7 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
     registry = CollectorRegistry()
     metrics = RobotMetrics(registry)
     encoder = Encoder(world.detector, metrics, settings.algorithms)
+    metrics.hosts(settings.robots, encoder.algorithms)
     server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
     try:
         log.info("robots_starting", robots=list(settings.robots), metrics_port=server.port)

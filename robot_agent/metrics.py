@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
+from swarm.metrics import start_at_zero
+
 _SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
+_OUTCOMES = ("sent", "no_frame", "too_old", "too_large", "failed")
 
 
 class RobotMetrics:
@@ -75,3 +80,12 @@ class RobotMetrics:
             ["loop"],
             registry=registry,
         )
+        start_at_zero(self.faults, ("sense", "beacon", "scene", "measure"))
+
+    def hosts(self, robots: Sequence[str], algorithms: Sequence[str]) -> None:
+        """Shows what these robots may do at 0."""
+        for of_robot in (self.scans, self.skipped, self.unreadable):
+            start_at_zero(of_robot, robots)
+        start_at_zero(self.encode_seconds, algorithms)
+        start_at_zero(self.sent_bytes, robots, algorithms)
+        start_at_zero(self.requests, robots, algorithms, _OUTCOMES)

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-from prometheus_client import CollectorRegistry, start_http_server
+from collections.abc import Iterable
+from itertools import product
+
+from prometheus_client import CollectorRegistry, Counter, Histogram, start_http_server
 
 from swarm.errors import SettingError
+
+
+def start_at_zero(metric: Counter | Histogram, *values: Iterable[str]) -> None:
+    """Shows a metric at 0 for every combination of values, given in the order of its labels.
+
+    A series that comes into being with its first count is missing until then, and Prometheus'
+    `rate` never sees that count.
+    """
+    for labels in product(*values):
+        metric.labels(*labels)
 
 
 class MetricsServer:

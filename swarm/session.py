@@ -24,6 +24,7 @@ from swarm.credit import Window
 from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
 from swarm.log import Logger, make_logger
 from swarm.messages import Message, decode, encode
+from swarm.metrics import start_at_zero
 from swarm.serving import MAX_WAITING_QUERIES, Server
 from swarm.traffic import TrafficClass
 
@@ -118,6 +119,7 @@ class Session:
                 # A handler's fault must not end Zenoh's thread, which serves other messages too.
                 self._log.error("handler_failed", key=sender, exc_info=True)
 
+        start_at_zero(self._invalid, (kind.__name__,))
         self._connection.declare(lambda session: session.declare_subscriber(key, receive))
 
     def serve(
@@ -138,6 +140,7 @@ class Session:
         these in its place). A large answer travels in parts; once its asker has stopped waiting, no
         answer is begun and no more parts are sent.
         """
+        start_at_zero(self._invalid, (kind.__name__,))
         server = Server(
             key,
             kind,

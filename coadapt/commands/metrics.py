@@ -13,11 +13,11 @@ from deploy.state import need_state
 from swarm.errors import DeployError
 
 FIGURES = (
-    ("decisions", "sum by (source, algorithm) (coadapt_ego_decisions_total)"),
-    ("received bytes", "sum by (robot, algorithm) (coadapt_ego_received_bytes_total)"),
+    ("decisions", "sum by (source, algorithm) (coadapt_ego_decisions_total) > 0"),
+    ("received bytes", "sum by (robot, algorithm) (coadapt_ego_received_bytes_total) > 0"),
     ("received bytes/s", "sum by (robot) (rate(coadapt_ego_received_bytes_total[15s]))"),
     ("frames/s", "sum by (result) (rate(coadapt_ego_frames_total[15s]))"),
-    ("missing", "sum by (robot, reason) (coadapt_ego_missing_total)"),
+    ("missing", "sum by (robot, reason) (coadapt_ego_missing_total) > 0"),
     (
         "cycle p99 ms",
         "1000 * histogram_quantile(0.99, sum by (le) (coadapt_ego_cycle_seconds_bucket))",
@@ -29,10 +29,10 @@ FIGURES = (
     ("C(t) bit/s", "coadapt_ego_capacity_bps"),
     ("sessions at the router", "coadapt_router_sessions"),
 )
-"""Names of figures, and the PromQL expressions that they are."""
+"""Names of figures, and the PromQL expressions that they are; counts of what has happened."""
 ADVICE_FIGURES = (
-    ("advice", "sum by (outcome) (coadapt_ego_advice_total)"),
-    ("model requests", "sum by (source, outcome) (coadapt_llm_requests_total)"),
+    ("advice", "sum by (outcome) (coadapt_ego_advice_total) > 0"),
+    ("model requests", "sum by (source, outcome) (coadapt_llm_requests_total) > 0"),
     (
         "model p50 ms",
         "1000 * histogram_quantile(0.5, sum by (le) "

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from coadapt.arguments import add_swarm
 from deploy.progress import say
+from deploy.services import RECORDINGS
 from deploy.state import State, need_state, read_state
 from swarm.errors import CoAdaptError, RecordingError
 from swarm.process import stop_on_signals
@@ -117,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _default(state: State) -> Path:
     name = time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
-    return Path(state.spec.var_dir) / "recordings" / name
+    return Path(state.spec.var_dir) / RECORDINGS / name
 
 
 def _gone(state: State) -> bool:

@@ -101,6 +101,7 @@ def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
         prometheus_config=PLACE.prometheus_config,
         data=DATA if spec.data else "",
         cache=CACHE if spec.cache else "",
+        prometheus_host_port=spec.prometheus_port,
     )
 
 
@@ -197,6 +198,8 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
         volumes.append(f"{Path(key_file).absolute()}:{KEY}:ro")
     if folder := FOLDERS.get(service.role):
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
+    if service.role == "console":
+        volumes.append(f"{spec.var_dir}/{roster.RECORDINGS}:{PLACE.var_dir}/{roster.RECORDINGS}:ro")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
     if service.role in ("ego", "robot") and spec.data:

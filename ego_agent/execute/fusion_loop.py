@@ -25,7 +25,7 @@ from ego_agent.monitor.known import KnownRobots
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.known import KnownRobot, seen_at
-from perception.fusion.publishing import publish
+from perception.fusion.publishing import operating_point, publish
 from perception.types import Boxes
 from swarm import keyspace, messages
 from swarm.arrays import pack
@@ -68,6 +68,8 @@ class FrameResult:
     """Taking up what arrived, while others still encode."""
     fuse_ms: float
     """From all that was taken up to the fused boxes."""
+    operating_point: float | None = None
+    """The score from which on boxes are among the detections; None where nobody has calibrated."""
 
     def missing_kinds(self) -> dict[str, str]:
         """The kind of why each missing robot is not in it."""
@@ -287,6 +289,7 @@ class FusionLoop:
             wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
             add_ms=add_s * 1e3,
             fuse_ms=(end_at - fuse_at) * 1e3,
+            operating_point=operating_point(self._detector, frame.fusion),
         )
 
     def _fault(self, error: Exception, own: OwnFrame) -> Missing:
@@ -311,6 +314,7 @@ class FusionLoop:
             known=tuple(_told(one, decision.doubted) for one in result.known[:MAX_NAMED]),
             boxes=pack(table),
             scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
+            operating_point=result.operating_point,
             labels=boxes.labels,
             bytes=result.round.bytes,
             latency_ms=result.latency_ms,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from network_controller.qod.profiles import LEVELS
+from swarm.metrics import start_at_zero
 
 _METHODS = frozenset({"GET", "POST", "DELETE"})
 
@@ -30,6 +31,8 @@ class QodMetrics:
         )
         for name in LEVELS:
             self.sessions.labels(name).set(0)
+        start_at_zero(self.events, ("delivered", "refused", "failed", "expired", "dropped"))
+        start_at_zero(self._requests, (*_METHODS, "other"), ("2xx", "4xx", "5xx"))
 
     def request(self, method: str, status: int) -> None:
         """Counts an answer."""

@@ -8,13 +8,17 @@ import threading
 
 from prometheus_client import CollectorRegistry
 
+from options.console.alerts import watch_alerts
 from options.console.app import make_app
 from options.console.board import Board
 from options.console.endpoint import Endpoint
+from options.console.files import Recordings
 from options.console.floor import plan
 from options.console.guard import Hosts
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
+from options.console.past import Past
+from options.console.prometheus import Prometheus
 from options.console.settings import ConsoleSettings, load_settings
 from options.console.view import View
 from options.console.watch import Watch
@@ -58,6 +62,8 @@ async def serve(
     view = View(board, settings.swarm, settings.ego, settings.comm_range_m)
     watch = Watch(view, settings.router, settings.swarm, settings.ego, log)
     hub = Hub(board, watch.look)
+    server = Prometheus(settings.console_prometheus) if settings.console_prometheus else None
+    board.put("about", {"prometheus": settings.console_prometheus_link})
     app = make_app(
         hub,
         watch,
@@ -66,13 +72,22 @@ async def serve(
         settings.console_token,
         metrics,
         log,
+        past=Past(server, settings.ego) if server else None,
+        recordings=Recordings(settings.console_recordings),
     )
     metrics.show(hub, view)
     serving = asyncio.create_task(endpoint.serve(app))
+    asking = (
+        asyncio.create_task(watch_alerts(server, board, lambda: hub.viewers > 0))
+        if server
+        else None
+    )
     log.info("console_up", port=endpoint.port)
     try:
         await _either(serving, stop)
     finally:
+        if asking is not None:
+            asking.cancel()
         hub.close()
         endpoint.stop()
         await serving

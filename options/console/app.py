@@ -17,11 +17,13 @@ from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
 from options.console.controls import CONTROLS
+from options.console.files import Recordings
 from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, Hosts, same_origin
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
+from options.console.past import STEPS_S, Past
 from options.console.watch import Watch
-from swarm.errors import CoAdaptError, KeyspaceError, RefusedError
+from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
 from swarm.log import Logger
 
 PAGE = Path(__file__).parent / "page"
@@ -45,8 +47,14 @@ def make_app(
     token: str,
     metrics: ConsoleMetrics,
     log: Logger,
+    *,
+    past: Past | None,
+    recordings: Recordings,
 ) -> Guard:
-    """The application; with a token, viewers must show it, as a header or in the login form."""
+    """The application; with a token, viewers must show it, as a header or in the login form.
+
+    `past`: None where the swarm runs without Prometheus.
+    """
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
     plan = msgspec.json.encode(floor)
@@ -82,6 +90,24 @@ def make_app(
 
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
+
+    async def history(request: Request) -> Response:
+        span = request.query_params.get("span", "")
+        if not span.isascii() or not span.isdecimal() or int(span) not in STEPS_S:
+            return _refused(400, f"span {span[:20]!r} is none of {', '.join(map(str, STEPS_S))} s")
+        if past is None:
+            return _refused(404, "the swarm runs without Prometheus")
+        try:
+            rows = await past.rows(int(span))
+        except TransportError as error:
+            return _refused(503, str(error))
+        return Response(msgspec.json.encode({"rows": rows}), media_type="application/json")
+
+    async def recorded(request: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(recordings.found))
+
+    async def recording(request: Request) -> Response:
+        return await asyncio.to_thread(recordings.file, request.path_params["name"])
 
     async def control(request: Request) -> Response:
         if not same_origin(request.headers):
@@ -125,6 +151,9 @@ def make_app(
             Route(LOGIN, login, methods=["GET", "POST"]),
             Route("/api/events", events, methods=["GET"]),
             Route("/api/floor", floor_plan, methods=["GET"]),
+            Route("/api/history", history, methods=["GET"]),
+            Route("/api/recordings", recorded, methods=["GET"]),
+            Route("/recordings/{name}", recording, methods=["GET"]),
             Route("/api/{what}", control, methods=["POST"]),
             Route("/api/{what}/{robot}", control, methods=["POST"]),
         ],

@@ -7,8 +7,10 @@ import time
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
+from options.console.controls import CONTROLS
 from options.console.hub import Hub
 from options.console.view import View
+from swarm.metrics import start_at_zero
 
 
 class ConsoleMetrics:
@@ -31,6 +33,7 @@ class ConsoleMetrics:
             ["what", "outcome"],
             registry=registry,
         )
+        start_at_zero(self.requests, CONTROLS, ("done", "refused", "unanswered"))
 
     def show(self, hub: Hub, view: View) -> None:
         """Adds what is looked up whenever somebody asks."""

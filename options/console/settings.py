@@ -13,6 +13,8 @@ from swarm.settings import Name, Port, Secret, load, shown
 
 HostName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9.-]{1,253}(?!\n)$")]
 
+ServerUrl = Annotated[str, msgspec.Meta(pattern=r"^(https?://[^\s/]+)?(?!\n)$", max_length=300)]
+
 
 class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     """Whom the console shows, and where. Field `console_port` is read from `COADAPT_CONSOLE_PORT`.
@@ -31,6 +33,13 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     """What viewers must show; needed to answer off this host."""
     console_names: Annotated[tuple[HostName, ...], msgspec.Meta(max_length=16)] = ()
     """Names, beside localhost and addresses, that browsers may ask for."""
+
+    console_prometheus: ServerUrl = ""
+    """Where the console asks Prometheus for alerts and history; empty: nowhere."""
+    console_prometheus_link: ServerUrl = ""
+    """Where people's browsers reach it."""
+    console_recordings: str = ""
+    """The folder of the swarm's recordings; empty: none is shown."""
 
     def __repr__(self) -> str:
         return shown(self)

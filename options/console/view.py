@@ -8,6 +8,7 @@ from typing import Any
 
 from options.console.board import FAULTS, HISTORY, Board, now_s
 from options.console.faults import SILENT_S, Faults
+from options.console.figures import Tally, link_figures
 from swarm.arrays import unpack_finite
 from swarm.errors import MessageError
 from swarm.messages import (
@@ -15,7 +16,6 @@ from swarm.messages import (
     Decision,
     Detections,
     GatewayState,
-    LinkState,
     NetDemand,
     NetState,
     RobotSteered,
@@ -53,7 +53,9 @@ class View:
         }
         self._heard_at: dict[str, float] = {}
         """When each robot joined or sent its last beacon."""
-        self._tally, self._traffic = _Tally(0.0), _Tally(0.0)
+        self._sizes: dict[str, dict[str, int]] = {}
+        """Bytes that a frame of each robot takes, by algorithm, as it announces them."""
+        self._tally, self._traffic = Tally(0.0), Tally(0.0)
         self._looking_at: float | None = None
         """Since when robots are listened to."""
         self.decided_at: float | None = None
@@ -74,7 +76,7 @@ class View:
             if now - self._traffic.since >= TRAFFIC_S:
                 if self._traffic.frames:
                     self._board.put("traffic", {"at": now_s(), **self._traffic.rates(now)})
-                self._traffic = _Tally(now)
+                self._traffic = Tally(now)
             self._faults.tick(now, connected, self._heard())
 
     def on_join(self, robot: str) -> None:
@@ -137,6 +139,10 @@ class View:
             if self._robot(beacon.robot, **facts):
                 self._heard_at[beacon.robot] = monotonic()
                 self._faults.beacon(beacon.robot)
+                # Apart from what changes with every beacon; on a narrow link many tell no sizes.
+                if beacon.sizes and self._sizes.get(beacon.robot) != beacon.sizes:
+                    self._sizes[beacon.robot] = beacon.sizes
+                    self._board.put(f"sizes/{beacon.robot}", beacon.sizes)
 
     def on_scene(self, scene: SceneDescription) -> None:
         """What a robot sees."""
@@ -177,6 +183,7 @@ class View:
             "participants": detections.participants,
             "missing": detections.missing,
             "latency_ms": round(detections.latency_ms, 1),
+            "operating_point": detections.operating_point,
             # x, y, length, width, heading, score.
             "boxes": [
                 [round(float(row[i]), 2) for i in (0, 1, 3, 4, 6)] + [round(float(score), 2)]
@@ -219,6 +226,8 @@ class View:
             "silent": decision.silent,
             "doubted": decision.doubted,
             "ages_s": decision.ages_s,
+            "rate_hz": decision.rate_hz,
+            "arrival": {robot: round(share, 2) for robot, share in decision.arrival.items()},
         }
         now = monotonic()
         with self._lock:
@@ -227,7 +236,7 @@ class View:
             shared = ("at", "cycle", "participants", "algorithm", "source", "valid")
             past = {name: value[name] for name in (*shared, "capacity_bps", "cost_bps")}
             self._board.append(HISTORY, past | self._tally.figures(now))
-            self._tally = _Tally(now)
+            self._tally = Tally(now)
             self._faults.decision(now, decision)
 
     def on_demand(self, demand: NetDemand) -> None:
@@ -248,7 +257,7 @@ class View:
     def on_net_state(self, state: NetState) -> None:
         """What links carry."""
         with self._lock:
-            links = [_link(link) for link in state.links]
+            links = [link_figures(link) for link in state.links]
             self._board.put("net", {"at": now_s(), "links": links})
             self._faults.net_state(monotonic())
 
@@ -256,7 +265,7 @@ class View:
         """Robots are listened to from now on."""
         with self._lock:
             now = self._looking_at = monotonic()
-            self._tally, self._traffic = _Tally(now), _Tally(now)
+            self._tally, self._traffic = Tally(now), Tally(now)
 
     def blind(self) -> None:
         """Nobody listens to robots any more: what they said is taken down rather than left to
@@ -270,7 +279,7 @@ class View:
                 self._board.put(f"robot/{robot}", kept)
             self._board.put("detections", None)
             self._board.put("traffic", None)
-            self._tally, self._traffic = _Tally(now), _Tally(now)
+            self._tally, self._traffic = Tally(now), Tally(now)
             self._looking_at = None
 
     def _silent_now(self) -> set[str]:
@@ -316,8 +325,9 @@ class View:
         del self._robots[robot]
         self._heard_at.pop(robot, None)
         self._faults.forget(robot)
-        self._board.put(f"scene/{robot}", None)
-        self._board.put(f"robot/{robot}", None)
+        self._sizes.pop(robot, None)
+        for kind in ("scene", "sizes", "robot"):
+            self._board.put(f"{kind}/{robot}", None)
         return True
 
     def _known(self, robot: str) -> bool:
@@ -326,48 +336,3 @@ class View:
     def _tell(self, **facts: Any) -> None:
         self._swarm = self._swarm | facts
         self._board.put("swarm", self._swarm)
-
-
-class _Tally:
-    """What arrived at the ego from `since` on, seconds on the steady clock."""
-
-    def __init__(self, since: float) -> None:
-        self.since = since
-        self.frames = 0
-        self._latency_ms = 0.0
-        self._bytes: dict[str, int] = {}
-
-    def add(self, detections: Detections) -> None:
-        self.frames += 1
-        self._latency_ms += detections.latency_ms
-        for robot, count in detections.bytes.items():
-            self._bytes[robot] = self._bytes.get(robot, 0) + count
-
-    def rates(self, now: float) -> dict[str, Any]:
-        """bit/s by robot, and fused frames a second."""
-        span_s = max(now - self.since, 1e-3)
-        return {
-            "bps": {robot: round(8 * n / span_s) for robot, n in self._bytes.items()},
-            "frames_per_s": round(self.frames / span_s, 1),
-        }
-
-    def figures(self, now: float) -> dict[str, Any]:
-        """bit/s of all and mean latency; None where no frame came."""
-        if not self.frames:
-            return {"used_bps": None, "latency_ms": None}
-        used = 8 * sum(self._bytes.values()) / max(now - self.since, 1e-3)
-        latency_ms = self._latency_ms / self.frames
-        return {"used_bps": round(used), "latency_ms": round(latency_ms, 1)}
-
-
-def _link(link: LinkState) -> dict[str, Any]:
-    return {
-        "robot": link.robot,
-        "direction": link.direction,
-        "capacity_bps": link.capacity_bps,
-        "available_bps": link.available_bps,
-        "used_bps": sum(one.throughput_bps for one in link.classes.values()),
-        "latency_ms": round(link.latency_ms, 1),
-        "level": link.level,
-        "drops": sum(one.drops for one in link.classes.values()),
-    }

@@ -22,7 +22,18 @@ def publish(
     Boxes and robots in one frame of reference. `algorithm` has fused them, `helpers` robots took
     part beside the ego. Raises PerceptionError for a calibration that cannot be used.
     """
-    if isinstance(algorithm, Fusion):
-        scored_as = algorithm.scored_as
-        algorithm = algorithm.name if scored_as is None else scored_as
-    return calibration_of(detector).published(without_known(found, known), algorithm, helpers)
+    kept = without_known(found, known)
+    return calibration_of(detector).published(kept, _scored_as(algorithm), helpers)
+
+
+def operating_point(detector: str, algorithm: str | Fusion) -> float | None:
+    """The chance from which on `publish` keeps a box; None where it keeps all with scores of their
+    own. Raises PerceptionError as `publish` does."""
+    calibration = calibration_of(detector)
+    return calibration.least_chance if _scored_as(algorithm) in calibration.curves else None
+
+
+def _scored_as(algorithm: str | Fusion) -> str:
+    if isinstance(algorithm, str):
+        return algorithm
+    return algorithm.name if algorithm.scored_as is None else algorithm.scored_as

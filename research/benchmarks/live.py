@@ -37,7 +37,7 @@ def live_swarm(swarm: str, settings: Mapping[str, str], **values: Any) -> Iterat
     with signals_raise(), tempfile.TemporaryDirectory(prefix="cl-", dir="/tmp") as directory:
         before = dict(os.environ)
         os.environ.update(settings, COADAPT_RUN_DIR=directory)
-        first = free_ports(4)
+        first = free_ports(5)
         usual: dict[str, Any] = {
             "robots": factory_robots(ROBOTS),
             "link_bps": 55_000_000,
@@ -46,6 +46,7 @@ def live_swarm(swarm: str, settings: Mapping[str, str], **values: Any) -> Iterat
             "qod_port": first + 1,
             "console_port": first + 2,
             "llm_port": first + 3,
+            "prometheus_port": first + 4,
             "run_dir": f"{directory}/{swarm}",
             "var_dir": f"{directory}/var",
         }

@@ -1,7 +1,7 @@
 """The pictures of the console in docs/pictures, light and dark: `make pictures`.
 
 A real swarm of six robots, seen by the browser that the tests use, and steered by the page's own
-controls: its link is made narrow, and one robot is taken off duty.
+controls: its link is made narrow, one robot is taken off duty, and another one tells of itself.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NAMES = {"light": "console.png", "dark": "console-dark.png"}
 WIDTH, HEIGHT = 1440, 1000
 SETTINGS = {"COADAPT_FUSION_RATE_HZ": "1", "COADAPT_DEADLINE_S": "0.9"}
 """As README advises for two cores."""
-NARROW_MBIT_S, OFF_DUTY = "1", "R5"
+NARROW_MBIT_S, OFF_DUTY, SHOWN = "1", "R5", "R4"
 BEFORE_MS, AFTER_MS = 60_000, 40_000
 """The timeline shows two minutes."""
 COLOURS = 256
@@ -36,6 +36,7 @@ def steer(page: Page) -> None:
     page.wait_for_timeout(AFTER_MS / 2)
     page.get_by_role("combobox", name="robot", exact=True).select_option(OFF_DUTY)
     page.get_by_role("button", name="Stop robot").click()
+    page.get_by_role("button", name=SHOWN, exact=True).click()
     page.wait_for_timeout(AFTER_MS / 2)
 
 
@@ -55,8 +56,10 @@ def main() -> int:
     if (missing := why_not() or live.why_not()) is not None:
         print(f"pictures: {missing}", file=sys.stderr)
         return 1
-    with live.live_swarm("factory", SETTINGS, console=True) as state, browser() as opened:
+    watched = {"console": True, "prometheus": True}
+    with live.live_swarm("factory", SETTINGS, **watched) as state, browser() as opened:
         page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.on("dialog", lambda dialog: dialog.accept())
         page.goto(state.console_url)
         steer(page)
         for scheme, name in NAMES.items():

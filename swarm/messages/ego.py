@@ -168,6 +168,9 @@ class Detections(Message, frozen=True, kw_only=True):
     scores: Array
     """float32 (N, 1) in [0, 1]: the chance that the box is right, where the detector is
     calibrated."""
+    operating_point: Share | None = None
+    """The score from which on boxes are published; None where nobody has calibrated the detector
+    for this algorithm: all are published then, and scores only rank them."""
     labels: tuple[str, ...]
     bytes: dict[str, Count]
     """Payload bytes received, by robot."""

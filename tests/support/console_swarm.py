@@ -209,8 +209,15 @@ class Speakers:
         )
         self._session.put(keyspace.decision(self._swarm, EGO), message)
 
-    def detections(self, *boxes: tuple[float, ...], **received: int) -> None:
-        """Fused boxes (x, y, z, l, w, h, heading) and what was received for them."""
+    def detections(
+        self,
+        *boxes: tuple[float, ...],
+        scores: tuple[float, ...] = (),
+        operating_point: float | None = None,
+        **received: int,
+    ) -> None:
+        """Fused boxes (x, y, z, l, w, h, heading) with scores, 0.9 unless told otherwise, and what
+        was received for them."""
         self.seq += 1
         message = Detections(
             ego=EGO,
@@ -220,7 +227,8 @@ class Speakers:
             algorithm="early",
             participants=(EGO, *received),
             boxes=rows(7, *boxes),
-            scores=rows(1, *[(0.9,)] * len(boxes)),
+            scores=rows(1, *[(score,) for score in scores or (0.9,) * len(boxes)]),
+            operating_point=operating_point,
             labels=("robot",) * len(boxes),
             bytes=received,
             latency_ms=31.0,

@@ -169,6 +169,7 @@ SAMPLES: tuple[Message, ...] = (
         ),
         boxes=pack(np.arange(7, dtype=np.float32).reshape(1, 7)),
         scores=pack(np.array([[0.5]], dtype=np.float32)),
+        operating_point=0.25,
         labels=("forklift",),
         bytes={"R1": 208},
         latency_ms=41.5,

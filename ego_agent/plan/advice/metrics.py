@@ -6,9 +6,12 @@ import math
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
+from ego_agent.plan.advice.outcomes import ENDED, OUTCOMES
 from swarm.messages import AdviceReport
+from swarm.metrics import start_at_zero
 
 _BUCKETS = (0.005, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0, 60.0, 120.0)
+_TOKENS = ("prompt", "reused", "output")
 
 
 class AdviceMetrics:
@@ -63,6 +66,11 @@ class AdviceMetrics:
             registry=registry,
         )
         self._question = 0
+        start_at_zero(self.outcomes, OUTCOMES)
+        start_at_zero(self.repairs, ("unknown_robot", "infeasible", "too_many"))
+        start_at_zero(self.ended, ENDED)
+        start_at_zero(self.answer_seconds, ("llm", "cache"))
+        start_at_zero(self.tokens, _TOKENS)
 
     def show(self, report: AdviceReport | None) -> None:
         """Shows how things stand in a cycle; None: the policy asks no language model."""
@@ -85,5 +93,5 @@ class AdviceMetrics:
         if answer.source:
             self.answer_seconds.labels(answer.source).observe(answer.latency_ms * 1e-3)
         if answer.source == "llm":
-            for kind in ("prompt", "reused", "output"):
+            for kind in _TOKENS:
                 self.tokens.labels(kind).inc(getattr(answer.tokens, kind))

@@ -1,8 +1,13 @@
 // The console's page: puts its parts together.
 
+import { showAlerts } from "./alerts.js";
+import { BoxFilter } from "./boxes.js";
 import { Controls } from "./controls.js";
 import { FloorMap } from "./map.js";
 import * as panels from "./panels.js";
+import { Past } from "./past.js";
+import { watchRecordings } from "./recordings.js";
+import { RobotPanel } from "./robot.js";
 import { Stream } from "./stream.js";
 import { Timeline } from "./timeline.js";
 
@@ -19,7 +24,19 @@ function theme(name) {
 
 const stream = new Stream((news) => update(news));
 const map = new FloorMap($("map"), stream, theme);
-const timeline = new Timeline($("timeline"), stream, theme);
+const past = new Past(stream, () => update());
+const timeline = new Timeline($("timeline"), past, theme);
+const boxes = new BoxFilter(stream, () => {
+  boxes.show();
+  map.changed();
+});
+const panel = new RobotPanel(stream, (robot) => {
+  map.selected = robot;
+  map.changed();
+});
+map.leastScore = (found) => boxes.least(found);
+map.onChoose = (robot) => panel.open(robot);
+watchRecordings(stream);
 const controls = new Controls(stream);
 let pending = 0;
 let floorOf = ""; // The connection that the floor plan was asked over.
@@ -39,14 +56,18 @@ function headlines() {
   panels.showConnection(stream);
   panels.showDecision(stream);
   panels.showFaults(stream);
+  showAlerts(stream);
 }
 
 function words() {
   pending = 0;
   headlines();
   panels.showLinks(stream);
-  panels.showHistory(stream);
-  panels.showRobots(stream);
+  panels.showHistory(past);
+  panels.showRobots(stream, (robot) => panel.open(robot));
+  panels.showAbout(stream);
+  panel.show();
+  boxes.show();
   controls.update();
   timeline.draw();
 }
@@ -60,6 +81,7 @@ for (const layer of ["range", "objects", "boxes", "blind"]) {
 $("zoom-in").addEventListener("click", () => map.scaleBy(1.3));
 $("zoom-out").addEventListener("click", () => map.scaleBy(1 / 1.3));
 $("zoom-fit").addEventListener("click", () => map.fit());
+$("span").addEventListener("change", () => past.choose(Number($("span").value)));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   colours.clear();
   update();

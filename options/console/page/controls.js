@@ -30,7 +30,7 @@ export class Controls {
       this.#shape("relieve", { robot: $("shape-robot").value || this.stream.get("swarm").ego }));
     $("stop").addEventListener("click", () =>
       this.#shape("off", { direction: "both", robot: $("shape-robot").value || this.stream.get("swarm").ego }));
-    $("stop-all").addEventListener("click", () => this.#shape("off", { direction: "both", robot: "" }));
+    $("stop-all").addEventListener("click", () => this.#stopAll());
     $("ego").addEventListener("submit", (event) => {
       event.preventDefault();
       this.#ego();
@@ -118,6 +118,14 @@ export class Controls {
     }
   }
 
+  async #stopAll() {
+    if (!window.confirm("This ends every shape and all congestion, on the links of all robots. Stop everything?")) {
+      $("shape-result").textContent = "nothing was changed";
+      return;
+    }
+    await this.#shape("off", { direction: "both", robot: "" });
+  }
+
   async #shape(profile, values) {
     await this.#tell("shape-result", async () => {
       const reply = await this.#wish("shape", { profile, robot: $("shape-robot").value, ...values });
@@ -153,7 +161,9 @@ export class Controls {
       return;
     }
     const own = robot === this.stream.get("swarm").ego;
-    if (duty === "off" && own && !window.confirm(`${robot} is the ego’s own robot: without it the ego is blind. Stop it?`)) {
+    const what = own ? `${robot} is the ego’s own robot: without it the ego is blind.` :
+      `The swarm goes on without ${robot} until somebody starts it again.`;
+    if (duty === "off" && !window.confirm(`${what} Stop it?`)) {
       $("steer-result").textContent = "nothing was changed";
       return;
     }

@@ -1,14 +1,15 @@
 // The live map: floor, robots, links, objects, boxes, and the ground that nobody sees.
 
+import { CELL_M, covered, markSeen } from "./ground.js";
+import { listen } from "./mapinput.js";
 import { decided, part, state } from "./part.js";
-import { OLD_S, ago, byId } from "./words.js";
+import { CROWD, drawRobot } from "./robotmark.js";
+import { OLD_S, byId } from "./words.js";
 
-const CELL_M = 1; // As the ego counts seen ground.
 const MOST_CELLS = 4e6; // No floor is larger; without a plan robots anywhere on earth would stretch it.
 const SEEN_S = 0.25; // Seen ground is counted no more often: a hundred robots describe much.
 const ROOM_M = 3;
-const ROBOT_PX = 8;
-const UNSURE = 0.5; // Boxes with a lower score are drawn thin.
+const REACH_PX = 22; // A finger is no finer.
 const GONE_S = 60; // A robot that has left stays on the map for so long.
 const NOT_COUNTED = { key: "", at: -Infinity, path: null, share: null };
 
@@ -23,7 +24,12 @@ export class FloorMap {
     this.middle = null; // Of what is shown, metres; null: all of it.
     this.last = new Map(); // Where robots were last heard of.
     this.blind = NOT_COUNTED;
-    this.#listen();
+    this.shown = []; // Robots as they were drawn last: id, x, y in pixels.
+    this.selected = ""; // The robot that the page tells more of.
+    this.leastScore = () => 0; // Boxes of a lower score are not drawn.
+    this.onChoose = () => {};
+    listen(this);
+    new ResizeObserver(() => this.changed()).observe(canvas);
   }
 
   fit() {
@@ -60,6 +66,7 @@ export class FloorMap {
         since: robot.since,
         state: state(robot, now - where.at > OLD_S.beacon),
         ego: robot.robot === ego,
+        selected: robot.robot === this.selected,
         chosen: fresh && ["ego", "yes"].includes(part(this.stream, robot).word),
         unknown: !fresh,
         old: now - where.at > OLD_S.beacon,
@@ -105,7 +112,10 @@ export class FloorMap {
     this.#drawLinks(c, robots, now, at);
     // Participants over others, the ego over all.
     const order = [...robots].sort((a, b) => a.ego - b.ego || a.chosen - b.chosen);
-    for (const robot of order) this.#drawRobot(c, robot, now, at, robots.length);
+    const how = { theme: t, count: robots.length, named: robots.length <= CROWD || this.zoom >= 2 };
+    for (const robot of order) drawRobot(c, robot, at(robot.x, robot.y), now, how);
+    this.shown = robots.map((robot) => [robot.robot, ...at(robot.x, robot.y)]);
+    this.#drawScale(c, width, height);
     if (!robots.length) {
       c.fillStyle = t("--quiet");
       c.font = "15px system-ui, sans-serif";
@@ -167,7 +177,7 @@ export class FloorMap {
       this.blind = NOT_COUNTED;
       return;
     }
-    const seen = this.#covered(columns, rows, left, low);
+    const seen = covered(this.floor.rects, columns, rows, left, low);
     let blind = 0, free = seen.reduce((n, cell) => n + (cell === 0), 0);
     for (const scene of scenes.values()) markSeen(seen, scene, columns, rows, left, low);
     const path = new Path2D();
@@ -182,19 +192,6 @@ export class FloorMap {
     }
     // Without any scene nothing is known, which is not the same as not seen.
     this.blind = { key, at: now, path: scenes.size ? path : null, share: scenes.size && free ? blind / free : null };
-  }
-
-  // Cells under equipment are no ground: 1; without a floor plan all are ground.
-  #covered(columns, rows, left, low) {
-    const cells = new Uint8Array(columns * rows);
-    for (const [x, y, right, top] of this.floor.rects) {
-      const first = Math.max(0, Math.ceil((y - low) / CELL_M - 0.5));
-      const from = Math.max(0, Math.ceil((x - left) / CELL_M - 0.5));
-      for (let row = first; row < rows && low + (row + 0.5) * CELL_M <= top; row++)
-        for (let column = from; column < columns && left + (column + 0.5) * CELL_M <= right; column++)
-          cells[row * columns + column] = 1;
-    }
-    return cells;
   }
 
   #drawBlind(c, scale, ratio) {
@@ -262,13 +259,14 @@ export class FloorMap {
       c.restore();
     }
     c.strokeStyle = this.theme("--box");
+    const least = this.leastScore(found);
     for (const [x, y, length, wide, heading, score] of found.boxes) {
+      if (score < least) continue;
       const [px, py] = at(x, y);
       c.save();
       c.translate(px, py);
       c.rotate(-heading);
-      c.lineWidth = score < UNSURE ? 1 : 2;
-      c.globalAlpha = score < UNSURE ? 0.45 : 1;
+      c.lineWidth = 2;
       c.strokeRect((-length / 2) * scale, (-wide / 2) * scale, length * scale, wide * scale);
       c.beginPath();
       c.moveTo((length / 2) * scale - 4, 0);
@@ -311,79 +309,37 @@ export class FloorMap {
     return Math.max(1, Math.min(decision.capacity_bps, own?.capacity_bps ?? Infinity));
   }
 
-  #drawRobot(c, robot, now, at, count) {
-    const { theme: t } = this;
-    const [x, y] = at(robot.x, robot.y);
-    const r = count > 30 ? 5 : ROBOT_PX;
-    c.save();
-    c.translate(x, y);
-    c.globalAlpha = robot.state === "silent" ? 0.45 : 1;
-    if (robot.state === "lost") {
-      c.strokeStyle = t("--lost");
-      c.lineWidth = 3;
-      c.beginPath();
-      c.moveTo(-r, -r); c.lineTo(r, r); c.moveTo(r, -r); c.lineTo(-r, r);
-      c.stroke();
-    } else if (robot.state === "off duty") {
-      // A ring with a bar: parked, nothing is wrong.
-      c.strokeStyle = t("--quiet");
-      c.lineWidth = 2.5;
-      c.beginPath();
-      c.arc(0, 0, r, 0, 2 * Math.PI);
-      c.moveTo(-r / 2, 0); c.lineTo(r / 2, 0);
-      c.stroke();
-    } else if (robot.state === "stalled") {
-      // Two bars: its process stands still.
-      c.fillStyle = t("--lost");
-      c.fillRect(-r, -r, 0.7 * r, 2 * r);
-      c.fillRect(0.3 * r, -r, 0.7 * r, 2 * r);
-    } else {
-      c.strokeStyle = t(robot.chosen ? "--chosen" : robot.unknown ? "--quiet" : "--excluded");
-      c.fillStyle = robot.chosen ? t("--chosen") : t("--panel");
-      c.lineWidth = 2.5;
-      c.beginPath();
-      c.moveTo(Math.cos(robot.yaw) * r, -Math.sin(robot.yaw) * r);
-      c.lineTo(Math.cos(robot.yaw) * 2.1 * r, -Math.sin(robot.yaw) * 2.1 * r);
-      c.stroke();
-      if (robot.old) c.setLineDash([3, 3]);
-      c.beginPath();
-      if (robot.chosen) c.arc(0, 0, r, 0, 2 * Math.PI);
-      else c.rect(-r + 1, -r + 1, 2 * r - 2, 2 * r - 2);
-      c.fill();
-      c.stroke();
-      if (robot.ego) {
-        c.setLineDash([]);
-        c.strokeStyle = t("--text");
-        c.lineWidth = 2;
-        c.beginPath();
-        c.arc(0, 0, r + 4, 0, 2 * Math.PI);
-        c.stroke();
-      }
-    }
-    c.restore();
-    if (count > 30 && this.zoom < 2 && !robot.ego && robot.alive && !robot.old) return;
-    const old = robot.state === "alive" ? "" :
-      ` ${robot.state} ${ago(now - (robot.alive ? robot.at : robot.since ?? robot.at))}`;
-    c.font = "600 12px system-ui, sans-serif";
-    c.textAlign = "left";
+  // How long ten metres, or what fits, are on the screen.
+  #drawScale(c, width, height) {
+    const metres = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].findLast((m) => m * this.scale < width / 4);
+    if (!metres) return;
+    const right = width - 12, y = height - 12;
+    c.strokeStyle = c.fillStyle = this.theme("--text");
+    c.lineWidth = 2;
+    c.beginPath();
+    c.moveTo(right - metres * this.scale, y - 5);
+    c.lineTo(right - metres * this.scale, y);
+    c.lineTo(right, y);
+    c.lineTo(right, y - 5);
+    c.stroke();
+    c.font = "12px system-ui, sans-serif";
+    c.textAlign = "right";
     c.lineWidth = 3;
-    c.lineJoin = "round";
-    c.strokeStyle = t("--panel");
-    c.strokeText(robot.robot + old, x + r + 5, y - r);
-    const fine = ["alive", "off duty"].includes(robot.state);
-    c.fillStyle = fine ? t("--text") : t("--fault");
-    c.fillText(robot.robot + old, x + r + 5, y - r);
+    c.strokeStyle = this.theme("--ground");
+    c.strokeText(`${metres} m`, right, y - 9);
+    c.fillText(`${metres} m`, right, y - 9);
   }
 
-  #describe(robots) {
-    const alive = robots.filter((r) => r.alive);
-    const share = this.blind.share === null ? "" : `; ${Math.round(100 * this.blind.share)} % of the ground is seen by nobody`;
-    const parts = alive.some((r) => r.unknown) ? "who takes part is not known" : `${alive.filter((r) => r.chosen).length} take part`;
-    const words = `Map of the floor: ${alive.length} robots, ${parts}${share}`;
-    if (this.canvas.getAttribute("aria-label") !== words) this.canvas.setAttribute("aria-label", words);
+  // The robot at a place of the canvas, if there is one.
+  choose(x, y) {
+    const near = this.shown
+      .map(([robot, rx, ry]) => [Math.hypot(rx - x, ry - y), robot])
+      .filter(([distance]) => distance <= REACH_PX)
+      .sort((a, b) => a[0] - b[0])[0];
+    if (near) this.onChoose(near[1]);
   }
 
-  #move(dx, dy) {
+  moveBy(dx, dy) {
     const [left, low, right, high] = this.extent;
     const [x, y] = this.middle ?? [(left + right) / 2, (low + high) / 2];
     this.middle = [
@@ -393,55 +349,11 @@ export class FloorMap {
     this.changed();
   }
 
-  #listen() {
-    const { canvas } = this;
-    let from = null;
-    canvas.addEventListener("pointerdown", (e) => {
-      from = [e.clientX, e.clientY];
-      canvas.setPointerCapture(e.pointerId);
-    });
-    canvas.addEventListener("pointermove", (e) => {
-      if (!from || this.zoom === 1) return;
-      this.#move(e.clientX - from[0], e.clientY - from[1]);
-      from = [e.clientX, e.clientY];
-    });
-    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (from = null));
-    canvas.addEventListener("wheel", (e) => {
-      // Without the key the page scrolls.
-      if (!e.ctrlKey && !e.metaKey) return;
-      e.preventDefault();
-      this.scaleBy(e.deltaY < 0 ? 1.2 : 1 / 1.2);
-    }, { passive: false });
-    canvas.addEventListener("keydown", (e) => {
-      // As with the pointer: there is nothing to move until it is larger than what shows it.
-      const step = this.zoom > 1 && { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[e.key];
-      if (step) this.#move(...step);
-      else if (e.key === "+" || e.key === "=") this.scaleBy(1.3);
-      else if (e.key === "-") this.scaleBy(1 / 1.3);
-      else if (e.key === "0") this.fit();
-      else return;
-      e.preventDefault();
-    });
-    new ResizeObserver(() => this.changed()).observe(canvas);
-  }
-}
-
-// Marks the cells whose centres a sensor sees: for equal sectors of azimuth from east, how far.
-function markSeen(seen, scene, columns, rows, left, low) {
-  const { x, y, visible_m: visible } = scene;
-  if (!visible.length) return;
-  const reach = Math.max(...visible);
-  const first = Math.max(0, Math.floor((y - reach - low) / CELL_M)), lastRow = Math.min(rows, Math.ceil((y + reach - low) / CELL_M));
-  const from = Math.max(0, Math.floor((x - reach - left) / CELL_M)), to = Math.min(columns, Math.ceil((x + reach - left) / CELL_M));
-  for (let row = first; row < lastRow; row++) {
-    const dy = low + (row + 0.5) * CELL_M - y;
-    for (let column = from; column < to; column++) {
-      const cell = row * columns + column;
-      if (seen[cell]) continue;
-      const dx = left + (column + 0.5) * CELL_M - x;
-      const turn = Math.atan2(dy, dx) / (2 * Math.PI);
-      const sector = Math.floor((turn < 0 ? turn + 1 : turn) * visible.length) % visible.length;
-      if (dx * dx + dy * dy <= visible[sector] ** 2) seen[cell] = 1;
-    }
+  #describe(robots) {
+    const alive = robots.filter((r) => r.alive);
+    const share = this.blind.share === null ? "" : `; ${Math.round(100 * this.blind.share)} % of the ground is seen by nobody`;
+    const parts = alive.some((r) => r.unknown) ? "who takes part is not known" : `${alive.filter((r) => r.chosen).length} take part`;
+    const words = `Map of the floor: ${alive.length} robots, ${parts}${share}`;
+    if (this.canvas.getAttribute("aria-label") !== words) this.canvas.setAttribute("aria-label", words);
   }
 }

@@ -5,7 +5,7 @@ import { OLD_S, ago, byId, clock, decisionOldAfter, names, rate } from "./words.
 
 const $ = (id) => document.getElementById(id);
 
-function text(id, words) {
+export function text(id, words) {
   if ($(id).textContent !== words) $(id).textContent = words;
 }
 
@@ -19,7 +19,7 @@ export function fill(parent, rows, make) {
 
 // Rows of a table: [class, head, cells ...]. Only words that differ are written, so that neither a
 // screen reader nor a selection loses its place.
-function table(body, rows) {
+function table(body, rows, choose = null) {
   while (body.rows.length > rows.length) body.deleteRow(-1);
   rows.forEach(([className, ...words], i) => {
     const row = body.rows[i] ?? body.insertRow();
@@ -27,9 +27,26 @@ function table(body, rows) {
     words.forEach((word, k) => {
       const cell = row.cells[k] ?? row.appendChild(document.createElement(k ? "td" : "th"));
       if (!k) cell.scope = "row";
+      if (!k && choose) {
+        headButton(cell, String(word), choose);
+        return;
+      }
       if (cell.textContent !== String(word)) cell.textContent = word;
     });
   });
+}
+
+// A head that opens what it names.
+function headButton(cell, word, choose) {
+  let button = cell.firstElementChild;
+  if (!button) {
+    button = document.createElement("button");
+    button.type = "button";
+    button.className = "link";
+    button.addEventListener("click", () => choose(button.textContent));
+    cell.replaceChildren(button);
+  }
+  if (button.textContent !== word) button.textContent = word;
 }
 
 function age(id, seconds, old, words) {
@@ -154,10 +171,11 @@ export function showLinks(stream) {
   ]));
 }
 
-export function showHistory(stream) {
-  table($("history"), stream.history.slice(-20).reverse().map((p) => [
-    "", clock(p.at), p.cycle, p.algorithm, p.participants.join(" "), p.valid ? p.source : "not valid",
-    rate(p.capacity_bps), rate(p.used_bps), p.latency_ms === null ? "–" : `${p.latency_ms.toFixed(0)} ms`,
+export function showHistory(past) {
+  text("timeline-from", past.source());
+  table($("history"), past.rows().slice(-20).reverse().map((p) => [
+    "", clock(p.at), p.cycle ?? "–", p.algorithm ?? "–", p.participants?.join(" ") ?? p.robots, p.valid ? p.source ?? "–" : "not valid",
+    rate(p.capacity_bps), rate(p.used_bps), (p.latency_ms ?? null) === null ? "–" : `${p.latency_ms.toFixed(0)} ms`,
   ]));
 }
 
@@ -176,7 +194,7 @@ function heardAgo(stream, r, now) {
   return Math.max(now - r.at, told);
 }
 
-export function showRobots(stream) {
+export function showRobots(stream, choose) {
   const now = stream.now();
   const swarm = stream.get("swarm");
   const traffic = stream.get("traffic");
@@ -202,5 +220,12 @@ export function showRobots(stream) {
       fresh && traffic.bps[r.robot] !== undefined ? rate(traffic.bps[r.robot]) : "–",
       r.at ? (old || heardAgo(stream, r, now) > 1 ? ago(heardAgo(stream, r, now)) : "now") : "never",
     ];
-  }));
+  }), choose);
+}
+
+// Where else to look.
+export function showAbout(stream) {
+  const link = stream.get("about")?.prometheus ?? "";
+  $("prometheus-link").hidden = !link;
+  if (link && $("prometheus-link").getAttribute("href") !== `${link}/alerts`) $("prometheus-link").href = `${link}/alerts`;
 }

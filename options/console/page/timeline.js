@@ -1,9 +1,8 @@
-// The last two minutes: C(t) against used bytes, who took part, how it was decided, how fast.
+// A span of the past: C(t) against used bytes, who took part, how it was decided, how fast.
 
 import { decisionOldAfter, rate } from "./words.js";
 
-const SPAN_S = 120;
-const LEFT = 96, RIGHT = 12, TOP = 6, BOTTOM = 20;
+const LEFT = 96, RIGHT = 62, TOP = 6, BOTTOM = 20;
 const LANES = [
   { name: "capacity", share: 0.42 },
   { name: "robots", share: 0.2 },
@@ -11,17 +10,20 @@ const LANES = [
   { name: "latency", share: 0.26 },
 ];
 const GAP = 10;
+const FONT = "12px system-ui, sans-serif", SMALL = "11px system-ui, sans-serif";
+const TICK_PX = 55; // What a time takes beside its neighbour.
 
 export class Timeline {
-  constructor(canvas, stream, theme) {
+  constructor(canvas, past, theme) {
     this.canvas = canvas;
-    this.stream = stream;
+    this.past = past;
     this.theme = theme;
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
   draw() {
-    const { canvas, stream, theme: t } = this;
+    const { canvas, theme: t } = this;
+    const { stream, span } = this.past;
     const ratio = window.devicePixelRatio || 1;
     const width = canvas.clientWidth, height = canvas.clientHeight;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
@@ -31,11 +33,11 @@ export class Timeline {
     const c = canvas.getContext("2d");
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, width, height);
-    c.font = "12px system-ui, sans-serif";
+    c.font = FONT;
     c.textBaseline = "middle";
     const now = stream.now();
-    const past = stream.history;
-    const x = (at) => LEFT + (width - LEFT - RIGHT) * (1 - (now - at) / SPAN_S);
+    const past = this.past.rows();
+    const x = (at) => LEFT + (width - LEFT - RIGHT) * (1 - (now - at) / span);
     // A gap longer than an old decision is drawn as a gap.
     const longest = decisionOldAfter(past);
     const spans = past.map((p, i) => {
@@ -59,11 +61,11 @@ export class Timeline {
     this.#axis(c, x, height);
     const { last } = this;
     const said = last
-      ? `the last one is ${last.algorithm} from ${last.participants.length} robots, C(t) ${rate(last.capacity_bps)}, used ${rate(last.used_bps)}`
+      ? `the last one is ${last.algorithm ?? "–"} from ${last.robots} robots, C(t) ${rate(last.capacity_bps)}, used ${rate(last.used_bps)}`
       : `none in the last ${longest.toFixed(0)} s`;
     canvas.setAttribute("aria-label", spans.length
-      ? `Timeline: ${spans.length} decisions in two minutes; ${said}`
-      : "Timeline: no decision in the last two minutes");
+      ? `Timeline: ${spans.length} entries in ${spanWords(span)}; ${said}`
+      : `Timeline: no decision in the last ${spanWords(span)}`);
   }
 
   _capacity(c, spans, box) {
@@ -73,36 +75,38 @@ export class Timeline {
     c.fillStyle = t("--used");
     c.globalAlpha = 0.45;
     for (const s of spans) {
-      if (s.used_bps === null) continue;
+      if ((s.used_bps ?? null) === null) continue;
       c.fillRect(s.from, y(s.used_bps), s.to - s.from, box.top + box.height - y(s.used_bps));
     }
     c.globalAlpha = 1;
     this.#steps(c, spans, (s) => s.used_bps, y, "--used", 2);
     this.#steps(c, spans, (s) => s.capacity_bps, y, "--text", 2);
+    this.#scale(c, box, rate(top));
     this.#label(c, box, `C(t) ${rate(this.last?.capacity_bps)}`, "--text", 0.3);
-    this.#label(c, box, `▮ ${rate(this.last?.used_bps)}`, "--used", 0.7);
+    this.#label(c, box, `used ${rate(this.last?.used_bps)}`, "--used-text", 0.7);
   }
 
   _robots(c, spans, box) {
-    const most = Math.max(1, ...spans.map((s) => s.participants.length));
-    const y = (n) => box.top + box.height * (1 - (0.85 * n) / most);
+    const most = Math.max(1, ...spans.map((s) => s.robots));
+    const y = (n) => box.top + box.height * (1 - n / (most + 1));
     let from = null;
     const names = [];
     spans.forEach((s, i) => {
       c.fillStyle = this.theme(algorithmColour(s.algorithm));
       c.globalAlpha = 0.35;
-      c.fillRect(s.from, y(s.participants.length), s.to - s.from, box.top + box.height - y(s.participants.length));
+      c.fillRect(s.from, y(s.robots), s.to - s.from, box.top + box.height - y(s.robots));
       c.globalAlpha = 1;
       from ??= s;
       const next = spans[i + 1];
       if (next && next.algorithm === s.algorithm && goesOn(s, next)) return;
-      if (s.to - from.from > 8 * s.algorithm.length) names.push([s.algorithm, from.from + 4]);
+      if (s.algorithm && s.to - from.from > 8 * s.algorithm.length) names.push([s.algorithm, from.from + 4]);
       from = null;
     });
-    this.#steps(c, spans, (s) => s.participants.length, y, "--chosen", 2);
+    this.#steps(c, spans, (s) => s.robots, y, "--chosen", 2);
     c.fillStyle = this.theme("--text");
     for (const [name, at] of names) c.fillText(name, at, box.top + box.height - 9);
-    this.#label(c, box, `${this.last?.participants.length ?? "–"} robots`, "--text", 0.5);
+    this.#scale(c, box, `${most + 1} robots`);
+    this.#label(c, box, `${this.last?.robots ?? "–"} robots`, "--text", 0.5);
   }
 
   _source(c, spans, box) {
@@ -113,7 +117,7 @@ export class Timeline {
       if (next && next.source === s.source && next.valid === s.valid && goesOn(s, next)) return;
       c.fillStyle = this.theme(s.valid ? "--line" : "--fault");
       c.fillRect(from.from, box.top + 1, Math.max(1, s.to - from.from - 1), box.height - 1);
-      const words = s.valid ? s.source : "not valid";
+      const words = s.valid ? s.source ?? "" : "not valid";
       if (s.to - from.from > 7 * words.length) {
         c.fillStyle = this.theme(s.valid ? "--text" : "--panel");
         c.fillText(words, from.from + 4, box.top + box.height / 2);
@@ -124,11 +128,12 @@ export class Timeline {
   }
 
   _latency(c, spans, box) {
-    const top = Math.max(10, ...spans.map((s) => s.latency_ms ?? 0)) * 1.15;
+    const top = Math.max(10, ...spans.map((s) => s.latency_ms ?? 0)) * 1.1;
     const y = (v) => box.top + box.height * (1 - v / top);
     this.#steps(c, spans, (s) => s.latency_ms, y, "--box", 2);
+    this.#scale(c, box, `${top.toFixed(0)} ms`);
     const last = this.last?.latency_ms;
-    this.#label(c, box, last === null || last === undefined ? "latency –" : `${last.toFixed(0)} ms`, "--text", 0.5);
+    this.#label(c, box, last === null || last === undefined ? "latency –" : `latency ${last.toFixed(0)} ms`, "--text", 0.5);
   }
 
   #steps(c, spans, value, y, colour, width) {
@@ -138,7 +143,7 @@ export class Timeline {
     let end = null;
     for (const s of spans) {
       const v = value(s);
-      if (v === null) {
+      if (v === null || v === undefined) {
         end = null;
         continue;
       }
@@ -157,13 +162,25 @@ export class Timeline {
     c.textAlign = "left";
   }
 
+  // What the lane's edges stand for.
+  #scale(c, box, words) {
+    c.font = SMALL;
+    c.fillStyle = this.theme("--quiet");
+    c.fillText(words, box.right + 4, box.top + 5, RIGHT - 6);
+    c.fillText("0", box.right + 4, box.top + box.height - 4);
+    c.font = FONT;
+  }
+
   #axis(c, x, height) {
     c.fillStyle = this.theme("--quiet");
     c.textAlign = "center";
-    const now = this.stream.now();
-    for (const ago of [120, 90, 60, 30, 0]) {
-      c.textAlign = ago === 0 ? "right" : ago === 120 ? "left" : "center";
-      c.fillText(ago ? `−${ago} s` : "now", x(now - ago), height - 8);
+    const { span, stream } = this.past;
+    const now = stream.now();
+    const fine = x(now - 0.75 * span) - x(now - span) > TICK_PX;
+    for (const share of fine ? [1, 0.75, 0.5, 0.25, 0] : [1, 0.5, 0]) {
+      const ago = share * span;
+      c.textAlign = share === 0 ? "right" : share === 1 ? "left" : "center";
+      c.fillText(ago ? `−${spanWords(ago)}` : "now", x(now - ago), height - 8);
     }
     c.textAlign = "left";
   }
@@ -175,6 +192,13 @@ function goesOn(span, next) {
 }
 
 function algorithmColour(name) {
+  name ??= "";
   const family = ["early", "intermediate", "late"].find((one) => name.startsWith(one));
   return family ? `--${family}` : "--quiet";
+}
+
+// A span in its own unit.
+export function spanWords(seconds) {
+  const [size, unit] = seconds <= 120 ? [1, "s"] : seconds < 7200 ? [60, "min"] : [3600, "h"];
+  return `${Number((seconds / size).toFixed(2))} ${unit}`;
 }

@@ -9,6 +9,12 @@ export function rate(bps) {
   return `${Math.round(bps)} bit/s`;
 }
 
+export function bytes(count) {
+  if (count >= 1e6) return `${(count / 1e6).toFixed(1)} MB`;
+  if (count >= 1e3) return `${(count / 1e3).toFixed(1)} kB`;
+  return `${count} B`;
+}
+
 export function ago(seconds) {
   if (seconds < 0.05) return "now";
   if (seconds < 10) return `${seconds.toFixed(1)} s ago`;

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any, cast
 
@@ -55,15 +54,31 @@ def test_an_assumed_capacity_is_told_from_a_known_one(source: str, known: int) -
     assert shown(registry)["coadapt_ego_capacity_known"] == known
 
 
-def test_the_error_of_the_estimate_is_shown_only_while_there_is_one() -> None:
+@pytest.mark.stumble(
+    "C(t)'s error is not a number", command="curl -s localhost:9102/metrics | grep estimate"
+)
+def test_the_error_of_the_estimate_is_a_number_and_says_whether_it_is_one_of_a_measurement() -> (
+    None
+):
     registry = CollectorRegistry()
     metrics = EgoMetrics(registry)
-    name = "coadapt_link_estimate_error_ratio"
-    assert math.isnan(shown(registry)[name])
+    names = ("coadapt_link_estimate_error_ratio", "coadapt_link_estimate_compared")
+    assert [shown(registry)[name] for name in names] == [0, 0]
     metrics.links(replace(snapshot(view("E")), capacity_error=-0.04))
-    assert shown(registry)[name] == -0.04
+    assert [shown(registry)[name] for name in names] == [-0.04, 1]
     metrics.links(snapshot(view("E")))
-    assert math.isnan(shown(registry)[name])
+    assert [shown(registry)[name] for name in names] == [0, 0]
+
+
+def test_what_may_come_of_a_robot_is_counted_from_zero() -> None:
+    registry = CollectorRegistry()
+    metrics = EgoMetrics(registry)
+    metrics.decides_among(("early", "late"))
+    metrics.links(snapshot(view("E"), view("A")))
+    found = shown(registry)
+    assert found['coadapt_ego_decisions_total{algorithm="late",source="fallback"}'] == 0
+    assert found['coadapt_ego_received_bytes_total{algorithm="early",robot="A"}'] == 0
+    assert found['coadapt_ego_missing_total{reason="deadline",robot="A"}'] == 0
 
 
 def test_a_demand_that_cannot_be_told_costs_the_cycle_nothing() -> None:

@@ -18,6 +18,7 @@ from perception.detector.calibration import (
     uncalibrated,
 )
 from perception.detector.weight_files import weight_file
+from perception.fusion.publishing import operating_point
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 
@@ -96,3 +97,8 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path, change: dict[str, object
     path.write_bytes(msgspec.json.encode({**msgspec.to_builtins(MADE), **change}))
     with pytest.raises(PerceptionError, match=r"c\.json cannot be used"):
         read_calibration(path, "factory", weight_file("factory"))
+
+
+def test_the_operating_point_is_told_of_what_is_calibrated_alone() -> None:
+    assert operating_point("factory", "early") == calibration_of("factory").least_chance
+    assert operating_point("factory", "an-algorithm-of-ones-own") is None

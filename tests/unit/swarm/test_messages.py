@@ -172,7 +172,8 @@ def test_a_field_of_a_wrong_type_is_refused(sample: Message, wrong: object) -> N
             continue  # Most policies ask nobody.
         if name == "body" and wrong is None:
             continue  # Robots of an earlier version do not tell it.
-        if name in ("age_ms", "deadline_s", "held_s", "probe") and wrong is None:
+        optional = ("age_ms", "deadline_s", "held_s", "operating_point", "probe")
+        if name in optional and wrong is None:
             continue  # Egos of an earlier version do not tell them.
         if (name, wrong) in (("reference", None), ("demand", b"\x00")):
             continue  # Most algorithms need to know neither.

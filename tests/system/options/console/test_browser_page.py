@@ -26,6 +26,8 @@ pytestmark = needs_browser
 
 NOTHING = rows(9)
 VISIBLE = pack(np.full((72, 1), 12.0, np.float32))
+INKS = ("--text", "--quiet", "--fault", "--good", "--used-text", "--chosen")
+"""Colours of words."""
 PATIENCE = 300
 """Times that something is said before it must have been seen."""
 COLOURS = """() => {
@@ -33,6 +35,8 @@ COLOURS = """() => {
   return [style.color, style.backgroundColor]
     .map((colour) => colour.match(/[0-9.]+/g).slice(0, 3).map(Number));
 }"""
+INK = """(name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim()
+  .match(/[0-9a-f]{2}/gi).map((hex) => parseInt(hex, 16))"""
 TOLD = """() => {
   window.told = [];
   const alert = document.querySelector("[role=alert]");
@@ -126,6 +130,12 @@ def test_a_robot_that_takes_no_part_shows_why(speakers: Speakers, page: Page) ->
             )
         ),
     )
+    page.get_by_role("button", name="R3", exact=True).click()
+    # 4,000 bytes in each of ten frames a second.
+    why = "no: it could, but was not chosen (coverage: 2 see more). It would add 320 kbit/s"
+    tell(page, say, shows(why, "#robot-facts"))
+    page.get_by_role("button", name="R4", exact=True).click()
+    tell(page, say, shows("no: out of range", "#robot-facts"))
 
 
 def test_only_what_was_changed_is_asked_of_the_ego_and_its_silence_is_seen(
@@ -173,6 +183,48 @@ def test_robots_far_apart_are_shown_where_no_floor_plan_bounds_them(
         expect(page.get_by_role("img", name="Map of the floor: 2 robots")).to_be_visible()
 
 
+@pytest.mark.stumble("the map shows boxes below the operating point", command="open localhost:8080")
+def test_boxes_are_drawn_from_the_operating_point_on_and_a_slider_shows_more(
+    speakers: Speakers, page: Page
+) -> None:
+    boxes = [(10.0 * i, 8.0, 0.5, 1.0, 1.0, 1.0, 0.0) for i in range(3)]
+    scores = (0.9, 0.55, 0.3)
+
+    def say(operating_point: float | None) -> Callable[[], None]:
+        def told() -> None:
+            speakers.robot(EGO, 5.0, 8.0)
+            speakers.detections(*boxes, scores=scores, operating_point=operating_point)
+
+        return told
+
+    speakers._session.declare_alive(EGO)
+    # Raw scores of a detector that nobody has calibrated only rank boxes.
+    tell(page, say(None), shows("0.50 (not calibrated), 2 of 3 boxes", "#box-words"))
+    tell(page, say(0.25), shows("0.25 (operating point), 3 of 3 boxes", "#box-words"))
+    slider = page.get_by_role("slider", name="boxes from score")
+    slider.fill("0.6")
+    tell(page, say(0.25), shows("0.60 (chosen here), 1 of 3 boxes", "#box-words"))
+    page.get_by_role("button", name="Back to the operating point").click()
+    tell(page, say(0.25), shows("0.25 (operating point), 3 of 3 boxes", "#box-words"))
+
+
+def test_without_prometheus_the_page_tells_of_what_it_sees_itself(
+    speakers: Speakers, page: Page
+) -> None:
+    alerts = region(page, "Alerts")
+    expect(alerts).to_contain_text("none")
+    expect(alerts).to_contain_text("the swarm runs without Prometheus")
+    expect(page.locator("#timeline-from")).to_contain_text("the swarm runs without Prometheus")
+    expect(page.get_by_role("link", name="Prometheus")).to_be_hidden()
+
+    def say() -> None:
+        speakers.decision(speakers.seq, EGO)
+        speakers.demand(reachable=False)
+
+    tell(page, say, shows("Q_min 0.7 is out of reach: C(t) is too small", "#alerts"))
+    expect(page.locator("#alerts-count")).to_have_text("1 now")
+
+
 def test_an_empty_floor_is_shown_as_such(page: Page) -> None:
     expect(page.locator("#robots-count")).to_have_text("0 alive")
     expect(page.get_by_role("img", name="Map of the floor: 0 robots, 0 take part")).to_be_visible()
@@ -204,6 +256,11 @@ def test_light_and_dark_follow_the_system_and_both_can_be_read(page: Page) -> No
         text, ground = map(luminance, page.evaluate(COLOURS))
         contrasts[scheme] = (max(text, ground) + 0.05) / (min(text, ground) + 0.05)
         assert (ground > text) == (scheme == "light")
+        panel = luminance(page.evaluate(INK, "--panel"))
+        for name in INKS:
+            ink = luminance(page.evaluate(INK, name))
+            # WCAG's contrast for words.
+            assert (max(ink, panel) + 0.05) / (min(ink, panel) + 0.05) > 4.5, (scheme, name)
     # WCAG's enhanced contrast.
     assert min(contrasts.values()) > 7
 
@@ -216,6 +273,9 @@ def test_a_machine_that_has_slept_asks_anew_rather_than_trust_its_clock(page: Pa
     assert "this machine slept" in page.evaluate("told.join()")
 
 
+@pytest.mark.stumble(
+    "a browser that loses the stream", command="open localhost:8080, make down, up"
+)
 def test_a_console_that_comes_again_is_found_without_a_reload(
     shared_router: RouterProcess, swarm_name: str, browser: Browser
 ) -> None:

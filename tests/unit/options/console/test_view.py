@@ -6,6 +6,7 @@ import json
 import time
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -153,6 +154,19 @@ def test_a_clock_that_is_set_back_hides_no_silence(
     assert shown(board)["faults"][-1]["text"] == "R2 is alive but sends no beacons"
     view.on_beacon(beacon("R2"))
     assert shown(board)["faults"][-1]["text"] == "R2 sends beacons again"
+
+
+def test_what_frames_of_a_robot_take_is_told_when_it_changes(view: View, board: Board) -> None:
+    view.on_join("R2")
+    view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes={"early": 4000}))
+    number, found = board.since(0)
+    assert json.loads(b"{%b}" % found)["state"]["sizes/R2"] == {"early": 4000}
+    for sizes in ({"early": 4000}, {}):
+        view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes=sizes))
+    number, found = board.since(number)
+    assert "sizes/R2" not in json.loads(b"{%b}" % found)["state"]
+    view.on_beacon(msgspec.structs.replace(beacon("R2"), sizes={"early": 5000}))
+    assert json.loads(b"{%b}" % board.since(number)[1])["state"]["sizes/R2"] == {"early": 5000}
 
 
 def decision(cycle: int, *, valid: bool = True) -> Decision:
