@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from perception.fusion.algorithms import all_fusions
-from swarm.defaults import SWARM
+from swarm.defaults import ALGORITHM, SWARM
 
 if TYPE_CHECKING:
     from coadapt.recorded import Recorded
@@ -43,6 +43,16 @@ def add_swarm(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--swarm", default=SWARM, help="name of the swarm (default: %(default)s)")
 
 
+def add_algorithm(parser: argparse._ActionsContainer) -> None:
+    """Adds --algorithm."""
+    parser.add_argument(
+        "--algorithm",
+        default=ALGORITHM,
+        metavar="NAME",
+        help=f"{', '.join(all_fusions())}; single is the ego alone (default: %(default)s)",
+    )
+
+
 def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
     """Adds what is fused and how: DATA, --algorithm or --opencood, --ego, --pose-noise, --delay and
     --json."""
@@ -55,12 +65,8 @@ def add_recorded_fusion(parser: argparse.ArgumentParser) -> None:
         "or a folder of robots' bags or scans "
         "(default: the sample that `coadapt data` brings)",
     )
-    how = parser.add_mutually_exclusive_group(required=True)
-    how.add_argument(
-        "--algorithm",
-        metavar="NAME",
-        help=f"{', '.join(all_fusions())}; single is the ego alone",
-    )
+    how = parser.add_mutually_exclusive_group()
+    add_algorithm(how)
     how.add_argument(
         "--opencood",
         type=Path,

@@ -15,6 +15,8 @@ from swarm.settings import Name
 
 SWARM: Name = "local"
 POLICY: Name = "coverage"
+ALGORITHM = "early"
+"""What a person fuses with who names none; egos decide by themselves."""
 Period = Annotated[float, msgspec.Meta(ge=0.05, le=3600, description="seconds")]
 PERIOD_S: Period = 1.0
 """Time between two decisions; the paper uses 5 s."""

@@ -11,6 +11,7 @@ from coadapt.api.cloud import Cloud, PoseLike, ScanLike, as_cloud
 from perception.detector import configuration
 from perception.fusion.base import Fusion
 from perception.types import Boxes
+from swarm.defaults import ALGORITHM
 from swarm.errors import ScanError
 from swarm.geometry import Matrix, Pose, invert, pose_of
 from worlds.base import GroundTruth, Scan
@@ -58,7 +59,7 @@ class Fused:
 
 def fuse(
     parts: Sequence[Cloud | Scan | tuple[ScanLike, PoseLike]],
-    algorithm: str | Fusion = "early",
+    algorithm: str | Fusion = ALGORITHM,
     detector: str | None = None,
 ) -> Fused:
     """Encodes, decodes and fuses scans as a swarm would: the first is the ego's, in whose frame the

@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from coadapt.arguments import at_least_zero, comma_separated
-from perception.fusion.algorithms import all_fusions
+from coadapt.arguments import add_algorithm, at_least_zero, comma_separated
 
 if TYPE_CHECKING:
     from worlds.base import World
@@ -44,12 +43,7 @@ def register(commands: Any) -> None:
         metavar="NAMES",
         help="robots that send, comma-separated (default: all)",
     )
-    parser.add_argument(
-        "--algorithm",
-        default="early",
-        metavar="NAME",
-        help=f"{', '.join(all_fusions())}; single is the ego alone (default: early)",
-    )
+    add_algorithm(parser)
     parser.add_argument("--pose-noise", type=at_least_zero, default=0.0, metavar="M")
     parser.add_argument("--delay", type=at_least_zero, default=0.0, metavar="S")
     parser.add_argument(

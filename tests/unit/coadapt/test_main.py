@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 import tomllib
 
 import pytest
 
-from coadapt.main import RESEARCH, main
+import coadapt
+from coadapt.main import RESEARCH, build_parser, main
+from swarm.defaults import ALGORITHM
 from tests.support.paths import REPOSITORY
 
 
@@ -50,3 +53,12 @@ def test_another_missing_package_is_a_defect_and_shows_where() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 1
     assert "Traceback" in done.stderr
+
+
+@pytest.mark.stumble("--algorithm has several defaults", command="coadapt ap  # fuse, picture")
+def test_algorithm_has_one_default_everywhere() -> None:
+    parser = build_parser()
+    commands = (["ap"], ["fuse"], ["picture", "factory", "--output", "x.svg"])
+    chosen = {parser.parse_args(command).algorithm for command in commands}
+    chosen.add(inspect.signature(coadapt.fuse).parameters["algorithm"].default)
+    assert chosen == {ALGORITHM}
