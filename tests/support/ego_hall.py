@@ -18,6 +18,7 @@ from ego_agent.settings import EgoSettings
 from perception.codec.points import decode_points, encode_points
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.types import Boxes, clean_points
+from robot_agent.duty import OBSERVE_WORKERS
 from swarm import keyspace
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Points, Pose, transform
@@ -157,7 +158,8 @@ def a_robot(swarm: Swarm, ego: Ego) -> Iterator[Callable[[str, Answer], None]]:
     def start(name: str, answer: Answer) -> None:
         session = Session(swarm.address, "test", timeout_s=60)
         sessions.append(session)
-        session.serve(keyspace.observation("test", name), ObservationRequest, answer)
+        key = keyspace.observation("test", name)
+        session.serve(key, ObservationRequest, answer, workers=OBSERVE_WORKERS, newest_first=True)
         session.declare_alive(name)
         until(lambda: ego.monitor.is_alive(name), f"{name} is seen")
 

@@ -24,6 +24,7 @@ import msgspec
 
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import LinkWatch
+from robot_agent.duty import OBSERVE_WORKERS
 from swarm import keyspace
 from swarm.messages import Beacon, Observation, ObservationRequest, TcpState
 from swarm.session import Answer, Session
@@ -147,7 +148,8 @@ def serve(name: str, plan: Plan, stack: ExitStack) -> None:
         while not gone.wait(BEACON_PERIOD_S):
             session.put(keyspace.beacon(SWARM, name), msgspec.structs.replace(BEACON, robot=name))
 
-    session.serve(keyspace.observation(SWARM, name), ObservationRequest, handle)
+    key = keyspace.observation(SWARM, name)
+    session.serve(key, ObservationRequest, handle, workers=OBSERVE_WORKERS, newest_first=True)
     session.declare_alive(name)
     thread = threading.Thread(target=beacon)
     thread.start()

@@ -58,7 +58,7 @@ def test_another_missing_package_is_a_defect_and_shows_where() -> None:
 @pytest.mark.stumble("--algorithm has several defaults", command="coadapt ap  # fuse, picture")
 def test_algorithm_has_one_default_everywhere() -> None:
     parser = build_parser()
-    commands = (["ap"], ["fuse"], ["picture", "factory", "--output", "x.svg"])
+    commands = (["ap"], ["fuse", "--frame", "1"], ["picture", "factory", "--output", "x.svg"])
     chosen = {parser.parse_args(command).algorithm for command in commands}
     chosen.add(inspect.signature(coadapt.fuse).parameters["algorithm"].default)
     assert chosen == {ALGORITHM}
