@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
+from options.console.board import now_s
 from swarm.messages import Decision, GatewayState, NetDemand
 
 SILENT_S = 2.0
@@ -17,6 +18,8 @@ PERIODS = 3
 """An ego that decides rarely is silent after this many of its own periods."""
 EGO_UNKNOWN_S = 60.0
 """Until its second decision nobody knows how rarely it decides."""
+DUTY_S = 1.0
+"""A robot whose token has gone is lost when it has not said for so long that it is off duty."""
 SETTLE_S = 3.0
 """What is there within this time of the start is no news."""
 
@@ -33,6 +36,9 @@ class Faults:
         self._say = say
         self._open: set[str] = set()
         self._alive: dict[str, bool] = {}
+        self._gone: dict[str, tuple[float, float]] = {}
+        """Robots of which nobody knows yet why their token has gone: when, on the steady clock and
+        as events tell it."""
         self._connected_at: float | None = None
         """Since when the router is reached, or was last."""
         self._decided_at: float | None = None
@@ -52,6 +58,8 @@ class Faults:
             self._tell("good", "the swarm's router answers again")
         if back or self._connected_at is None:
             self._connected_at = now
+        for robot in [r for r, (at, _) in self._gone.items() if now - at >= DUTY_S]:
+            self._lost(robot)
         for robot, at in heard.items():
             if self._missing(f"silent {robot}", now, at, SILENT_S):
                 self._tell("fault", f"{robot} is alive but sends no beacons", robot)
@@ -73,8 +81,9 @@ class Faults:
         """A robot's liveliness token has come or gone."""
         before, self._alive[robot] = self._alive.get(robot), alive
         if not alive and before:
-            self._tell("fault", f"{robot} is lost", robot)
+            self._gone[robot] = now, now_s()
         elif alive and before is False:
+            self._lost(robot)
             self._tell("good", f"{robot} is back", robot)
         elif alive and self._connected_at is not None and now - self._connected_at > SETTLE_S:
             self._tell("note", f"{robot} has joined", robot)
@@ -82,11 +91,13 @@ class Faults:
 
     def forget(self, robot: str) -> None:
         """Nothing is kept of a robot that has left."""
+        self._lost(robot)
         self._alive.pop(robot, None)
         self._open -= {f"silent {robot}", f"unreadable {robot}"}
 
     def off_duty(self, robot: str, operator: str) -> None:
         """A robot that has left was taken off duty."""
+        self._gone.pop(robot, None)
         self._tell("note", f"{robot} was taken off duty by {operator or 'an operator'}", robot)
 
     def gateway(self, alive: bool) -> None:
@@ -142,6 +153,12 @@ class Faults:
         """A message passed validation, but its arrays do not fit together."""
         if self._holds(f"unreadable {robot}", True):
             self._tell("fault", f"{robot} sends arrays that cannot be read: {why}", robot)
+
+    def _lost(self, robot: str) -> None:
+        """A robot has left, and nobody has said why."""
+        if robot in self._gone:
+            _, at = self._gone.pop(robot)
+            self._say({"at": at, "level": "fault", "text": f"{robot} is lost", "robot": robot})
 
     def _patience_s(self) -> float:
         """After how long without a decision the ego decides no more."""

@@ -143,6 +143,7 @@ def test_a_robot_that_is_stopped_on_the_page_leaves_and_comes_back(page: Page) -
     expect(page.locator("#decision-what")).not_to_contain_text("R3")
     events = page.get_by_role("list", name="Events, newest first")
     expect(events).to_contain_text("R3 was taken off duty by console")
+    expect(events).not_to_contain_text("R3 is lost")
     page.get_by_role("button", name="Start robot").click()
     expect(steering.get_by_role("status")).to_contain_text("R3 is on duty")
     expect(robot_row(page, "R3")).to_contain_text(re.compile("alive(yes|no: not chosen)"))
