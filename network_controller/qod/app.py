@@ -121,6 +121,11 @@ async def _read(request: Request) -> bytes:
     return bytes(raw)
 
 
+def refused(problem: problems.Problem) -> Response:
+    """The answer that says it."""
+    return _error(problem.info)
+
+
 def _error(info: ErrorInfo, headers: Mapping[str, str] | None = None) -> Response:
     return Response(msgspec.json.encode(info), info.status, headers, "application/json")
 

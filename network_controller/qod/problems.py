@@ -49,6 +49,15 @@ def invalid_token(message: str) -> Problem:
     return Problem(400, "INVALID_TOKEN", message)
 
 
+def another_name() -> Problem:
+    """Asked under a name that is not this host's."""
+    return Problem(
+        403,
+        "PERMISSION_DENIED",
+        "without a token this API answers under this host's own addresses and as localhost only",
+    )
+
+
 def unauthenticated() -> Problem:
     """No bearer token, or the wrong one."""
     return Problem(

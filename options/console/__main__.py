@@ -14,7 +14,6 @@ from options.console.board import Board
 from options.console.endpoint import Endpoint
 from options.console.files import Recordings
 from options.console.floor import plan
-from options.console.guard import Hosts
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
 from options.console.past import Past
@@ -24,6 +23,7 @@ from options.console.view import View
 from options.console.watch import Watch
 from swarm import transport
 from swarm.errors import CoAdaptError
+from swarm.http_hosts import Hosts
 from swarm.http_serving import is_loopback
 from swarm.log import make_logger
 from swarm.metrics import MetricsServer

@@ -18,12 +18,13 @@ from starlette.types import Receive, Scope, Send
 
 from options.console.controls import CONTROLS
 from options.console.files import Recordings
-from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, Hosts, same_origin
+from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, same_origin
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
 from options.console.past import STEPS_S, Past
 from options.console.watch import Watch
 from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
+from swarm.http_hosts import Hosts
 from swarm.log import Logger
 
 PAGE = Path(__file__).parent / "page"

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import secrets
 import time
-from collections.abc import Collection
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
@@ -14,6 +12,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from swarm.http_hosts import Hosts
 from swarm.http_serving import Bearer
 
 COOKIE = "coadapt_console"
@@ -34,33 +33,6 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-
-
-class Hosts:
-    """The names under which this server may be asked.
-
-    A web page elsewhere can have its own name lead to this address (DNS rebinding), but the
-    browser then sends that name. Addresses cannot be made to lead elsewhere.
-    """
-
-    def __init__(self, names: Collection[str], *, loopback: bool) -> None:
-        """`loopback`: of addresses, only this host's own."""
-        self._names = {"localhost", *(name.lower() for name in names)}
-        self._loopback = loopback
-
-    def may(self, host: str) -> bool:
-        """Whether a `Host` header is one of them; the port does not matter."""
-        try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        if name in self._names:
-            return True
-        try:
-            address = ipaddress.ip_address(name)
-        except ValueError:
-            return False
-        return address.is_loopback or not self._loopback
 
 
 def same_origin(headers: Headers) -> bool:

@@ -319,6 +319,21 @@ def test_the_token_is_asked_for_everywhere_but_at_health(gateway: Scripted) -> N
         assert endpoint.chat(headers={"Authorization": f"bearer {TOKEN}"}).status == 200
 
 
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:9106", "10.0.0.1", "[::"])
+def test_a_name_that_somebody_had_lead_here_is_refused(
+    gateway: Scripted, endpoint: Client, host: str
+) -> None:
+    answer = endpoint.chat(headers={"Host": host})
+    assert (answer.status, answer.error["code"]) == (403, "host")
+    assert "this host's own addresses" in answer.error["message"]
+    assert gateway.jobs.empty()
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1:9106", "[::1]"])
+def test_this_hosts_own_names_are_answered(endpoint: Client, host: str) -> None:
+    assert endpoint.send("GET", "/v1/models", headers={"Host": host}).status == 200
+
+
 def test_other_hosts_need_a_token(gateway: Scripted) -> None:
     with pytest.raises(SettingError, match=r"COADAPT_LLM_HTTP_HOST = '0\.0\.0\.0'"):
         HttpEndpoint(gateway, "0.0.0.0", 0, "", CollectorRegistry(), LOG)

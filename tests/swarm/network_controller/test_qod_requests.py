@@ -271,6 +271,28 @@ def test_with_a_device_profiles_say_the_rate_on_its_link(api: Api) -> None:
     assert api.send("POST", RETRIEVE_PROFILES, {"status": "INACTIVE"}).body == []
 
 
+OTHER_NAMES = ["evil.example", "evil.example:9104", "10.0.0.1", "[::"]
+
+
+@pytest.mark.parametrize("host", OTHER_NAMES)
+def test_a_name_that_somebody_had_lead_here_is_refused(api: Api, host: str) -> None:
+    reply = api.send("POST", SESSIONS, wish(), headers={"Host": host})
+    assert "this host's own addresses" in refused(reply, 403, "PERMISSION_DENIED")
+    assert api.send("GET", PROFILES, headers={"Host": host}).status == 403
+    assert not api.links.holds
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:9", "127.0.0.1:8080", "[::1]:8080"])
+def test_this_hosts_own_names_are_answered(api: Api, host: str) -> None:
+    assert api.send("GET", PROFILES, headers={"Host": host}).status == 200
+
+
+def test_who_shows_a_token_may_ask_under_any_name() -> None:
+    headers = {"Authorization": "Bearer right-token", "Host": "qod.plant"}
+    with served(token="right-token") as api:
+        assert api.send("POST", SESSIONS, wish(), headers=headers).status == 201
+
+
 def test_with_a_token_only_health_and_the_document_are_open() -> None:
     with served(token="right-token") as api:
         assert api.send("GET", "/health").status == 200
@@ -373,7 +395,7 @@ def test_a_unix_socket_is_for_its_owner_only_and_leaves_nothing(tmp_path: Path) 
         with closing(socket.socket(socket.AF_UNIX)) as to:
             to.settimeout(10)
             to.connect(str(path))
-            to.sendall(b"GET /health HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+            to.sendall(b"GET /health HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
             answer = b"".join(iter(lambda: to.recv(4096), b""))
         assert answer.startswith(b"HTTP/1.1 200")
         with pytest.raises(SettingError, match="COADAPT_QOD_SOCKET"):

@@ -15,10 +15,10 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from options.console.app import PAGE
-from options.console.guard import Hosts
 from options.console.settings import ConsoleSettings, load_settings
 from swarm import keyspace
 from swarm.errors import NetworkError, SettingError
+from swarm.http_hosts import Hosts
 from swarm.messages import (
     EgoSteered,
     EgoSteering,

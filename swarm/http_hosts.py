@@ -1,0 +1,53 @@
+"""Under which names an HTTP endpoint of the swarm may be asked."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Collection
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+
+class Hosts:
+    """The names under which this server may be asked.
+
+    A web page elsewhere can have its own name lead to this address (DNS rebinding), but the
+    browser then sends that name. Addresses cannot be made to lead elsewhere.
+    """
+
+    def __init__(self, names: Collection[str], *, loopback: bool) -> None:
+        """`loopback`: of addresses, only this host's own."""
+        self._names = {"localhost", *(name.lower() for name in names)}
+        self._loopback = loopback
+
+    def may(self, host: str) -> bool:
+        """Whether a `Host` header is one of them; the port does not matter."""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            return False
+        if name in self._names:
+            return True
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return address.is_loopback or not self._loopback
+
+
+class OnlyOwnNames:
+    """Around an application that asks for no token: a page elsewhere that has its own name lead
+    here is refused."""
+
+    def __init__(self, app: ASGIApp, refusal: ASGIApp) -> None:
+        """`refusal` answers for the application."""
+        self._app = app
+        self._refusal = refusal
+        self._hosts = Hosts((), loopback=True)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        may = self._hosts.may(Headers(scope=scope).get("host", ""))
+        await (self._app if may else self._refusal)(scope, receive, send)
