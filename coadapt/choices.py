@@ -5,13 +5,15 @@ from __future__ import annotations
 import http.client
 import os
 import urllib.request
+from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from deploy.progress import say
+from deploy.services import API_KEY, API_KEY_FILE
 from deploy.spec import EMBEDDED, SwarmSpec
 from swarm.errors import DeployError, GatewayError
 
-API_KEY = "COADAPT_LLM_API_KEY"
 ASK_S = 3.0
 MAX_LIST_BYTES = 1_000_000
 SHOWN = 10
@@ -59,10 +61,12 @@ def _check_listed(url: str, name: str) -> None:
 
     base = url.rstrip("/") if urlsplit(url).path.strip("/") else f"{url.rstrip('/')}/v1"
     request = urllib.request.Request(f"{base}/models")
-    if key := os.environ.get(API_KEY):
+    if key := _api_key():
         request.add_header("Authorization", f"Bearer {key}")
+    # No proxies and no redirects: the key is for this server alone.
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), _Nowhere())
     try:
-        with urllib.request.urlopen(request, timeout=ASK_S) as response:
+        with opener.open(request, timeout=ASK_S) as response:
             listed = read_models(response.read(MAX_LIST_BYTES), base)
     except (OSError, http.client.HTTPException, GatewayError) as error:
         reason = getattr(error, "reason", error)
@@ -73,3 +77,20 @@ def _check_listed(url: str, name: str) -> None:
         raise DeployError(
             f"model {name!r} is not served by {base}; it lists: {', '.join(listed[:SHOWN])}"
         )
+
+
+class _Nowhere(urllib.request.HTTPRedirectHandler):
+    """Follows no redirect."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """None: the redirect is an error."""
+
+
+def _api_key() -> str:
+    """As the gateway reads it. Raises DeployError where its file cannot be read."""
+    if file := os.environ.get(API_KEY_FILE):
+        try:
+            return Path(file).read_text().strip()
+        except OSError as error:
+            raise DeployError(f"{API_KEY_FILE} = {file!r} cannot be read: {error}") from error
+    return os.environ.get(API_KEY, "")

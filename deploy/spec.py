@@ -22,7 +22,7 @@ from swarm.defaults import (
     CommRange,
     Period,
 )
-from swarm.errors import DeployError
+from swarm.errors import DeployError, PropertyError
 from swarm.keyspace import check_name
 from swarm.messages import MIN_RATE_BPS
 from swarm.messages.steer import QMin
@@ -133,17 +133,6 @@ PROPERTIES = {field.name: field for field in msgspec.structs.fields(SwarmSpec)}
 PORT_FIELDS = tuple(name for name in PROPERTIES if name.endswith("_port"))
 
 
-class InvalidProperty(DeployError):
-    """A property of a swarm has a value that is not allowed."""
-
-    def __init__(self, name: str, value: object, rule: str) -> None:
-        """`rule`: what it must be, in words."""
-        super().__init__(f"{name} = {_shown(value)} is not valid; it must be {rule}")
-        self.name = name
-        self.value = value
-        self.rule = rule
-
-
 def factory_robots(count: int) -> tuple[str, ...]:
     """The robot ids of a simulated factory: R1 to Rn."""
     return tuple(f"R{number}" for number in range(1, count + 1))
@@ -225,8 +214,8 @@ def run_dir_of(swarm: str) -> Path:
     return run_base() / check_name("swarm name", swarm)
 
 
-def _invalid(name: str, value: object, rule: str = "") -> InvalidProperty:
-    return InvalidProperty(name, value, rule or allowed(PROPERTIES[name].type))
+def _invalid(name: str, value: object, rule: str = "") -> PropertyError:
+    return PropertyError(name, value, _shown(value), rule or allowed(PROPERTIES[name].type))
 
 
 def _shown(value: object) -> str:

@@ -23,10 +23,14 @@ from llm_gateway.http_stream import AnswerStream, EventStream
 from llm_gateway.model import Completion, Hear, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
+from swarm.http_hosts import OWN
 from swarm.http_serving import Bearer, media_type
 from swarm.log import Logger
 from swarm.metrics import start_at_zero
 
+ANOTHER_NAME = (
+    "without a token this gateway answers under this host's own addresses and as localhost only"
+)
 MAX_BODY_BYTES = 2_000_000
 DRAINED_BYTES = 16_000_000
 """How much of a longer body is read and thrown away, so that its sender sees the refusal."""
@@ -196,11 +200,13 @@ async def _unless_gone(request: Request, awaited: Awaitable[T]) -> T:
 
 
 class _Gate:
-    """Around everything: checks the token, counts, and logs what fails."""
+    """Around everything: checks the token, and without one the name that was asked for, counts,
+    and logs what fails."""
 
     def __init__(self, app: ASGIApp, token: str, registry: CollectorRegistry, log: Logger) -> None:
         self._app = app
         self._bearer = Bearer(token)
+        self._hosts = None if token else OWN
         self._log = log
         self._requests = Counter(
             "coadapt_llm_http_requests_total",
@@ -217,7 +223,12 @@ class _Gate:
             await send(message)
 
         try:
-            shown = Headers(scope=scope).get("authorization", "")
+            headers = Headers(scope=scope)
+            if self._hosts is not None and not self._hosts.may(headers.get("host", "")):
+                refusal = HttpError(403, ANOTHER_NAME, code="host")
+                await refusal.response()(scope, receive, counted)
+                return
+            shown = headers.get("authorization", "")
             if scope["path"] == HEALTH_PATH or self._bearer.may(shown):
                 await self._app(scope, receive, counted)
             else:

@@ -7,15 +7,10 @@ import asyncio
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import Completer, make_app
-from llm_gateway.http_errors import HttpError
-from swarm.http_hosts import OnlyOwnNames
 from swarm.http_serving import HttpServer, bind, check_token, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256
-ANOTHER_NAME = (
-    "without a token this gateway answers under this host's own addresses and as localhost only"
-)
 
 
 class HttpEndpoint:
@@ -39,8 +34,6 @@ class HttpEndpoint:
         self.port = int(self._socket.getsockname()[1])
         self._log = log
         app = make_app(gateway, token, registry, log)
-        if not token:
-            app = OnlyOwnNames(app, HttpError(403, ANOTHER_NAME, code="host").response())
         self._server = HttpServer(server_config(app, connections=MAX_CONNECTIONS, grace_s=1))
         self._serving: asyncio.Task[None] | None = None
 

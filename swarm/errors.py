@@ -21,6 +21,7 @@
     ├── RecordingError        a recording of a swarm cannot be written or compared
     ├── PictureError          a picture cannot be drawn or written
     └── DeployError           a runtime cannot be started, read or stopped
+        └── PropertyError     a property of a swarm has a value that is not allowed
 
 The command line prints the message and exits with 1; a message therefore names the thing, the
 value and what is allowed.
@@ -134,6 +135,17 @@ class PictureError(CoAdaptError):
 
 class DeployError(CoAdaptError):
     """A runtime cannot be started, read or stopped."""
+
+
+class PropertyError(DeployError):
+    """A property of a swarm has a value that is not allowed."""
+
+    def __init__(self, name: str, value: object, shown: str, rule: str) -> None:
+        """`shown`: the value as messages tell it; `rule`: what it must be, in words."""
+        super().__init__(f"{name} = {shown} is not valid; it must be {rule}")
+        self.name = name
+        self.value = value
+        self.rule = rule
 
 
 def not_installed(package: str | None) -> str:

@@ -6,9 +6,6 @@ import ipaddress
 from collections.abc import Collection
 from urllib.parse import urlsplit
 
-from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Receive, Scope, Send
-
 
 class Hosts:
     """The names under which this server may be asked.
@@ -37,17 +34,6 @@ class Hosts:
         return address.is_loopback or not self._loopback
 
 
-class OnlyOwnNames:
-    """Around an application that asks for no token: a page elsewhere that has its own name lead
-    here is refused."""
-
-    def __init__(self, app: ASGIApp, refusal: ASGIApp) -> None:
-        """`refusal` answers for the application."""
-        self._app = app
-        self._refusal = refusal
-        self._hosts = Hosts((), loopback=True)
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request."""
-        may = self._hosts.may(Headers(scope=scope).get("host", ""))
-        await (self._app if may else self._refusal)(scope, receive, send)
+OWN = Hosts((), loopback=True)
+"""Of an endpoint that asks for no token: a page elsewhere that has its own name lead here is
+refused."""

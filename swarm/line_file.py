@@ -8,9 +8,11 @@ and durability are the same for all journals of the swarm.
 from __future__ import annotations
 
 import fcntl
+import glob
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 PART_BYTES = 16_000_000
 PARTS = 20
@@ -62,9 +64,12 @@ class LineFile:
         fresh.unlink(missing_ok=True)
         fd = _open_locked(fresh)
         try:
-            for number in range(self._parts, 0, -1):
+            for number in range(self._parts, 1, -1):
                 with suppress(FileNotFoundError):
                     _part(self.path, number - 1).replace(_part(self.path, number))
+            # A second name first: there is a file of this name at any moment.
+            _part(self.path, 1).unlink(missing_ok=True)
+            os.link(self.path, _part(self.path, 1))
             fresh.replace(self.path)
             _sync_directory(self.path)
         except OSError:
@@ -87,15 +92,51 @@ class LineFile:
         os.fsync(self._fd)
 
 
+def open_parts(path: Path) -> list[tuple[Path, BinaryIO]]:
+    """The files that hold what was written to a path, open to be read, the oldest first. Raises
+    OSError where the path is not there, or cannot be read.
+
+    Names move on when a file is full: that no part is left out, all are opened before one is read.
+    """
+    while True:
+        found: list[tuple[Path, BinaryIO]] = []
+        try:
+            found.extend((part, part.open("rb")) for part in parts_of(path))
+            newest = os.fstat(found[-1][1].fileno())
+            if os.path.samestat(newest, path.stat()):
+                return found
+        except FileNotFoundError:
+            if not path.exists():
+                raise
+        except OSError:
+            _close(found)
+            raise
+        _close(found)
+
+
 def parts_of(path: Path) -> list[Path]:
-    """The files that hold what was written to a path, the oldest first; the path itself is last,
-    whether it is there or not."""
+    """The names of the files that hold what was written to a path, the oldest first; the path
+    itself is last, whether it is there or not."""
     numbers = []
-    for part in path.parent.glob(f"{path.name}.*"):
+    for part in path.parent.glob(f"{glob.escape(path.name)}.*"):
         tail = part.name.removeprefix(f"{path.name}.")
         if tail.isdecimal():
             numbers.append(int(tail))
-    return [_part(path, number) for number in sorted(numbers, reverse=True)] + [path]
+    parts = [_part(path, number) for number in sorted(numbers, reverse=True)]
+    # A crash amid `rotate` leaves two names of one file.
+    return [part for part in parts if not _is_one(part, path)] + [path]
+
+
+def _is_one(part: Path, path: Path) -> bool:
+    try:
+        return part.samefile(path)
+    except OSError:
+        return False
+
+
+def _close(files: list[tuple[Path, BinaryIO]]) -> None:
+    for _, file in files:
+        file.close()
 
 
 def _part(path: Path, number: int) -> Path:

@@ -43,10 +43,7 @@ class Places(Generic[T]):
                 self._waiting.append((asker, item))
                 return None
             held[asker] += 1
-            most = max(
-                (held[name] for name, _ in self._waiting),
-                default=0,
-            )
+            most = max((held[name] for name, _ in self._waiting), default=0)
             if held[asker] > most or (held[asker] == most and not self._newest_first):
                 own = [i for i, (name, _) in enumerate(self._waiting) if name == asker]
                 if not (self._newest_first and own):
@@ -81,9 +78,11 @@ class Places(Generic[T]):
             self._changed.notify_all()
 
     def wanted(self, asker: str) -> bool:
-        """Whether somebody else waits."""
+        """Whether somebody else waits who may be answered at once."""
         with self._changed:
-            return any(name != asker for name, _ in self._waiting)
+            return any(
+                name != asker and self._answering[name] < self._each for name, _ in self._waiting
+            )
 
     def drain(self, until: float) -> bool:
         """Takes nothing from now on and waits until all is answered, or the monotonic time `until`

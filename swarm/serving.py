@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -64,6 +65,10 @@ class Server(Generic[M]):
             waiting, max(1, workers - 1), newest_first=newest_first
         )
         self._credits = Credits()
+        self._workers = workers
+        self._woken = 0
+        """Threads that were told to look for what waits, and have not begun to."""
+        self._waking = threading.Lock()
 
     def receive(self, query: zenoh.Query) -> None:
         """Takes a query on Zenoh's thread and hands it over."""
@@ -89,9 +94,7 @@ class Server(Generic[M]):
                 why = f"busy: {self._max_waiting} requests are waiting already"
                 self._refuse(loser.query, why, code="busy")
         if loser is not taken:
-            # The session may be closing: nothing waits then.
-            with suppress(RuntimeError):
-                self._pool.submit(self._answer)
+            self._wake()
 
     def drain(self, until: float) -> bool:
         """Refuses new queries from now on, and waits until those taken are answered.
@@ -106,8 +109,20 @@ class Server(Generic[M]):
         self._places.close()
         self._credits.close_all()
 
+    def _wake(self) -> None:
+        """Lets one more thread look for what waits, unless all will look anyway."""
+        with self._waking:
+            if self._woken >= self._workers:
+                return
+            self._woken += 1
+        # The session may be closing: nothing waits then.
+        with suppress(RuntimeError):
+            self._pool.submit(self._answer)
+
     def _answer(self) -> None:
         """Answers what waits, until there is nothing that this thread may begin."""
+        with self._waking:
+            self._woken -= 1
         while (found := self._places.next()) is not None:
             asker, taken = found
             try:

@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Prints a line for each swarm that was started and not taken down."""
     rows = [_row(name) for name in swarms()]
     if args.json:
-        print(msgspec.json.encode(rows).decode())
+        print(msgspec.json.encode({"swarms": rows}).decode())
     elif not rows:
         print(f"no swarm is running; start one with `{typed('up')}`")
     else:

@@ -22,14 +22,13 @@ from deploy.spec import (
     MIN_ROBOTS,
     PORT_FIELDS,
     PROPERTIES,
-    InvalidProperty,
     SwarmSpec,
     factory_robots,
     make_spec,
 )
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
-from swarm.errors import DeployError, not_installed
+from swarm.errors import DeployError, PropertyError, not_installed
 from swarm.process import ProcessSettings
 from worlds.registry import data_words, swarm_worlds, world_kind
 
@@ -171,7 +170,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
             based = based_on(args.port_base)
             spec = replace(spec, **{n: port for n, port in based.items() if n not in named})
             named = set(PORT_FIELDS)
-    except InvalidProperty as error:
+    except PropertyError as error:
         option = _OPTION_OF.get(error.name, f"--{error.name}")
         text = f"{option} {error.value} is not valid; it must be {error.rule}"
         raise DeployError(text) from error
@@ -187,7 +186,8 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
 
 def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     if not MIN_ROBOTS <= args.robots <= MAX_ROBOTS:
-        raise InvalidProperty("robots", args.robots, f"{MIN_ROBOTS} to {MAX_ROBOTS}")
+        allowed = f"{MIN_ROBOTS} to {MAX_ROBOTS}"
+        raise PropertyError("robots", args.robots, str(args.robots), allowed)
     robots = factory_robots(args.robots)
     data = args.data
     kind = world_kind(args.world)

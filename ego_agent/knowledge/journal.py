@@ -12,7 +12,7 @@ import errno
 import os
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,7 +20,7 @@ import msgspec
 
 from swarm.errors import JournalError
 from swarm.files import write_whole
-from swarm.line_file import PART_BYTES, PARTS, LineFile, parts_of
+from swarm.line_file import PART_BYTES, PARTS, LineFile, open_parts
 from swarm.messages import AdviceReport, Algorithm, Probe, Source
 
 VERSION = 1
@@ -299,7 +299,10 @@ def _read_sums(path: Path) -> _Sums | None:
     except FileNotFoundError:
         return None
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise JournalError(f"{str(_sums_path(path))!r} cannot be read: {error}") from error
+        raise JournalError(
+            f"{str(_sums_path(path))!r} cannot be read: {error}; move it and the journal away to "
+            "start a new one"
+        ) from error
 
 
 def read_journal(path: Path) -> Iterator[CycleRecord]:
@@ -308,24 +311,26 @@ def read_journal(path: Path) -> Iterator[CycleRecord]:
 
     Raises JournalError when a file or a line before the last cannot be read.
     """
-    for part in parts_of(path):
-        yield from _read_part(part)
-
-
-def _read_part(path: Path) -> Iterator[CycleRecord]:
     try:
-        source: BinaryIO = open(path, "rb")  # noqa: SIM115
+        parts = open_parts(path)
     except OSError as error:
         raise JournalError(f"journal {str(path)!r} cannot be read: {error}") from error
-    with source:
-        for number, line in enumerate(source, start=1):
-            record = _parse(path, number, line)
-            if record is None:
-                # What follows half a line was written meanwhile.
-                if line.endswith(b"\n") and source.read(1):
-                    raise JournalError(f"journal {str(path)!r} line {number} cannot be read")
-                return
-            yield record
+    with ExitStack() as stack:
+        for _, source in parts:
+            stack.enter_context(source)
+        for part, source in parts:
+            yield from _read_part(part, source)
+
+
+def _read_part(path: Path, source: BinaryIO) -> Iterator[CycleRecord]:
+    for number, line in enumerate(source, start=1):
+        record = _parse(path, number, line)
+        if record is None:
+            # What follows half a line was written meanwhile.
+            if line.endswith(b"\n") and source.read(1):
+                raise JournalError(f"journal {str(path)!r} line {number} cannot be read")
+            return
+        yield record
 
 
 _DECODER = msgspec.json.Decoder(CycleRecord)

@@ -17,6 +17,7 @@ import msgspec
 
 from ego_agent.knowledge.model import RobotView, Snapshot
 from ego_agent.monitor.clock_offset import ClockOffset
+from ego_agent.monitor.identity import DUPLICATE_WINDOW_S, Numbers, Stream, twins
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import LinkWatch
 from swarm.listening import Handlers, hear
@@ -26,13 +27,8 @@ from swarm.session import Session
 
 MAX_ROBOTS = 256
 MAX_INSTANCES = 8
-DUPLICATE_WINDOW_S = 2.0
-"""Two processes that are heard in turn within this time share an id."""
 MAX_TOKENS = 100_000
 """Of robots that have no beacon: names cost little, a robot's entry more."""
-SEQ_SLACK, SEQ_PER_S = 1000, 100
-"""A robot numbers its beacons and scenes one by one. Numbers of one instance that are farther apart
-than so many, and so many a second since it was heard, come from two processes."""
 MAX_STAMPS = 256
 """The ego's own messages that a robot may still echo."""
 FORGET_S = 30.0
@@ -42,45 +38,12 @@ _SMOOTHING = 0.25
 
 
 @dataclass(slots=True)
-class _Numbers:
-    """Of one kind of message of one process."""
-
-    last: int = -1
-    at: float = 0.0
-    """When that came."""
-
-    def follows(self, seq: int, now: float) -> bool | None:
-        """Whether a number comes next; None where it cannot be of the same process.
-
-        A number far below counts from then on: what was counted before was not the process's own.
-        """
-        most = SEQ_SLACK + SEQ_PER_S * (now - self.at)
-        if self.last < 0 or self.last < seq <= self.last + most:
-            self.last, self.at = seq, now
-            return True
-        if self.last - SEQ_SLACK <= seq <= self.last:
-            return False
-        if seq < self.last:
-            self.last, self.at = seq, now
-        return None
-
-
-@dataclass(slots=True)
-class _Stream:
-    """What came from one process (instance) of a robot."""
-
-    heard_at: float
-    beacons: _Numbers = field(default_factory=_Numbers)
-    scenes: _Numbers = field(default_factory=_Numbers)
-
-
-@dataclass(slots=True)
 class _Robot:
     """Everything known of one id."""
 
     alive: bool = False
     instance: int | None = None
-    streams: dict[int, _Stream] = field(default_factory=dict)
+    streams: dict[int, Stream] = field(default_factory=dict)
     conflict_at: float = float("-inf")
     heard_at: float = float("-inf")
     beacon: Beacon | None = None
@@ -163,7 +126,7 @@ class Monitor:
             if robot is None:
                 return
             known = robot.beacon
-            if known is not None and _twins(known, beacon):
+            if known is not None and twins(known, beacon):
                 robot.conflict_at = now
             if not self._in_order(robot, robot.streams[beacon.instance].beacons, beacon.seq, now):
                 return
@@ -353,7 +316,7 @@ class Monitor:
             off_duty=self._own_off_duty,
         )
 
-    def _in_order(self, robot: _Robot, numbers: _Numbers, seq: int, now: float) -> bool:
+    def _in_order(self, robot: _Robot, numbers: Numbers, seq: int, now: float) -> bool:
         """Whether a message's number comes next. Call with the lock held."""
         follows = numbers.follows(seq, now)
         if follows is None:
@@ -417,20 +380,9 @@ class Monitor:
             if len(entry.streams) >= MAX_INSTANCES:
                 oldest = min(entry.streams, key=lambda known: entry.streams[known].heard_at)
                 del entry.streams[oldest]
-            stream = entry.streams[instance] = _Stream(heard_at=now)
+            stream = entry.streams[instance] = Stream(heard_at=now)
         stream.heard_at = now
         return entry
-
-
-def _twins(known: Beacon, beacon: Beacon) -> bool:
-    """Whether two beacons of one number are not the same: two processes then use one instance."""
-    if (known.instance, known.seq) != (beacon.instance, beacon.seq):
-        return False
-    return (known.sent_ns, known.capture_ns, known.pose) != (
-        beacon.sent_ns,
-        beacon.capture_ns,
-        beacon.pose,
-    )
 
 
 def _ns(seconds: float) -> int:

@@ -24,6 +24,7 @@ from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIO
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
+from swarm.http_hosts import OWN
 from swarm.http_serving import Bearer, media_type
 from swarm.log import Logger
 
@@ -100,7 +101,7 @@ def _endpoint(operation: Operation, service: Service) -> Callable[[Request], Awa
                 raise problems.unsupported_media(request.headers.get("content-type", ""))
             try:
                 body = read(raw, operation.body)
-            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
                 raise problems.invalid(f"the body is not valid: {error}") from error
         # The network may wait for the kernel; other requests must not.
         result = await run_in_threadpool(carry_out, request.path_params, body)
@@ -121,21 +122,18 @@ async def _read(request: Request) -> bytes:
     return bytes(raw)
 
 
-def refused(problem: problems.Problem) -> Response:
-    """The answer that says it."""
-    return _error(problem.info)
-
-
 def _error(info: ErrorInfo, headers: Mapping[str, str] | None = None) -> Response:
     return Response(msgspec.json.encode(info), info.status, headers, "application/json")
 
 
 class _Gate:
-    """Around everything: checks the token, echoes the correlator, counts, and logs failures."""
+    """Around everything: checks the token, and without one the name that was asked for, echoes the
+    correlator, counts, and logs failures."""
 
     def __init__(self, app: ASGIApp, token: str, metrics: QodMetrics, log: Logger) -> None:
         self._app = app
         self._bearer = Bearer(token)
+        self._hosts = None if token else OWN
         self._metrics = metrics
         self._log = log
 
@@ -156,6 +154,8 @@ class _Gate:
             if scope["path"] not in OPEN_PATHS and not self._bearer.may(shown):
                 refusal = _error(problems.unauthenticated().info, {"www-authenticate": "Bearer"})
                 await refusal(scope, receive, marked)
+            elif self._hosts is not None and not self._hosts.may(headers.get("host", "")):
+                await _error(problems.another_name().info)(scope, receive, marked)
             elif not sound:
                 info = problems.invalid(f"x-correlator must match {_CORRELATOR.pattern}").info
                 await _error(info)(scope, receive, marked)

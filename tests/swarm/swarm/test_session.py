@@ -454,7 +454,7 @@ def test_a_stranger_who_takes_all_places_and_no_parts_keeps_nobody_out(
             attachment = Ask(token, timeout_s=3600.0, parts=1).pack()
             # Its answers are never taken, and its credit never grows.
             asker.get(key, lambda _: None, payload=encode(stranger), attachment=attachment)
-        until(lambda: pair[0]._servers[0]._places.wanted("E1"), "the stranger waits")
+        until(lambda: bool(pair[0]._servers[0]._places._waiting), "the stranger waits")
         for number in range(5):
             answer = ask(pair[1], numbered(number)).result(WAIT_S)
             assert answer.message.payload == LARGE

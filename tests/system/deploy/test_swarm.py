@@ -129,7 +129,7 @@ def test_the_second_up_finds_the_swarm_running(swarm: State, cli: Cli, up: tuple
     assert other.returncode == 1
     said = "already runs with period_s 1.0 (wanted: 5.0); run `make down SWARM=works` first"
     assert said in other.stderr
-    listed = json.loads(cli("list", "--json").stdout)
+    listed = json.loads(cli("list", "--json").stdout)["swarms"]
     assert [(row["swarm"], row["state"]) for row in listed] == [(SWARM, "8 processes run")]
 
 

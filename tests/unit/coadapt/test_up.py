@@ -27,7 +27,7 @@ def refusal(capsys: pytest.CaptureFixture[str], *options: str) -> str:
     assert main(["up", "--runtime", "netns", "--swarm", "qa", *options]) == 1
     assert main(["list", "--json"]) == 0
     told = capsys.readouterr()
-    assert told.out == "[]\n"
+    assert told.out == '{"swarms":[]}\n'
     return told.err.splitlines()[-1]
 
 

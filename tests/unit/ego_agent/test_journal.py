@@ -274,6 +274,29 @@ def test_a_crash_between_two_parts_counts_nothing_twice(tmp_path: Path, happened
     assert [r.cycle for r in read_journal(path)] == [1, 2, 3, 4]
 
 
+def test_a_crash_amid_the_change_of_names_reads_every_line_once(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    write(path, range(1, 4))
+    (tmp_path / "j.jsonl.1").hardlink_to(path)
+    assert [r.cycle for r in read_journal(path)] == [1, 2, 3]
+
+
+def test_a_reader_misses_no_part_that_is_moved_meanwhile(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    line = len(msgspec.json.encode(record(1)))
+    journal = Journal(path, part_bytes=2 * line)
+    for cycle in range(1, 10):
+        journal.commit(record(cycle))
+    reader = read_journal(path)
+    cycles = [next(reader).cycle]
+    for cycle in range(10, 20):
+        journal.commit(record(cycle))
+    cycles += [r.cycle for r in reader]
+    journal.close()
+    assert cycles[:9] == list(range(1, 10))
+    assert cycles == list(range(1, len(cycles) + 1))
+
+
 def test_sums_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     (tmp_path / "j.jsonl.sums").write_text("{")
     with pytest.raises(JournalError, match=r"j\.jsonl\.sums' cannot be read"):

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ego_agent.knowledge.model import RobotView
+from ego_agent.monitor.identity import DUPLICATE_WINDOW_S
 from ego_agent.monitor.link import LinkEstimate
-from ego_agent.monitor.snapshot import DUPLICATE_WINDOW_S, FORGET_S, Monitor
+from ego_agent.monitor.snapshot import FORGET_S, Monitor
 from swarm.arrays import pack
 from swarm.messages import Beacon, LinkState, NetState, SceneDescription
 from swarm.process import Clock
@@ -325,6 +326,29 @@ def test_a_number_far_ahead_silences_nobody_and_is_told(monitor: Monitor, time: 
     time.now_s += DUPLICATE_WINDOW_S + 0.1
     monitor.on_beacon(beacon(seq=5))
     assert not view(monitor, "R2").duplicate
+
+
+def test_an_ego_that_has_slept_takes_its_robots_up_again(monitor: Monitor, time: Time) -> None:
+    # Its steady clock stood still meanwhile.
+    monitor.on_beacon(beacon(seq=1))
+    for number in range(40):
+        time.now_s += 0.1
+        monitor.on_beacon(beacon(seq=36_000 + number))
+    held = view(monitor, "R2")
+    assert held.beacon is not None
+    assert held.beacon.seq == 36_039
+    time.now_s += DUPLICATE_WINDOW_S
+    monitor.on_beacon(beacon(seq=36_040))
+    assert not view(monitor, "R2").duplicate
+
+
+def test_a_stranger_who_goes_on_far_ahead_takes_nobody_over(monitor: Monitor, time: Time) -> None:
+    for number in range(100):
+        time.now_s += 0.1
+        monitor.on_beacon(beacon(seq=1 + number))
+        monitor.on_beacon(beacon(seq=10**12 + number))
+    held = view(monitor, "R2").beacon
+    assert held == beacon(seq=100)
 
 
 def test_who_began_with_a_number_far_ahead_does_not_silence_who_counts(monitor: Monitor) -> None:

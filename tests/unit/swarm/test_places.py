@@ -68,6 +68,18 @@ def test_the_asker_for_whom_the_least_is_done_comes_first() -> None:
     assert held.next() == ("stranger", 0)
 
 
+def test_who_may_not_be_answered_now_is_not_waited_for() -> None:
+    held = places(limit=8, each=2)
+    for number in range(3):
+        held.add("a", number)
+    held.add("b", 10)
+    assert [held.next() for _ in range(3)] == [("b", 10), ("a", 2), ("a", 1)]
+    # Another thread would not help: two of a's are under way.
+    assert not held.wanted("b")
+    held.done("a")
+    assert held.wanted("b")
+
+
 def test_drained_places_take_nothing_and_wait_for_what_they_have() -> None:
     held = places()
     held.add("ego", 1)
