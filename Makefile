@@ -39,7 +39,7 @@ DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent n
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
-	@echo "  variables: ROBOTS=number WORLD=factory|road|opv2v|bag|recording DATA=path RUNTIME=auto|docker|netns"
+	@echo "  variables: ROBOTS=number WORLD=factory|road|opv2v|bag|scans|recording DATA=path RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"

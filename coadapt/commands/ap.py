@@ -16,7 +16,8 @@ def register(commands: Any) -> None:
         "ap",
         help="average precision on recorded data",
         description="Average precision of a fusion algorithm over all frames of a recording of a "
-        "swarm, or of a directory in OPV2V's layout, all robots taking part. Boxes count within "
+        "swarm, or of a directory in OPV2V's layout, which hold the truth (bags and plain scans do "
+        "not), all robots taking part. Boxes count within "
         "140 m along and 40 m across the ego's heading on roads (OPV2V's range), within 25 m in a "
         "factory, true ones with at least 5 points in all scans together; overlap is that of the "
         "footprints.",

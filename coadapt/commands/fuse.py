@@ -21,8 +21,9 @@ def register(commands: Any) -> None:
     parser = commands.add_parser(
         "fuse",
         help="fuse one frame of recorded data",
-        description="Fuse one frame of a recording of a swarm, or of a directory in OPV2V's "
-        "layout. Boxes are in the right-handed world frame (OPV2V: y is minus CARLA's y).",
+        description="Fuse one frame of a recording of a swarm, of a directory in OPV2V's layout, "
+        "or of robots' bags or scans. Boxes are in the right-handed world frame (OPV2V: y is minus "
+        "CARLA's y).",
     )
     add_recorded_fusion(parser)
     parser.add_argument("--frame", required=True, help="its number from 0, or its name (006220)")

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, get_args, get_origin
 
 from msgspec.structs import replace
 
 from coadapt.choices import check_choices
+from coadapt.world_choice import chosen_kind, open_chosen
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
 from deploy.ports import based_on, with_free_ports
@@ -30,7 +34,8 @@ from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
 from swarm.errors import DeployError, PropertyError, not_installed
 from swarm.process import ProcessSettings
-from worlds.registry import data_words, swarm_worlds, world_kind
+from worlds.kinds import WorldRequest
+from worlds.registry import data_words, swarm_worlds
 
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
@@ -83,7 +88,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Adds `up` to the command line."""
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
     parser.add_argument(
-        "--robots", type=int, default=_PROCESS.world_robots, help="how many (default: %(default)s)"
+        "--robots",
+        type=int,
+        help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
     )
     parser.add_argument("--runtime", choices=("auto", *runtimes.names()), default="auto")
     parser.add_argument(
@@ -116,13 +123,19 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
             option,
             dest=name,
             type=type(field.default),
-            default=field.default,
+            default=None if name == "world" else field.default,
             choices=swarm_worlds() if name == "world" else choices,
             metavar=None if choices or name == "world" else option.lstrip("-").upper(),
-            help=f"{words} (default: {field.default})" if field.default else words,
+            help=f"{words} (default: {_usual(name)})" if field.default else words,
         )
     parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
     parser.set_defaults(run=run)
+
+
+def _usual(name: str) -> str:
+    """What holds where a property is not given."""
+    usual = str(PROPERTIES[name].default)
+    return f"the one that --data is of, else {usual}" if name == "world" else usual
 
 
 def run(args: argparse.Namespace) -> int:
@@ -134,6 +147,11 @@ def run(args: argparse.Namespace) -> int:
     runtime, why = _runtime(args, running)
     say(why)
     spec = _spec(args, runtime, running)
+    with _ended_politely():
+        return _up(args, runtime, spec)
+
+
+def _up(args: argparse.Namespace, runtime: Runtime, spec: SwarmSpec) -> int:
     if not runtime.up(spec):
         say(f"swarm {spec.swarm!r} runs already")
         _print_where(need_state(spec.swarm))
@@ -148,6 +166,16 @@ def run(args: argparse.Namespace) -> int:
         raise
     _print_where(state)
     return 0
+
+
+@contextmanager
+def _ended_politely() -> Iterator[None]:
+    """SIGTERM ends a start as Ctrl-C does: what has been started goes again."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _runtime(args: argparse.Namespace, state: State | None) -> tuple[Runtime, str]:
@@ -169,6 +197,8 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
         if args.port_base is not None:
             based = based_on(args.port_base)
             spec = replace(spec, **{n: port for n, port in based.items() if n not in named})
+            if running is None and (taken := with_free_ports(spec, named)[1]):
+                raise DeployError(f"--port-base {args.port_base} is not free: {taken[0]}")
             named = set(PORT_FIELDS)
     except PropertyError as error:
         option = _OPTION_OF.get(error.name, f"--{error.name}")
@@ -185,12 +215,12 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
 
 
 def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
-    if not MIN_ROBOTS <= args.robots <= MAX_ROBOTS:
-        allowed = f"{MIN_ROBOTS} to {MAX_ROBOTS}"
-        raise PropertyError("robots", args.robots, str(args.robots), allowed)
-    robots = factory_robots(args.robots)
+    count = _PROCESS.world_robots if args.robots is None else args.robots
+    if not MIN_ROBOTS <= count <= MAX_ROBOTS:
+        raise PropertyError("robots", count, str(count), f"{MIN_ROBOTS} to {MAX_ROBOTS}")
+    robots = factory_robots(count)
     data = args.data
-    kind = world_kind(args.world)
+    kind = chosen_kind(args.world, data, _PROCESS.world)
     if kind.data:
         if not data and kind.sample:
             data = str(kind.sample())
@@ -201,7 +231,12 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
             )
     comm_range_m = args.comm_range_m
     if not kind.numbered:
-        robots, usual_range_m = _opened(args, data)
+        request = WorldRequest(
+            data=data, robots=count, seed=args.seed, rings=args.rings, scenario=args.scenario
+        )
+        robots, usual_range_m = open_chosen(kind, request)
+        if args.robots is not None and count > len(robots):
+            say(f"--robots {count}: there are no more than {len(robots)}")
         comm_range_m = comm_range_m or usual_range_m
     values = {
         name: value
@@ -210,6 +245,7 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     }
     values |= {
         "runtime": runtime.name,
+        "world": kind.name,
         "robots": robots,
         "data": str(Path(data).absolute()) if data else "",
         "policy": args.policy or ("llm" if args.llm else POLICY),
@@ -219,30 +255,6 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     if args.ego is None:
         del values["ego"]
     return make_spec(**values)
-
-
-def _opened(args: argparse.Namespace, data: str) -> tuple[tuple[str, ...], float]:
-    """The robots of the world, and how far from the ego one of them may take part; says what is
-    odd about recorded data."""
-    # Imported here: the other commands need no arrays.
-    from worlds.base import comm_range_of
-    from worlds.registry import open_world
-    from worlds.remarks import remarks
-
-    world = open_world(
-        args.world,
-        data=data or None,
-        robots=args.robots,
-        seed=args.seed,
-        rings=args.rings,
-        scenario=args.scenario,
-    )
-    robots = world.robots[: args.robots]
-    if data:
-        for remark in remarks(world):
-            say(remark)
-        say(f"{data} has the robots {', '.join(robots)}")
-    return robots, comm_range_of(world)
 
 
 def _print_where(state: State) -> None:

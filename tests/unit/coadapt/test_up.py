@@ -6,13 +6,16 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
+import numpy as np
 import pytest
 
 from coadapt.main import main
+from deploy.ports import listen
 from deploy.progress import typed
 from deploy.spec import factory_robots, make_spec
 from deploy.state import State, write_state
 from swarm.errors import DeployError
+from tests.support.free_ports import free_ports
 
 
 @pytest.fixture(autouse=True)
@@ -47,6 +50,55 @@ def test_names_are_checked_before_anything_starts(
     options: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert words in refusal(capsys, *options)
+
+
+def plain_scans(folder: Path) -> Path:
+    """A folder of two robots' scans and poses."""
+    for x, robot in enumerate(("R1", "R2")):
+        (folder / robot).mkdir(parents=True)
+        points = np.random.default_rng(x).uniform(-20, 20, (500, 3)).astype(np.float32)
+        for frame in range(3):
+            np.save(folder / robot / f"{frame}.npy", points)
+        pose = f"1 0 0 {5 * x} 0 1 0 0 0 0 1 1"
+        (folder / robot / "poses.txt").write_text("\n".join([pose] * 3) + "\n")
+    return folder
+
+
+@pytest.mark.stumble(
+    "DATA without WORLD starts the simulated factory", command="make up DATA=scans"
+)
+def test_data_says_which_world_is_meant(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = str(plain_scans(tmp_path / "data"))
+    refused = ("up", "--runtime", "netns", "--swarm", "qa", "--port-base", "0")
+    assert main([*refused, "--data", data]) == 1
+    said = capsys.readouterr().err
+    assert f"{data} holds plain scans of 2 robots: world scans" in said
+    assert f"{data} has the robots R1, R2" in said
+    words = refusal(capsys, "--world", "factory", "--data", data)
+    assert f"reads no data, but there is --data {data}" in words
+    assert f"`make up WORLD=scans DATA={data}`" in words
+    # Of another world than the one that is named.
+    words = refusal(capsys, "--world", "bag", "--data", data)
+    assert words.endswith(f"(it holds plain scans of 2 robots: `make up WORLD=scans DATA={data}`)")
+
+
+def test_scans_that_cannot_be_read_are_found_out_before_anything_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = plain_scans(tmp_path / "data")
+    for file in (data / "R2").glob("*.npy"):
+        file.write_bytes(b"no scan")
+    said = refusal(capsys, "--data", str(data))
+    assert "R2" in said
+    assert ".npy" in said
+
+
+def test_a_base_of_ports_that_is_not_free_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    base = free_ports(20)
+    with listen(base, "a test"):
+        said = refusal(capsys, "--port-base", str(base))
+    assert said.startswith(f"coadapt: --port-base {base} is not free: ")
+    assert f"as {base} is taken" in said
 
 
 class _Models(BaseHTTPRequestHandler):
