@@ -25,6 +25,7 @@ from options.console.past import STEPS_S, Past
 from options.console.watch import Watch
 from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
 from swarm.http_hosts import Hosts
+from swarm.http_serving import media_type
 from swarm.log import Logger
 
 PAGE = Path(__file__).parent / "page"
@@ -59,6 +60,7 @@ def make_app(
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
     plan = msgspec.json.encode(floor)
+    spans = {str(span_s): span_s for span_s in STEPS_S}
 
     async def index(request: Request) -> Response:
         return Response(pages["index.html"], media_type="text/html")
@@ -94,12 +96,12 @@ def make_app(
 
     async def history(request: Request) -> Response:
         span = request.query_params.get("span", "")
-        if not span.isascii() or not span.isdecimal() or int(span) not in STEPS_S:
-            return _refused(400, f"span {span[:20]!r} is none of {', '.join(map(str, STEPS_S))} s")
+        if span not in spans:
+            return _refused(400, f"span {span[:20]!r} is none of {', '.join(spans)} s")
         if past is None:
             return _refused(404, "the swarm runs without Prometheus")
         try:
-            rows = await past.rows(int(span))
+            rows = await past.rows(spans[span])
         except TransportError as error:
             return _refused(503, str(error))
         return Response(msgspec.json.encode({"rows": rows}), media_type="application/json")
@@ -115,7 +117,7 @@ def make_app(
             return _refused(403, "controls answer to the console's own page only")
         if not hub.may_control(request.headers.get(CSRF_HEADER, "")):
             return _refused(403, "this page is not connected any more: reload it")
-        if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
+        if media_type(request.headers) != "application/json":
             return _refused(415, "the body must be application/json")
         what = request.path_params["what"]
         if what not in CONTROLS:

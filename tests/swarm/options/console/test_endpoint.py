@@ -103,6 +103,8 @@ def test_a_shape_reaches_the_network_controller(viewer: Viewer, asked: Inbox[Sha
     assert (request.profile, request.rate_bps, request.robot) == ("rate", 2_000_000, "R2")
     assert (request.duration_s, request.operator) == (60.0, "console")
     assert b'"rate_bps":2000000' in done.body
+    declared = {"Content-Type": "Application/JSON; charset=utf-8"}
+    assert viewer.shape({"profile": "off"}, **declared).status == 200
 
 
 @pytest.mark.parametrize("profile", ["congest", "relieve", "off", "shift", "show"])
