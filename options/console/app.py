@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import AsyncGenerator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
@@ -14,7 +14,6 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
-from starlette.types import Receive, Scope, Send
 
 from options.console.controls import CONTROLS
 from options.console.files import Recordings
@@ -24,6 +23,7 @@ from options.console.metrics import ConsoleMetrics
 from options.console.past import STEPS_S, Past
 from options.console.watch import Watch
 from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
+from swarm.http_events import EventStream
 from swarm.http_hosts import Hosts
 from swarm.http_serving import media_type
 from swarm.log import Logger
@@ -35,9 +35,6 @@ OPERATOR = "console"
 WHO = {"shape": "the network controller", "ego": "the ego", "robot": "the robot"}
 MAX_BODY_BYTES = 1_500_000
 """A trace of 100,000 rates fits, also where each is 10 Gbit/s."""
-STALLED_S = 30.0
-"""A viewer who takes no byte for so long is let go; the page comes again by itself. Shorter than
-`UNTAKEN_S`, after which the socket goes, too."""
 WRONG_TOKEN_S = 1.0
 
 
@@ -89,7 +86,7 @@ def make_app(
     async def events(request: Request) -> Response:
         if hub.full():
             return _refused(503, "too many pages look at this swarm")
-        return _Stream(hub, metrics)
+        return EventStream(_counted(hub, metrics), stalled=metrics.stalled.inc)
 
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
@@ -167,49 +164,16 @@ def make_app(
     return guard
 
 
-class _Stream(Response):
-    """Server-sent events until the viewer leaves, stalls, or the console ends."""
-
-    def __init__(self, hub: Hub, metrics: ConsoleMetrics) -> None:
-        super().__init__(media_type="text/event-stream")
-        self._hub = hub
-        self._metrics = metrics
-        # Without a length, so that the body is sent in chunks.
-        self.raw_headers = [h for h in self.raw_headers if h[0] != b"content-length"]
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def left() -> None:
-            while (await receive())["type"] != "http.disconnect":
-                pass
-
-        async def push() -> None:
-            await send(
-                {
-                    "type": "http.response.start",
-                    "status": self.status_code,
-                    "headers": self.raw_headers,
-                }
-            )
-            stream = self._hub.stream()
-            try:
-                async for event in stream:
-                    async with asyncio.timeout(STALLED_S):
-                        await send({"type": "http.response.body", "body": event, "more_body": True})
-                    self._metrics.events.inc()
-                    self._metrics.sent.inc(len(event))
-                await send({"type": "http.response.body", "body": b"", "more_body": False})
-            except TimeoutError:
-                self._metrics.stalled.inc()
-            finally:
-                await stream.aclose()
-
-        tasks = {asyncio.create_task(push()), asyncio.create_task(left())}
-        try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:
+    """What one viewer is sent, counted once it is."""
+    stream = hub.stream()
+    try:
+        async for event in stream:
+            yield event
+            metrics.events.inc()
+            metrics.sent.inc(len(event))
+    finally:
+        await stream.aclose()
 
 
 def _refused(status: int, why: str) -> JSONResponse:

@@ -313,7 +313,7 @@ def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("swarm.http_serving.UNTAKEN_S", 1.0)
-    monkeypatch.setattr("options.console.app.STALLED_S", 0.5)
+    monkeypatch.setattr("swarm.http_events.STALLED_S", 0.5)
     speakers = Speakers(open_session(shared_router.address))
     with (
         console(shared_router.address, swarm_name) as port,
