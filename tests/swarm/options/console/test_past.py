@@ -227,8 +227,9 @@ def test_another_server_than_prometheus_is_named_and_asked_again(
     ],
 )
 def test_prometheus_is_asked_at_a_plain_address_only(url: str) -> None:
-    with pytest.raises(SettingError, match=r"must be http://host\[:port\], without TLS"):
+    with pytest.raises(SettingError, match=r"must be http://host\[:port\], without TLS") as refused:
         load_settings({"COADAPT_EGO": "R1", "COADAPT_CONSOLE_PROMETHEUS": url})
+    assert "secret" not in str(refused.value)
 
 
 @pytest.mark.parametrize("url", ["", "http://prometheus", "http://10.0.0.1:9090", "http://[::1]:9"])
