@@ -19,10 +19,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from llm_gateway.http_chat import Asked, read_request, unknown_model, write_answer
 from llm_gateway.http_errors import STATUSES, HttpError, of_gateway
-from llm_gateway.http_stream import AnswerStream, EventStream
+from llm_gateway.http_stream import AnswerStream
 from llm_gateway.model import Completion, Hear, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
+from swarm.http_events import EventStream
 from swarm.http_hosts import OWN
 from swarm.http_serving import Bearer, media_type
 from swarm.log import Logger
@@ -167,12 +168,9 @@ async def _streamed(request: Request, gateway: Completer, asked: Asked) -> Respo
         raise
 
     async def events() -> AsyncGenerator[bytes]:
-        found = aiter(stream.events())
         try:
-            while True:
-                yield await _unless_gone(request, anext(found))
-        except (StopAsyncIteration, ClientDisconnect):
-            pass
+            async for event in stream.events():
+                yield event
         finally:
             await stream.close()
 

@@ -5,46 +5,17 @@ from __future__ import annotations
 import asyncio
 import time
 import uuid
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any
 
 import msgspec
-from starlette.responses import Response
-from starlette.types import Receive, Scope, Send
 
 from llm_gateway.http_chat import origin_of, usage_of
 from llm_gateway.http_errors import of_gateway
 from llm_gateway.model import Completion, Hear
 from swarm.errors import GatewayError
 
-STALLED_S = 30.0
-"""A client that takes no event for so long is left."""
 DONE = b"data: [DONE]\n\n"
-
-
-class EventStream(Response):
-    """Sends events as they come; `events` end by themselves when the client has gone."""
-
-    def __init__(self, events: AsyncGenerator[bytes], headers: Mapping[str, str]) -> None:
-        super().__init__(headers=headers, media_type="text/event-stream")
-        self._events = events
-        # Without a length, so that the body is sent in chunks.
-        self.raw_headers = [h for h in self.raw_headers if h[0] != b"content-length"]
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Ends when `events` do, or when the client takes none."""
-        start = {"type": "http.response.start", "status": 200, "headers": self.raw_headers}
-        body = {"type": "http.response.body"}
-        await send(start)
-        try:
-            async for event in self._events:
-                async with asyncio.timeout(STALLED_S):
-                    await send(body | {"body": event, "more_body": True})
-            await send(body | {"body": b"", "more_body": False})
-        except TimeoutError:
-            pass
-        finally:
-            await self._events.aclose()
 
 
 class AnswerStream:

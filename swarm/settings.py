@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -62,12 +63,18 @@ def load(kind: type[S], environment: Mapping[str, str] | None = None) -> S:
             if field.type == Secret:
                 raise SettingError(f"{variable} is not valid; it must be text") from None
             raise SettingError(
-                f"{source} = {raw!r} is not valid: {error}; it must be {allowed(field.type)}"
+                f"{source} = {_without_user(raw)!r} is not valid: {error}; "
+                f"it must be {allowed(field.type)}"
             ) from error
         # Comparisons with NaN are false, so it passes any limit.
         if isinstance(values[field.name], float) and not math.isfinite(values[field.name]):
             raise SettingError(f"{source} = {raw!r} is not valid; it must be a finite number")
     return kind(**values)
+
+
+def _without_user(raw: Any) -> Any:
+    """A value as it may be shown: a URL may hold a password."""
+    return re.sub(r"(?<=://)[^/\s]*@", "...@", raw) if isinstance(raw, str) else raw
 
 
 def allowed(kind: Any) -> str:

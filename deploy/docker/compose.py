@@ -51,7 +51,8 @@ CONFINED: dict[str, Any] = {
     "cap_drop": ["ALL"],
     "security_opt": ["no-new-privileges:true"],
     "read_only": True,
-    "tmpfs": ["/tmp:mode=1777"],
+    # Counted as the container's memory. What may grow has a folder of the swarm's instead.
+    "tmpfs": ["/tmp:mode=1777,size=64m"],
     "pids_limit": 512,
     "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
 }
@@ -74,6 +75,10 @@ FOLDERS: dict[roster.Role, str] = {
     "prometheus": "prometheus",
 }
 """What each may write of the swarm's directory."""
+CACHES: dict[roster.Role, dict[str, str]] = {
+    # A faster or joined form of the embedded model, of a hundred megabytes and more.
+    "gateway": {"XDG_CACHE_HOME": f"{PLACE.var_dir}/{roster.LLM}/cache"},
+}
 DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
 _IN_HOST_NETWORK = ("controller", "gateway", "console")
 _NOT_FOR_PROCESSES = frozenset(
@@ -146,7 +151,12 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
     container: dict[str, Any] = {
         "image": image,
         **({"command": list(service.argv)} if service.argv else {}),
-        "environment": {**_settings(service), **service.env, "HOME": "/tmp"},
+        "environment": {
+            **_settings(service),
+            **service.env,
+            "HOME": "/tmp",
+            **CACHES.get(service.role, {}),
+        },
         "user": f"{os.getuid()}:{os.getgid()}",
         "init": True,
         "mem_limit": MEMORY[service.role],

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import re
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import urlsplit
 
@@ -183,9 +184,10 @@ class OpenAi:
     async def _ask(self, prompt: Prompt, form: Form, hear: Hear | None) -> _Said:
         stream = hear is not None
         while True:
-            body = request_body(prompt, self.model, form, self._dialect, stream=stream)
+            used = replace(self._dialect)
+            body = request_body(prompt, self.model, form, used, stream=stream)
             said = await self._send("POST", "/chat/completions", body, hear)
-            if said.status == 200 or not adapt(self._dialect, prompt, said.status, said.raw):
+            if said.status == 200 or not adapt(self._dialect, used, prompt, said.status, said.raw):
                 return said
 
     async def _send(

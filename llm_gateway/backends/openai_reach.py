@@ -28,6 +28,7 @@ class Reach:
         self._probe = probe
         self._log = log
         self._trying: asyncio.Task[None] | None = None
+        self._closed = False
 
     def lost(self, why: str) -> None:
         """It could not be reached."""
@@ -50,7 +51,8 @@ class Reach:
             self._log.info("llm_server_back", url=self._url)
 
     async def close(self) -> None:
-        """Tries no more."""
+        """Tries no more, whatever is told afterwards."""
+        self._closed = True
         trying, self._trying = self._trying, None
         if trying is not None:
             trying.cancel()
@@ -61,7 +63,7 @@ class Reach:
         return self._trying is not None and not self._trying.done()
 
     def _begin_trying(self, first_s: float) -> None:
-        if not self._is_trying():
+        if not self._closed and not self._is_trying():
             self._trying = asyncio.create_task(self._try(first_s))
 
     async def _try(self, first_s: float) -> None:

@@ -177,24 +177,26 @@ def read_models(raw: bytes, where: str) -> list[str]:
     return [model.id for model in models.data]
 
 
-def adapt(dialect: Dialect, prompt: Prompt, status: int, raw: bytes) -> bool:
+def adapt(dialect: Dialect, used: Dialect, prompt: Prompt, status: int, raw: bytes) -> bool:
     """Whether a refusal names a field that can be left out or named otherwise; then it is.
 
-    A temperature or a seed that a client asks for cannot: the refusal is the answer.
+    `used` is the dialect as the refused request was written in it: another request may have been
+    refused for the same field meanwhile. A temperature or a seed that a client asks for cannot be
+    left out: the refusal is the answer.
     """
     param = _error(raw).param
     if status not in (400, 422):
         return False
-    if param == "max_tokens" and dialect.max_tokens == param:
+    if param == "max_tokens" and used.max_tokens == param:
         dialect.max_tokens = "max_completion_tokens"
         return True
-    if param == "temperature" and dialect.temperature and not prompt.temperature:
+    if param == "temperature" and used.temperature and not prompt.temperature:
         dialect.temperature = False
         return True
-    if param == "stop" and dialect.stop:
+    if param == "stop" and used.stop:
         dialect.stop = False
         return True
-    if str(param).startswith("stream_options") and dialect.usage:
+    if str(param).startswith("stream_options") and used.usage:
         dialect.usage = False
         return True
     return False

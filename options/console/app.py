@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import AsyncGenerator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
@@ -14,7 +14,6 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
-from starlette.types import Receive, Scope, Send
 
 from options.console.controls import CONTROLS
 from options.console.files import Recordings
@@ -24,7 +23,9 @@ from options.console.metrics import ConsoleMetrics
 from options.console.past import STEPS_S, Past
 from options.console.watch import Watch
 from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
+from swarm.http_events import EventStream
 from swarm.http_hosts import Hosts
+from swarm.http_serving import media_type
 from swarm.log import Logger
 
 PAGE = Path(__file__).parent / "page"
@@ -34,9 +35,6 @@ OPERATOR = "console"
 WHO = {"shape": "the network controller", "ego": "the ego", "robot": "the robot"}
 MAX_BODY_BYTES = 1_500_000
 """A trace of 100,000 rates fits, also where each is 10 Gbit/s."""
-STALLED_S = 30.0
-"""A viewer who takes no byte for so long is let go; the page comes again by itself. Shorter than
-`UNTAKEN_S`, after which the socket goes, too."""
 WRONG_TOKEN_S = 1.0
 
 
@@ -59,6 +57,7 @@ def make_app(
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
     plan = msgspec.json.encode(floor)
+    spans = {str(span_s): span_s for span_s in STEPS_S}
 
     async def index(request: Request) -> Response:
         return Response(pages["index.html"], media_type="text/html")
@@ -87,19 +86,19 @@ def make_app(
     async def events(request: Request) -> Response:
         if hub.full():
             return _refused(503, "too many pages look at this swarm")
-        return _Stream(hub, metrics)
+        return EventStream(_counted(hub, metrics), stalled=metrics.stalled.inc)
 
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
 
     async def history(request: Request) -> Response:
         span = request.query_params.get("span", "")
-        if not span.isascii() or not span.isdecimal() or int(span) not in STEPS_S:
-            return _refused(400, f"span {span[:20]!r} is none of {', '.join(map(str, STEPS_S))} s")
+        if span not in spans:
+            return _refused(400, f"span {span[:20]!r} is none of {', '.join(spans)} s")
         if past is None:
             return _refused(404, "the swarm runs without Prometheus")
         try:
-            rows = await past.rows(int(span))
+            rows = await past.rows(spans[span])
         except TransportError as error:
             return _refused(503, str(error))
         return Response(msgspec.json.encode({"rows": rows}), media_type="application/json")
@@ -115,7 +114,7 @@ def make_app(
             return _refused(403, "controls answer to the console's own page only")
         if not hub.may_control(request.headers.get(CSRF_HEADER, "")):
             return _refused(403, "this page is not connected any more: reload it")
-        if request.headers.get("content-type", "").split(";")[0].strip() != "application/json":
+        if media_type(request.headers) != "application/json":
             return _refused(415, "the body must be application/json")
         what = request.path_params["what"]
         if what not in CONTROLS:
@@ -165,49 +164,16 @@ def make_app(
     return guard
 
 
-class _Stream(Response):
-    """Server-sent events until the viewer leaves, stalls, or the console ends."""
-
-    def __init__(self, hub: Hub, metrics: ConsoleMetrics) -> None:
-        super().__init__(media_type="text/event-stream")
-        self._hub = hub
-        self._metrics = metrics
-        # Without a length, so that the body is sent in chunks.
-        self.raw_headers = [h for h in self.raw_headers if h[0] != b"content-length"]
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def left() -> None:
-            while (await receive())["type"] != "http.disconnect":
-                pass
-
-        async def push() -> None:
-            await send(
-                {
-                    "type": "http.response.start",
-                    "status": self.status_code,
-                    "headers": self.raw_headers,
-                }
-            )
-            stream = self._hub.stream()
-            try:
-                async for event in stream:
-                    async with asyncio.timeout(STALLED_S):
-                        await send({"type": "http.response.body", "body": event, "more_body": True})
-                    self._metrics.events.inc()
-                    self._metrics.sent.inc(len(event))
-                await send({"type": "http.response.body", "body": b"", "more_body": False})
-            except TimeoutError:
-                self._metrics.stalled.inc()
-            finally:
-                await stream.aclose()
-
-        tasks = {asyncio.create_task(push()), asyncio.create_task(left())}
-        try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:
+    """What one viewer is sent, counted once it is."""
+    stream = hub.stream()
+    try:
+        async for event in stream:
+            yield event
+            metrics.events.inc()
+            metrics.sent.inc(len(event))
+    finally:
+        await stream.aclose()
 
 
 def _refused(status: int, why: str) -> JSONResponse:

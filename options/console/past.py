@@ -29,15 +29,21 @@ class Past:
         `capacity_bps`, `used_bps`, `robots` (the ego included), `algorithm`, `source`,
         `latency_ms`; None where there was nothing. Steps without a decision are left out.
 
-        Raises TransportError where Prometheus does not answer.
+        Raises TransportError where Prometheus does not answer, or not as Prometheus does.
         """
         now = time.monotonic()
         begun_at, task = self._told.get(span_s, (-math.inf, None))
         if task is None or now - begun_at > STEPS_S[span_s]:
             task = asyncio.create_task(asyncio.to_thread(self._ask, span_s))
             self._told[span_s] = now, task
+            task.add_done_callback(lambda done: self._forget_failed(span_s, done))
         # A page that goes away does not take the answer from the others.
         return await asyncio.shield(task)
+
+    def _forget_failed(self, span_s: int, done: asyncio.Task[list[dict[str, Any]]]) -> None:
+        """So that whoever asks next has Prometheus asked again."""
+        if (done.cancelled() or done.exception()) and self._told[span_s][1] is done:
+            del self._told[span_s]
 
     def _ask(self, span_s: int) -> list[dict[str, Any]]:
         step_s = STEPS_S[span_s]
@@ -55,7 +61,7 @@ class Past:
                         row[name] = round(value, 1)
                     elif value > best.get(at, 0.0):
                         best[at] = value
-                        row[name] = labels[name]
+                        row[name] = labels.get(name)
         names = [*_expressions(self._ego, WINDOW_S)]
         return [
             dict.fromkeys(names) | row

@@ -2,17 +2,46 @@
 
 from __future__ import annotations
 
-import json
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from http.client import HTTPConnection, HTTPException
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlencode, urlsplit
+
+import msgspec
 
 from swarm.errors import TransportError
 
 TIMEOUT_S = 5.0
 MAX_BYTES = 4_000_000
 """The longest answer that is read."""
+T = TypeVar("T")
+
+
+class _Answer(msgspec.Struct):
+    """What is read of Prometheus' HTTP API; other fields are let through."""
+
+    data: Any
+
+
+class _Series(msgspec.Struct):
+    metric: dict[str, str]
+    values: list[tuple[float, str]]
+
+
+class _Matrix(msgspec.Struct):
+    result: list[_Series]
+
+
+class _Alert(msgspec.Struct, rename="camel"):
+    state: str
+    active_at: str
+    labels: dict[str, str]
+    annotations: dict[str, str]
+
+
+class _Alerts(msgspec.Struct):
+    alerts: list[_Alert]
 
 
 class Prometheus:
@@ -26,33 +55,36 @@ class Prometheus:
     ) -> list[tuple[dict[str, str], list[tuple[float, float]]]]:
         """The series of an expression: labels, and (seconds since the epoch, value) for each step.
 
-        Raises TransportError where it does not answer, or refuses the expression.
+        Raises TransportError where it does not answer, or not as Prometheus does, or refuses the
+        expression.
         """
         asked = {"query": expression, "start": start_s, "end": end_s, "step": step_s}
-        found = self._get("query_range", asked)["result"]
-        return [
-            (one["metric"], [(float(at), float(value)) for at, value in one["values"]])
-            for one in found
-        ]
+        found = self._get("query_range", asked, _Matrix)
+        # Values are text, for infinities and what is no number.
+        with self._shape_checked():
+            return [
+                (one.metric, [(at, float(value)) for at, value in one.values])
+                for one in found.result
+            ]
 
     def alerts(self) -> list[dict[str, str]]:
         """The alerts that fire: name, severity, summary, description, since (RFC 3339).
 
-        Raises TransportError where it does not answer.
+        Raises TransportError where it does not answer, or not as Prometheus does.
         """
         return [
             {
-                "name": one["labels"]["alertname"],
-                "severity": one["labels"].get("severity", ""),
-                "summary": one["annotations"].get("summary", ""),
-                "description": one["annotations"].get("description", ""),
-                "since": one["activeAt"],
+                "name": one.labels.get("alertname", ""),
+                "severity": one.labels.get("severity", ""),
+                "summary": one.annotations.get("summary", ""),
+                "description": one.annotations.get("description", ""),
+                "since": one.active_at,
             }
-            for one in self._get("alerts", {})["alerts"]
-            if one["state"] == "firing"
+            for one in self._get("alerts", {}, _Alerts).alerts
+            if one.state == "firing"
         ]
 
-    def _get(self, path: str, parameters: dict[str, Any]) -> Any:
+    def _get(self, path: str, parameters: dict[str, Any], shape: type[T]) -> T:
         try:
             # Unlike urllib, it asks no proxy of the environment for what runs here.
             host = urlsplit(self.url).netloc
@@ -60,11 +92,22 @@ class Prometheus:
                 connection.request("GET", f"/api/v1/{path}?{urlencode(parameters)}")
                 reply = connection.getresponse()
                 raw = reply.read(MAX_BYTES)
-            if reply.status == 200:
-                return json.loads(raw)["data"]
-        except (OSError, HTTPException, ValueError, KeyError) as error:
+        except (OSError, HTTPException, OverflowError, ValueError) as error:
             raise TransportError(f"Prometheus at {self.url} does not answer: {error}") from error
-        raise TransportError(
-            f"Prometheus at {self.url} answers with status {reply.status}: "
-            f"{raw[:200].decode(errors='replace')}"
-        )
+        if reply.status != 200:
+            raise TransportError(
+                f"Prometheus at {self.url} answers with status {reply.status}: "
+                f"{raw[:200].decode(errors='replace')}"
+            )
+        with self._shape_checked():
+            return msgspec.convert(msgspec.json.decode(raw, type=_Answer).data, shape)
+
+    @contextmanager
+    def _shape_checked(self) -> Iterator[None]:
+        try:
+            yield
+        # ValueError: also what msgspec raises for another shape, and text that is no number.
+        except (ValueError, RecursionError) as error:
+            raise TransportError(
+                f"{self.url} does not answer as Prometheus does: {error}"
+            ) from error

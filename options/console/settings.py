@@ -13,7 +13,17 @@ from swarm.settings import Name, Port, Secret, load, shown
 
 HostName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9.-]{1,253}(?!\n)$")]
 
-ServerUrl = Annotated[str, msgspec.Meta(pattern=r"^(https?://[^\s/]+)?(?!\n)$", max_length=300)]
+_HOST = r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?"
+ServerUrl = Annotated[
+    str,
+    msgspec.Meta(
+        pattern=rf"^(http://{_HOST})?(?!\n)$",
+        max_length=300,
+        description="http://host[:port], without TLS and without a user,",
+    ),
+]
+"""`http://host[:port]`: it is asked without TLS and without a user, and told to whoever looks."""
+LinkUrl = Annotated[str, msgspec.Meta(pattern=rf"^(https?://{_HOST})?(?!\n)$", max_length=300)]
 
 
 class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
@@ -36,7 +46,7 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
 
     console_prometheus: ServerUrl = ""
     """Where the console asks Prometheus for alerts and history; empty: nowhere."""
-    console_prometheus_link: ServerUrl = ""
+    console_prometheus_link: LinkUrl = ""
     """Where people's browsers reach it."""
     console_recordings: str = ""
     """The folder of the swarm's recordings; empty: none is shown."""

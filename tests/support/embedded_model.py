@@ -6,6 +6,7 @@ import json
 
 from llm_gateway.backends.llamacpp.engine import Engine
 from llm_gateway.model import Prompt, Reply
+from swarm.errors import GatewayError
 from swarm.messages import ChatMessage
 
 SEQUENCES, CONTEXT = 4, 512
@@ -38,10 +39,13 @@ def ask(text: str, *, schema: str = SCHEMA, max_tokens: int = 64) -> Prompt:
 
 
 def run(engine: Engine, *prompts: Prompt) -> list[Reply]:
-    """Answers to prompts that are asked together."""
+    """Answers to prompts that are asked together. Raises the GatewayError of one that has none."""
     for i, prompt in enumerate(prompts):
         engine.submit(i, prompt)
     found: dict[int, Reply] = {}
     while engine.busy:
-        found.update(engine.step())
+        for ident, outcome in engine.step():
+            if isinstance(outcome, GatewayError):
+                raise outcome
+            found[ident] = outcome
     return [found[i] for i in range(len(prompts))]

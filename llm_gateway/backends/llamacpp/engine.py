@@ -17,11 +17,13 @@ from llm_gateway.backends.llamacpp import slots as places
 from llm_gateway.backends.llamacpp.constraint import Alphabet, Constraint
 from llm_gateway.backends.llamacpp.native import CHUNK, Native, Part
 from llm_gateway.backends.llamacpp.run import Run
-from llm_gateway.backends.llamacpp.sampler import Sampler
+from llm_gateway.backends.llamacpp.sampler import COLDEST, Sampler
 from llm_gateway.backends.llamacpp.schema import grammar_of
 from llm_gateway.backends.llamacpp.slots import Slot
 from llm_gateway.model import Finish, Prompt, Reply
 from swarm.errors import GatewayError
+
+Outcome = Reply | GatewayError
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,9 @@ class Engine:
         """What the answer under way to a prompt has got since this was asked last."""
         return next((run.words() for run in self._running if run.ident == ident), "")
 
-    def step(self) -> list[tuple[int, Reply]]:
-        """Asks the model once; returns the answers that are complete now."""
+    def step(self) -> list[tuple[int, Outcome]]:
+        """Asks the model once; returns the answers that are complete now, and a GatewayError
+        `failed` for each prompt of which no answer can be made: the others go on."""
         self._begin_reading()
         answering = [run for run in self._running if run.read]
         reading = [run for run in self._running if not run.read]
@@ -99,7 +102,7 @@ class Engine:
             return self._read(reading[0])
         return self._answer(answering) if answering else []
 
-    def _read(self, run: Run) -> list[tuple[int, Reply]]:
+    def _read(self, run: Run) -> list[tuple[int, Outcome]]:
         """Reads the next chunk of a prompt, and begins its answer when that was the last."""
         slot = run.held
         at = len(slot.tokens)
@@ -107,10 +110,10 @@ class Engine:
         run.read = at + len(chunk) == len(run.tokens)
         index = self._decode([(slot.number, at, chunk, int(run.read))])[slot.number]
         slot.tokens += chunk
-        reply = self._advance(run, [], index) if run.read else None
-        return [] if reply is None else [(run.ident, reply)]
+        outcome = self._advance(run, [], index) if run.read else None
+        return [] if outcome is None else [(run.ident, outcome)]
 
-    def _answer(self, runs: list[Run]) -> list[tuple[int, Reply]]:
+    def _answer(self, runs: list[Run]) -> list[tuple[int, Outcome]]:
         """Goes on with all answers under way."""
         runs = sorted(runs, key=lambda run: run.held.number)
         few = len(runs) <= self._tuning.few
@@ -123,12 +126,12 @@ class Engine:
         first = self._decode(sorted([*parts, *fillers]))
         for number, at, _, _ in fillers:
             self._native.keep(number, at)
-        done = []
+        done: list[tuple[int, Outcome]] = []
         for run, draft in zip(runs, drafts, strict=True):
             run.held.tokens.append(run.out[-1])
-            reply = self._advance(run, draft, first[run.held.number])
-            if reply is not None:
-                done.append((run.ident, reply))
+            outcome = self._advance(run, draft, first[run.held.number])
+            if outcome is not None:
+                done.append((run.ident, outcome))
         return done
 
     def _fillers(self, numbers: list[int]) -> list[Part]:
@@ -144,7 +147,7 @@ class Engine:
         """How an earlier answer went on, if it began like this one."""
         done = len(run.out)
         # Chance would hardly follow a draft.
-        if run.prompt.temperature or run.guide[:done] != run.out:
+        if not _greedy(run.prompt) or run.guide[:done] != run.out:
             return []
         return run.guide[done : done + self._tuning.draft]
 
@@ -174,7 +177,23 @@ class Engine:
         run.slot, run.reused = slot, choice.shared
         self._running.append(run)
 
-    def _advance(self, run: Run, draft: Sequence[int], index: int) -> Reply | None:
+    def _advance(self, run: Run, draft: Sequence[int], index: int) -> Outcome | None:
+        """What becomes of a run when its next tokens are chosen; None: it goes on."""
+        slot = run.held
+        try:
+            finish = self._choose(run, draft, index)
+        except Exception as error:  # What it says concerns this prompt alone, whatever it is.
+            self._native.keep(slot.number, len(slot.tokens))
+            self._end(run)
+            why = f"no token could be chosen: {type(error).__name__}: {error}"
+            return GatewayError("failed", why)
+        if finish is None:
+            return None
+        slot.answer = run.out
+        self._end(run)
+        return run.reply(finish)
+
+    def _choose(self, run: Run, draft: Sequence[int], index: int) -> Finish | None:
         """Takes the model's choices for what was decoded, along a draft while it agrees."""
         agreed = 0
         finish: Finish | None = None
@@ -189,11 +208,7 @@ class Engine:
         slot.tokens += draft[:agreed]
         if agreed < len(draft):
             self._native.keep(slot.number, len(slot.tokens))
-        if finish is None:
-            return None
-        slot.answer = run.out
-        self._end(run)
-        return run.reply(finish)
+        return finish
 
     def _end(self, run: Run) -> None:
         """Gives back what a run holds."""
@@ -205,8 +220,13 @@ class Engine:
             self._waiting.remove(run)
 
 
+def _greedy(prompt: Prompt) -> bool:
+    """Whether a prompt leaves nothing to chance."""
+    return prompt.temperature < COLDEST
+
+
 def _sampler(prompt: Prompt) -> Sampler | None:
     """What draws a prompt's tokens; None: the likeliest are taken."""
-    if prompt.temperature == 0:
+    if _greedy(prompt):
         return None
     return Sampler(prompt.temperature, prompt.top_p, prompt.seed)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+COLDEST = 1e-3
+"""Temperatures below this are taken as 0: hardly any two logits are so near each other."""
 _NEGLIGIBLE = 40.0
 """Tokens whose scaled logits are so much below the best have a chance of e^-40."""
 
@@ -21,11 +23,11 @@ class Sampler:
 
     def draw(self, logits: npt.NDArray[np.float32]) -> int:
         """The index of a logit; those of minus infinity are never drawn."""
-        scaled = logits.astype(np.float64) / self._temperature
-        scaled -= scaled.max()
-        tokens = np.flatnonzero(scaled > -_NEGLIGIBLE)
-        tokens = tokens[np.argsort(-scaled[tokens], kind="stable")]
-        reached = np.cumsum(np.exp(scaled[tokens]))
+        below = logits.astype(np.float64) - float(logits.max())
+        # Chosen before the division, in which a small temperature would overflow.
+        tokens = np.flatnonzero(below >= -_NEGLIGIBLE * self._temperature)
+        tokens = tokens[np.argsort(-below[tokens], kind="stable")]
+        reached = np.cumsum(np.exp(below[tokens] / self._temperature))
         count = int(np.searchsorted(reached, self._top_p * reached[-1])) + 1
         reached = reached[:count]
         place = int(np.searchsorted(reached, self._random.random() * reached[-1], side="right"))

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from llm_gateway.backends.llamacpp import frames
-from llm_gateway.backends.llamacpp.engine import Engine
+from llm_gateway.backends.llamacpp.engine import Engine, Outcome
 from llm_gateway.backends.llamacpp.models import find_model
 from llm_gateway.backends.llamacpp.native import CHUNK, ModelError, Native
 from llm_gateway.backends.llamacpp.requantise import faster_form
@@ -95,13 +95,19 @@ def _serve(
     while not engine.busy or not inbox.empty():
         if (refused := _take(engine, inbox.get(), told)) is not None:
             out.write(frames.pack(refused))
-    answers = engine.step()
+    outcomes = engine.step()
     for ident in told:
         if words := engine.words(ident):
             out.write(frames.pack(frames.Words(ident, words)))
-    for ident, reply in answers:
+    for ident, outcome in outcomes:
         told.discard(ident)
-        out.write(frames.pack(frames.Answer(ident, reply.text, reply.tokens, reply.finish)))
+        out.write(frames.pack(_told(ident, outcome)))
+
+
+def _told(ident: int, outcome: Outcome) -> frames.FromWorker:
+    if isinstance(outcome, GatewayError):
+        return frames.Failed(ident, outcome.code, outcome.why)
+    return frames.Answer(ident, outcome.text, outcome.tokens, outcome.finish)
 
 
 def _take(engine: Engine, frame: frames.ToWorker, told: set[int]) -> frames.FromWorker | None:

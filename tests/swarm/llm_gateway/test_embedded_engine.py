@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
+from dataclasses import replace
 
 import pytest
 
 from llm_gateway.backends.llamacpp.engine import Engine, Tuning
 from llm_gateway.backends.llamacpp.native import Native, free_cores
-from llm_gateway.model import Prompt
+from llm_gateway.model import Prompt, Reply
 from swarm.errors import GatewayError
 from swarm.messages import ChatMessage
 from tests.support.embedded_model import CONTEXT, SEQUENCES, ask, run
@@ -142,3 +144,18 @@ def test_a_busy_machine_leaves_the_model_one_core() -> None:
         for other in others:
             other.kill()
             other.wait()
+
+
+def test_a_prompt_of_which_no_answer_can_be_made_fails_alone(engine: Engine) -> None:
+    engine.submit(1, ask("Link: 1"))
+    engine.submit(2, replace(ask("Link: 2"), temperature=math.nan))
+    found: dict[int, Reply | GatewayError] = {}
+    while engine.busy:
+        found.update(engine.step())
+    whole, failed = found[1], found[2]
+    assert isinstance(whole, Reply)
+    assert valid(whole.text)
+    assert isinstance(failed, GatewayError)
+    assert failed.code == "failed"
+    # Its sequence is free, and holds nothing that is not there.
+    assert valid(run(engine, ask("Link: 2"))[0].text)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -78,6 +80,18 @@ def test_a_worker_that_dies_fails_what_it_had_and_is_replaced(
             await answers_again(backend)
             assert backend.pid != dead
             assert not alive(dead)
+
+    asyncio.run(story())
+
+
+def test_a_prompt_that_fails_in_the_model_leaves_the_worker_alive(model_file: Path) -> None:
+    async def story() -> None:
+        async with running(model_file) as backend:
+            pid = backend.pid
+            with pytest.raises(GatewayError, match=r"^failed: no token could be chosen"):
+                await backend.complete(replace(ask("a"), temperature=math.nan), 60)
+            await backend.complete(ask("a"), 60)
+            assert backend.pid == pid
 
     asyncio.run(story())
 

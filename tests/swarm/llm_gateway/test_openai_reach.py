@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from llm_gateway.backends.openai import OpenAi
+from llm_gateway.backends.openai_reach import Reach
 from llm_gateway.model import Prompt
 from swarm.errors import GatewayError
 from swarm.log import make_logger
@@ -96,6 +97,46 @@ def test_what_a_server_does_not_know_is_left_out_but_not_chance() -> None:
     assert "stop" in bodies[0]
     assert not {"stop", "stream_options"} & set(bodies[2])
     assert [body["temperature"] for body in bodies] == [0.5] * 4
+
+
+@pytest.mark.parametrize("param", ["max_tokens", "temperature", "stop"])
+def test_prompts_under_way_together_all_learn_from_the_first_refusal(param: str) -> None:
+    asked = Prompt(PROMPT.messages, max_tokens=8, stop=("END",))
+    together = 3
+    all_in = asyncio.Barrier(together)
+
+    async def refused(*connection: Any) -> None:
+        # Each is written before any of them is refused.
+        await all_in.wait()
+        await refuses(400, "Unknown", param=param)(*connection)
+
+    async def ask(backend: OpenAi) -> list[str]:
+        replies = await asyncio.gather(*(backend.complete(asked, WAIT_S) for _ in range(together)))
+        return [reply.text for reply in replies]
+
+    with serving_model(*[refused] * together) as server:
+        server.otherwise = says("well")
+        assert asking(server.url, ask) == ["well"] * together
+        bodies = [server.next().body for _ in range(2 * together)]
+    assert [param in body for body in bodies] == [True] * together + [False] * together
+
+
+def test_nobody_tries_a_server_once_the_back_end_is_closed() -> None:
+    async def story() -> int:
+        tried = 0
+
+        async def probe() -> None:
+            nonlocal tried
+            tried += 1
+
+        reach = Reach("http://127.0.0.1:9", probe, LOG)
+        await reach.close()
+        # Requests that were under way when it was closed.
+        reach.broke_off("reset")
+        reach.lost("refused")
+        return len(asyncio.all_tasks()) + tried
+
+    assert asyncio.run(story()) == 1
 
 
 def test_a_server_that_does_not_stream_answers_at_once() -> None:

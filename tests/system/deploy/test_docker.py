@@ -316,6 +316,18 @@ def test_a_bridge_whose_gateway_is_not_told_has_the_subnets_first_address() -> N
         gateway_of([])
 
 
+def test_nothing_large_is_kept_in_a_containers_memory() -> None:
+    services = composed(make_spec(robots=("R1", "R2"), llm="embedded", runtime="docker"))
+    gateway = services["gateway"]
+    cache = gateway["environment"]["XDG_CACHE_HOME"]
+    mounted = [volume.split(":")[1:] for volume in gateway["volumes"]]
+    assert any(cache.startswith(f"{at}/") and mode != ["ro"] for at, *mode in mounted)
+    for service in services.values():
+        (tmp,) = service["tmpfs"]
+        assert tmp.startswith("/tmp:")
+        assert "size=64m" in tmp.split(",")
+
+
 def test_the_compose_file_shows_one_container_a_process() -> None:
     spec = make_spec(swarm="Named", robots=("R1", "R2"), ego="R2", runtime="docker")
     services = composed(spec)

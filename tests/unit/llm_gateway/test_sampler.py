@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
+import pytest
 
 from llm_gateway.backends.llamacpp.sampler import Sampler
 
@@ -33,3 +36,11 @@ def test_top_p_leaves_out_the_unlikely() -> None:
 def test_what_is_forbidden_is_never_drawn() -> None:
     logits = np.array([-np.inf, 0.0, -np.inf], np.float32)
     assert {Sampler(2.0, seed=seed).draw(logits) for seed in range(20)} == {1}
+
+
+@pytest.mark.parametrize("temperature", [1e-3, 1e-100, 1e-307, sys.float_info.min, 5e-324])
+def test_however_cold_it_is_the_likeliest_is_drawn(temperature: float) -> None:
+    sampler = Sampler(temperature, seed=1)
+    assert {sampler.draw(LOGITS) for _ in range(20)} == {1}
+    forbidden = np.array([-np.inf, -3.0, -np.inf], np.float32)
+    assert sampler.draw(forbidden) == 1

@@ -103,6 +103,8 @@ def test_a_shape_reaches_the_network_controller(viewer: Viewer, asked: Inbox[Sha
     assert (request.profile, request.rate_bps, request.robot) == ("rate", 2_000_000, "R2")
     assert (request.duration_s, request.operator) == (60.0, "console")
     assert b'"rate_bps":2000000' in done.body
+    declared = {"Content-Type": "Application/JSON; charset=utf-8"}
+    assert viewer.shape({"profile": "off"}, **declared).status == 200
 
 
 @pytest.mark.parametrize("profile", ["congest", "relieve", "off", "shift", "show"])
@@ -311,7 +313,7 @@ def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("swarm.http_serving.UNTAKEN_S", 1.0)
-    monkeypatch.setattr("options.console.app.STALLED_S", 0.5)
+    monkeypatch.setattr("swarm.http_events.STALLED_S", 0.5)
     speakers = Speakers(open_session(shared_router.address))
     with (
         console(shared_router.address, swarm_name) as port,
