@@ -219,6 +219,12 @@ def test_a_controller_that_is_killed_comes_back_to_its_links(swarm: State, cli: 
     )
 
 
+def test_a_containers_root_cannot_be_written(swarm: State) -> None:
+    status, said = containers()["robot-R1"].exec_run(["touch", "/app/something"])
+    assert status != 0
+    assert b"Read-only file system" in said
+
+
 def test_up_twice_is_harmless_and_other_settings_are_refused(
     swarm: State, cli: Cli, up: tuple[str, ...]
 ) -> None:
@@ -360,12 +366,6 @@ def test_no_container_may_do_more_than_its_part() -> None:
         written = [v.split(":")[1] for v in one["volumes"] if not v.endswith(":ro")]
         assert len([path for path in written if path.startswith("/var/coadapt/")]) <= 1, name
         assert "/var/coadapt" not in written, name
-
-
-def test_a_containers_root_cannot_be_written(swarm: State) -> None:
-    status, said = containers()["robot-R1"].exec_run(["touch", "/app/something"])
-    assert status != 0
-    assert b"Read-only file system" in said
 
 
 def test_the_gateway_runs_from_its_own_image_where_a_server_on_the_host_answers() -> None:
