@@ -68,14 +68,6 @@ def find_bags(folder: Path) -> dict[str, Path]:
     return found
 
 
-def holds_bags(folder: Path) -> bool:
-    """Whether a folder is one of bags."""
-    try:
-        return bool(find_bags(folder))
-    except WorldError:
-        return False
-
-
 class Recording:
     """The messages of one bag by topic, in the order in which they were recorded."""
 
