@@ -37,7 +37,7 @@ def read_times(folder: Path, count: int) -> NDArray[np.int64] | None:
     return np.round(seconds * 1e9).astype(np.int64)
 
 
-class Shown:
+class FrameIndex:
     """Which scan of each robot a frame shows."""
 
     def __init__(

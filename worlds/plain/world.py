@@ -12,11 +12,11 @@ from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Points, Pose, pose_of
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Scan, SelfDescribing
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.plain.folders import check_robots, robots_of
 from worlds.plain.poses import NAMES, find_poses, read_poses
-from worlds.plain.times import NAME, Shown, read_times
+from worlds.plain.times import NAME, FrameIndex, read_times
 from worlds.recent import Recent
 from worlds.scans import read_scan
 from worlds.world_file import FILE_NAME, Place, WorldFile, read_world_file, settings_of
@@ -36,7 +36,7 @@ class RobotSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Its scan of frame 0, for robots that began earlier than others."""
 
 
-class ScansWorld:
+class ScansWorld(SelfDescribing):
     """A folder of robots' folders, each with scans and the sensor's poses."""
 
     name = "scans"
@@ -62,11 +62,11 @@ class ScansWorld:
                 )
             poses = _poses(data / robot, len(its), of[robot].origin)
             self._files[robot], self._poses[robot] = its[first:], poses[first:]
-        self._shown = _shown(data, self._files, of, settings.rate_hz)
-        if self._shown is not None:
-            self.timings = self._shown.timings
-            self.frame_count, self.rate_hz = self._shown.frame_count, self._shown.rate_hz
-            notes = self._shown.notes
+        self._by_time = _frame_index(data, self._files, of, settings.rate_hz)
+        if self._by_time is not None:
+            self.timings = self._by_time.timings
+            self.frame_count, self.rate_hz = self._by_time.frame_count, self._by_time.rate_hz
+            notes = self._by_time.notes
         else:
             self.frame_count = min(len(its) for its in self._files.values())
             self.rate_hz = settings.rate_hz or RATE_HZ
@@ -109,7 +109,7 @@ class ScansWorld:
         if robot not in self._files:
             raise WorldError(f"robot {robot!r} has no scans; there are {', '.join(self.robots)}")
         frame %= self.frame_count
-        return (frame, True) if self._shown is None else self._shown.index(robot, frame)
+        return (frame, True) if self._by_time is None else self._by_time.index(robot, frame)
 
     def _read(self, robot: str, index: int) -> Points:
         path = self._files[robot][index]
@@ -126,12 +126,12 @@ class ScansWorld:
         return ((b.x - a.x) * rate, (b.y - a.y) * rate, (b.z - a.z) * rate)
 
 
-def _shown(
+def _frame_index(
     data: Path,
     files: dict[str, list[Path]],
     settings: dict[str, RobotSettings],
     rate_hz: float | None,
-) -> Shown | None:
+) -> FrameIndex | None:
     """By time where all robots have times; None: the k-th scan of each robot is frame k.
 
     Raises WorldError where some robots have times, and some none.
@@ -148,7 +148,7 @@ def _shown(
             f"{data} has {NAME} for {', '.join(taken)}, and none for {without}: all robots need "
             "one, or none of them"
         )
-    return Shown(data, taken, rate_hz) if taken else None
+    return FrameIndex(data, taken, rate_hz) if taken else None
 
 
 def _unequal(files: dict[str, list[Path]], shown: int) -> Iterator[str]:

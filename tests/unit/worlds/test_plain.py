@@ -144,6 +144,11 @@ def test_world_toml_places_robots_and_names_rate_range_and_detector(tmp_path: Pa
     assert world.scan("car", 0).points[0, 0] == 1
 
 
+def test_a_world_says_what_it_is(lot: Path) -> None:
+    said = repr(ScansWorld(lot))
+    assert said == f"ScansWorld(R1, R2; {FRAMES} frames at 10 Hz, detector road)"
+
+
 def test_scans_that_another_robot_lacks_are_told(lot: Path, tmp_path: Path) -> None:
     for robot in ("R1", "R2"):
         (tmp_path / robot).mkdir()

@@ -114,6 +114,11 @@ def test_there_is_no_ground_truth(recorded: Path) -> None:
     assert (len(truth.boxes), truth.ids, len(truth.visible_points)) == (0, (), 0)
 
 
+def test_a_world_says_what_it_is(recorded: Path) -> None:
+    said = repr(open_world("bag", data=recorded))
+    assert said == f"BagWorld(R1, R2, R3; {FRAMES} frames at 10 Hz, detector factory)"
+
+
 def test_frames_wrap_around_and_an_unknown_robot_is_named(recorded: Path) -> None:
     world = open_world("bag", data=recorded)
     again = world.scan("R1", FRAMES + 2)
