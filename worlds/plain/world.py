@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -80,9 +81,7 @@ class ScansWorld(SelfDescribing):
         if settings.detector is not None:
             self.detector, self.choices = settings.detector, ()
         else:
-            looked_at = range(min(LOOKED_AT, *(len(its) for its in self._files.values())))
-            scans = [self._read(robot, index) for robot in self.robots for index in looked_at]
-            self.detector, self.choices = choose_detector(scans)
+            self.detector, self.choices = choose_detector(list(self._first_scans()))
         self.range_m = configuration(self.detector).sensor.range_m
 
     def pose(self, robot: str, frame: int) -> Pose:
@@ -110,6 +109,12 @@ class ScansWorld(SelfDescribing):
             raise WorldError(f"robot {robot!r} has no scans; there are {', '.join(self.robots)}")
         frame %= self.frame_count
         return (frame, True) if self._by_time is None else self._by_time.index(robot, frame)
+
+    def _first_scans(self) -> Iterator[Points]:
+        for robot, its in self._files.items():
+            for index in range(min(LOOKED_AT, len(its))):
+                with suppress(WorldError):  # told when a frame shows it
+                    yield self._read(robot, index)
 
     def _read(self, robot: str, index: int) -> Points:
         path = self._files[robot][index]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -247,6 +248,16 @@ def test_scans_that_are_too_old_are_not_shown_and_lost_ones_told(tmp_path: Path)
     seen = [bool(len(world.scan("R2", frame).points)) for frame in range(world.frame_count)]
     assert seen == [True] * 16 + [False] * 4 + [True] * 10
     assert world.notes == ("R2 lacks 9 scans between its 21",)
+
+
+def test_a_damaged_first_scan_is_told_when_a_frame_shows_it(lot: Path, tmp_path: Path) -> None:
+    shutil.copytree(lot, tmp_path / "lot")
+    (tmp_path / "lot" / "R1" / "8.bin").write_bytes(b"cut")
+    world = ScansWorld(tmp_path / "lot")
+    assert world.detector == "road"
+    with pytest.raises(WorldError, match=r"8\.bin"):
+        world.scan("R1", 0)
+    assert len(world.scan("R1", 1).points)
 
 
 def test_times_that_may_be_of_clocks_apart_are_told(tmp_path: Path) -> None:
