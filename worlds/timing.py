@@ -105,12 +105,15 @@ def skew_by_lag(timings: Sequence[Timing]) -> tuple[str, float] | None:
 
 def skew_by_ends(timings: Sequence[Timing]) -> tuple[str, float] | None:
     """The same, judged by recordings of one length: where both ends are apart by the same time,
-    they may well have been made at once, by clocks that differ."""
+    they may well have been made at once, by clocks that differ. Less than a step from scan to scan
+    tells nothing: robots begin their turns at moments of their own."""
     if any(one.trusted for one in timings):
         return None
     apart = []
     for one in timings[1:]:
         begins, ends = one.begin_s - timings[0].begin_s, one.end_s - timings[0].end_s
-        if abs(begins - ends) < _SAME_LENGTH_S and abs(begins) > MAX_SKEW_S:
+        steps_s = (1 / each.rate_hz for each in (timings[0], one) if each.rate_hz)
+        least_s = max(MAX_SKEW_S, *steps_s)
+        if abs(begins - ends) < _SAME_LENGTH_S and abs(begins) > least_s:
             apart.append((one.robot, (begins + ends) / 2))
     return max(apart, key=lambda each: abs(each[1]), default=None)

@@ -17,10 +17,10 @@ from worlds.base import GroundTruth, Scan, SelfDescribing
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.plain.folders import check_robots, robots_of
 from worlds.plain.poses import NAMES, find_poses, read_poses
-from worlds.plain.times import NAME, FrameIndex, read_times
+from worlds.plain.times import NAME, FrameIndex, Velocity, difference, read_times
 from worlds.recent import Recent
 from worlds.scans import read_scan
-from worlds.world_file import FILE_NAME, Place, WorldFile, read_world_file, settings_of
+from worlds.world_file import FILE_NAME, Age, Offset, Place, WorldFile, read_world_file, settings_of
 
 RATE_HZ = 10.0
 """Where nobody says another."""
@@ -35,6 +35,17 @@ class RobotSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where the frame of its poses lies in the world; of a robot without poses, its sensor."""
     first: int = 0
     """Its scan of frame 0, for robots that began earlier than others."""
+    clock_offset_s: Offset | None = None
+    """How far its clock, by which its times are, is ahead of the other robots'; None: nobody has
+    looked."""
+
+
+class WorldSettings(WorldFile, frozen=True, forbid_unknown_fields=True):
+    """Of the world."""
+
+    max_scan_age_s: Age | None = None
+    """A frame in which a robot's newest scan is older sees nothing of that robot; None: as
+    `FrameIndex` has it."""
 
 
 class ScansWorld(SelfDescribing):
@@ -50,7 +61,7 @@ class ScansWorld(SelfDescribing):
         files = robots_of(data)
         check_robots(data, files)
         self.robots = tuple(files)
-        settings = read_world_file(data, WorldFile, RobotSettings, self.robots)
+        settings = read_world_file(data, WorldSettings, RobotSettings, self.robots)
         of = {name: settings_of(settings, name, RobotSettings, data / FILE_NAME) for name in files}
         self._files: dict[str, list[Path]] = {}
         self._poses: dict[str, list[Matrix]] = {}
@@ -63,7 +74,7 @@ class ScansWorld(SelfDescribing):
                 )
             poses = _poses(data / robot, len(its), of[robot].origin)
             self._files[robot], self._poses[robot] = its[first:], poses[first:]
-        self._by_time = _frame_index(data, self._files, of, settings.rate_hz)
+        self._by_time = _frame_index(data, self._files, of, settings)
         if self._by_time is not None:
             self.timings = self._by_time.timings
             self.frame_count, self.rate_hz = self._by_time.frame_count, self._by_time.rate_hz
@@ -96,7 +107,7 @@ class ScansWorld(SelfDescribing):
             frame=frame % self.frame_count,
             points=self._read(robot, index) if fresh else np.zeros((0, 3), dtype=np.float32),
             pose=pose_of(self._poses[robot][index]),
-            velocity=self._velocity(robot, frame),
+            velocity=self._velocity(robot, index),
         )
 
     def ground_truth(self, frame: int) -> GroundTruth:
@@ -121,21 +132,22 @@ class ScansWorld(SelfDescribing):
         points: Points = self._recent.get(path, lambda: read_scan(path))
         return points
 
-    def _velocity(self, robot: str, frame: int) -> tuple[float, float, float]:
-        """Difference to the next frame's pose (to the one before in the last frame)."""
-        if self.frame_count < 2:
+    def _velocity(self, robot: str, index: int) -> Velocity:
+        """Difference to the next scan's pose (of the last scan, to the one before)."""
+        poses = self._poses[robot]
+        if self._by_time is not None:
+            return self._by_time.velocity(robot, index, poses)
+        index = min(index, self.frame_count - 2)
+        if index < 0:
             return (0.0, 0.0, 0.0)
-        frame = min(frame % self.frame_count, self.frame_count - 2)
-        a, b = self.pose(robot, frame), self.pose(robot, frame + 1)
-        rate = self.rate_hz
-        return ((b.x - a.x) * rate, (b.y - a.y) * rate, (b.z - a.z) * rate)
+        return difference(poses[index], poses[index + 1], 1 / self.rate_hz)
 
 
 def _frame_index(
     data: Path,
     files: dict[str, list[Path]],
-    settings: dict[str, RobotSettings],
-    rate_hz: float | None,
+    of: dict[str, RobotSettings],
+    settings: WorldSettings,
 ) -> FrameIndex | None:
     """By time where all robots have times; None: the k-th scan of each robot is frame k.
 
@@ -143,17 +155,26 @@ def _frame_index(
     """
     taken = {}
     for robot, its in files.items():
-        first = settings[robot].first
+        first = of[robot].first
         times = read_times(data / robot, first + len(its))
         if times is not None:
-            taken[robot] = times[first:]
+            taken[robot] = times[first:] - round((of[robot].clock_offset_s or 0.0) * 1e9)
+        elif of[robot].clock_offset_s is not None:
+            raise WorldError(
+                f"clock_offset_s in [robots.{robot}] of {data / FILE_NAME} needs "
+                f"{data / robot / NAME}, which is not there"
+            )
     if taken and len(taken) < len(files):
         without = ", ".join(robot for robot in files if robot not in taken)
         raise WorldError(
             f"{data} has {NAME} for {', '.join(taken)}, and none for {without}: all robots need "
             "one, or none of them"
         )
-    return FrameIndex(data, taken, rate_hz) if taken else None
+    if not taken:
+        return None
+    trusted = {robot for robot, its in of.items() if its.clock_offset_s is not None}
+    rate_hz, max_age_s = settings.rate_hz, settings.max_scan_age_s
+    return FrameIndex(data, taken, trusted, rate_hz=rate_hz, max_age_s=max_age_s)
 
 
 def _unequal(files: dict[str, list[Path]], shown: int) -> Iterator[str]:
