@@ -31,8 +31,10 @@ class Timing:
     disordered: int
     """Scans that were recorded after one that was taken later."""
     lag_s: float | None = None
-    """Median time from taking a scan to recording it; None where nobody says when it was, or where
-    stamps are of another time than the recorder's: simulated, or played again."""
+    """Median time from taking a scan to recording it, or of a pose where that is less: a clock that
+    is behind delays all that its robot stamps, a slow driver only its own scans. None where nobody
+    says when it was, or where stamps are of another time than the recorder's: simulated, or played
+    again."""
     trusted: bool = False
     """Whether somebody has said how far its clock is off."""
 
@@ -55,9 +57,13 @@ def timing(
     taken_ns: NDArray[np.int64],
     recorded_ns: NDArray[np.int64] | None = None,
     trusted: bool = False,
+    poses_lags_s: NDArray[np.float64] | None = None,
 ) -> Timing:
     """Of a robot's scans, in the order of the recording: when each (N,) was taken, N >= 1, and when
-    it was recorded."""
+    it was recorded; and how long some of its poses took from a stamp to the recording."""
+    lag_s = None if recorded_ns is None else _lag((recorded_ns - taken_ns) / 1e9)
+    if lag_s is not None and poses_lags_s is not None and len(poses_lags_s):
+        lag_s = min(lag_s, float(np.median(poses_lags_s)))
     steps = np.diff(np.sort(taken_ns)).astype(np.int64)
     steps = steps[steps > 0]
     usual = float(np.median(steps)) if len(steps) else 0.0
@@ -71,7 +77,7 @@ def timing(
         rate_hz=1e9 / usual if usual else None,
         lost=lost,
         disordered=int(behind.sum()),
-        lag_s=None if recorded_ns is None else _lag((recorded_ns - taken_ns) / 1e9),
+        lag_s=lag_s,
         trusted=trusted,
     )
 

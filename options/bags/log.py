@@ -39,9 +39,6 @@ class RobotLog:
         self._order = np.argsort(stamps, kind="stable")
         self._stamps = stamps[self._order]
         """int64 (N,): when each scan was taken, in order, by the world's time."""
-        self.timing = timing(
-            robot, stamps, self._clouds.times_ns, trusted=settings.clock_offset_s is not None
-        )
         frame = self._clouds.decode(0, read_frame)
         if plain(frame) in FIXED:
             raise WorldError(
@@ -50,6 +47,13 @@ class RobotLog:
                 "were taken"
             )
         self._motion = find_motion(recording, frame, settings)
+        self.timing = timing(
+            robot,
+            stamps,
+            self._clouds.times_ns,
+            trusted=settings.clock_offset_s is not None,
+            poses_lags_s=self._motion.lags_s + self.ahead_ns / 1e9,
+        )
         self._world_from_fixed: Matrix = settings.origin.pose().matrix()
         scans = int(self._stamps[0]), int(self._stamps[-1])
         begin, end = (
