@@ -129,6 +129,9 @@ class Messages:
         """Reads where they are, but none of them."""
         self._storages = [storage for storage in storages if topic in storage.topics]
         self._packed = packed
+        self.topic = topic
+        self.files = tuple(storage.path for storage in self._storages)
+        """Those that hold messages of the topic."""
         self._what = f"topic {topic} of bag {recording.path}"
         indexes = [storage.index(topic) for storage in self._storages]
         times = np.concatenate([index.times_ns for index in indexes])
