@@ -17,6 +17,8 @@ Matrix = NDArray[np.float64]
 Points = NDArray[np.float32]
 
 TWO_PI = 2.0 * math.pi
+ROTATION_ERROR = 1e-3
+"""How far numbers of a rotation, squared, may be off: more than text with four digits loses."""
 
 
 def wrap_heading(angle: float) -> float:
@@ -65,6 +67,19 @@ class Pose:
     def distance_to(self, other: Pose) -> float:
         """Distance in the ground plane, metres."""
         return math.hypot(self.x - other.x, self.y - other.y)
+
+
+def are_rotations(matrices: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Of matrices (..., 3, 3), whether each is a rotation: finite, without scale, shear or mirror,
+    up to ROTATION_ERROR. Bool (...).
+
+    >>> are_rotations(np.array([np.eye(3), -np.eye(3), 2 * np.eye(3)])).tolist()
+    [True, False, False]
+    """
+    finite = np.isfinite(matrices).all(axis=(-2, -1))
+    known = np.where(finite[..., None, None], matrices, 0.0)
+    off = np.abs(known @ np.swapaxes(known, -2, -1) - np.eye(3)).max(axis=(-2, -1))
+    return np.asarray(finite & (off < ROTATION_ERROR) & (np.linalg.det(known) > 0))
 
 
 def invert(a_from_b: Matrix) -> Matrix:

@@ -74,8 +74,8 @@ class World(Protocol):
         ...
 
 
-class Shown:
-    """What a world looks like where somebody prints it."""
+class SelfDescribing:
+    """A world that says what it is where somebody prints it."""
 
     def __repr__(self: World) -> str:
         return (

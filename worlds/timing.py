@@ -31,8 +31,10 @@ class Timing:
     disordered: int
     """Scans that were recorded after one that was taken later."""
     lag_s: float | None = None
-    """Median time from taking a scan to recording it; None where nobody says when it was, or where
-    stamps are of another time than the recorder's: simulated, or played again."""
+    """Median time from taking a scan to recording it, or of a pose where that is less: a clock that
+    is behind delays all that its robot stamps, a slow driver only its own scans. None where nobody
+    says when it was, or where stamps are of another time than the recorder's: simulated, or played
+    again."""
     trusted: bool = False
     """Whether somebody has said how far its clock is off."""
 
@@ -55,9 +57,13 @@ def timing(
     taken_ns: NDArray[np.int64],
     recorded_ns: NDArray[np.int64] | None = None,
     trusted: bool = False,
+    poses_lags_s: NDArray[np.float64] | None = None,
 ) -> Timing:
     """Of a robot's scans, in the order of the recording: when each (N,) was taken, N >= 1, and when
-    it was recorded."""
+    it was recorded; and how long some of its poses took from a stamp to the recording."""
+    lag_s = None if recorded_ns is None else _lag((recorded_ns - taken_ns) / 1e9)
+    if lag_s is not None and poses_lags_s is not None and len(poses_lags_s):
+        lag_s = min(lag_s, float(np.median(poses_lags_s)))
     steps = np.diff(np.sort(taken_ns)).astype(np.int64)
     steps = steps[steps > 0]
     usual = float(np.median(steps)) if len(steps) else 0.0
@@ -71,7 +77,7 @@ def timing(
         rate_hz=1e9 / usual if usual else None,
         lost=lost,
         disordered=int(behind.sum()),
-        lag_s=None if recorded_ns is None else _lag((recorded_ns - taken_ns) / 1e9),
+        lag_s=lag_s,
         trusted=trusted,
     )
 
@@ -105,12 +111,15 @@ def skew_by_lag(timings: Sequence[Timing]) -> tuple[str, float] | None:
 
 def skew_by_ends(timings: Sequence[Timing]) -> tuple[str, float] | None:
     """The same, judged by recordings of one length: where both ends are apart by the same time,
-    they may well have been made at once, by clocks that differ."""
+    they may well have been made at once, by clocks that differ. Less than a step from scan to scan
+    tells nothing: robots begin their turns at moments of their own."""
     if any(one.trusted for one in timings):
         return None
     apart = []
     for one in timings[1:]:
         begins, ends = one.begin_s - timings[0].begin_s, one.end_s - timings[0].end_s
-        if abs(begins - ends) < _SAME_LENGTH_S and abs(begins) > MAX_SKEW_S:
+        steps_s = (1 / each.rate_hz for each in (timings[0], one) if each.rate_hz)
+        least_s = max(MAX_SKEW_S, *steps_s)
+        if abs(begins - ends) < _SAME_LENGTH_S and abs(begins) > least_s:
             apart.append((one.robot, (begins + ends) / 2))
     return max(apart, key=lambda each: abs(each[1]), default=None)

@@ -16,6 +16,8 @@ from swarm.geometry import Pose
 FILE_NAME = "world.toml"
 Rate = Annotated[float, msgspec.Meta(gt=0, le=100)]
 Range = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
+Age = Annotated[float, msgspec.Meta(gt=0, le=60)]
+Offset = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 S = TypeVar("S", bound=msgspec.Struct)
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarm.errors import ScanError
-from swarm.geometry import Matrix, Points, Pose, pose_of
+from swarm.geometry import Matrix, Points, Pose, are_rotations, pose_of
 from worlds.base import Scan
 from worlds.scans import read_scan
 
-RIGID = 1e-3
-"""How far a pose's matrix may be from a rotation: more than text with four digits loses."""
+LAST_ROW_ERROR = 1e-3
+"""How far numbers of a pose's last row may be off."""
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -88,11 +88,10 @@ def as_matrix(pose: PoseLike) -> Matrix:
             f"a pose of shape {values.shape} is none; allowed: a Pose, (x, y, z, roll, pitch, yaw) "
             "in metres and radians, or a (4, 4) matrix world_from_sensor"
         )
-    turn = values[:3, :3]
-    if np.abs(turn @ turn.T - np.eye(3)).max() > RIGID or np.linalg.det(turn) < 0:
+    if not are_rotations(values[:3, :3]):
         raise ScanError(
             "a pose's matrix is no rotation: it scales, shears or mirrors (frames are right-handed)"
         )
-    if np.abs(values[3] - [0.0, 0.0, 0.0, 1.0]).max() > RIGID:
+    if np.abs(values[3] - [0.0, 0.0, 0.0, 1.0]).max() > LAST_ROW_ERROR:
         raise ScanError(f"a pose's last row is {values[3].tolist()}; it must be 0, 0, 0, 1")
     return values

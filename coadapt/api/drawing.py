@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coadapt.api.cloud import Cloud, ScanLike, as_cloud
+from coadapt.api.cloud import ScanLike, as_cloud
 from coadapt.api.fusing import Fused
 from perception.types import Boxes
-from swarm.geometry import Points, transform
+from swarm.geometry import Points
 from worlds.cooperative.judging import EVALUATION_RANGES_M
 
 if TYPE_CHECKING:
@@ -71,51 +71,49 @@ def draw(
     Raises PictureError for a file that cannot be written, before anything is drawn, and ScanError
     for what is no scan.
     """
-    from options.pictures.above import EGO, FOUND, OTHERS, TRUE, Outlines, from_above
+    from options.pictures.above import (
+        FOUND,
+        OTHERS,
+        TRUE,
+        Outlines,
+        Said,
+        above_ground,
+        area_said,
+        from_above,
+        points_said,
+    )
     from options.pictures.saving import check_target
 
     if file is not None:
         check_target(Path(file))
     clouds: list[Points] = []
     outlines: list[Outlines] = []
-    said: list[tuple[str, str]] = []
+    said: list[Said] = []
     half: tuple[float, float] | None = None
     if isinstance(what, Fused):
-        clouds = [_above_ground(one) for one in what.clouds]
+        clouds = [above_ground(one.points, one.pose) for one in what.clouds]
         half = EVALUATION_RANGES_M[what.detector]
         outlines = [Outlines(what.known, OTHERS[0], 6), Outlines(what.boxes, FOUND, 4)]
-        said = [("points of the ego", EGO)]
+        said = points_said(len(clouds))
         if len(clouds) > 1:
             known = f", {len(what.known)} known robot{'s' if len(what.known) > 1 else ''}"
-            said += [(" and of the others", ""), (known, OTHERS[0])]
+            said.append((known, OTHERS[0]))
         said += [(f", {len(what)} found", FOUND)]
     elif isinstance(what, Boxes):
         outlines = [Outlines(what, TRUE, 4)]
         said = [(f"{len(what)} boxes", TRUE)]
     else:
-        cloud = as_cloud(what)
-        clouds = [_above_ground(Cloud(cloud.points))]
-        said = [("points of the ego", EGO)]
+        clouds = [above_ground(as_cloud(what).points)]
+        said = points_said(1)
     if half_m is not None:
         half = (half_m, half_m)
     elif half is None:
         half = _extent([*clouds, *(one.boxes.centers for one in outlines)])
     count = f"{len(clouds)} scan{'s' if len(clouds) > 1 else ''}, " if clouds else ""
-    area = f"{2 * half[0]:g} x {2 * half[1]:g} m; "
-    drawing = Drawing(from_above(half, clouds, outlines, [(count + area, ""), *said]))
+    drawing = Drawing(from_above(half, clouds, outlines, [area_said(count, half), *said]))
     if file is not None:
         drawing.save(file)
     return drawing
-
-
-def _above_ground(cloud: Cloud) -> Points:
-    """Points above the ground, in the frame that the cloud's pose leads to."""
-    from perception.scene import ground_mask
-
-    points = cloud.points
-    if len(points):
-        points = points[~ground_mask(points)]
-    return points if cloud.pose is None else transform(cloud.pose, points)
 
 
 def _extent(places: Iterable[np.ndarray]) -> tuple[float, float]:

@@ -21,7 +21,7 @@ def register(commands: Any) -> None:
         "picture",
         help="draw a fused frame from above",
         description="Draws one fused frame from above, in the ego's frame: points, true boxes "
-        "(green) and boxes found with a score of 0.3 at least (red, with a line to the front).",
+        "(green) and boxes as an ego publishes them (red, with a line to the front).",
     )
     parser.add_argument(
         "world",

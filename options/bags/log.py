@@ -7,8 +7,9 @@ import numpy as np
 from options.bags.motion import find_motion
 from options.bags.recording import Recording
 from options.bags.settings import RobotSettings
+from options.bags.stamps import read_stamps
 from options.ros.frames import FIXED, Velocity, plain
-from options.ros.messages import CLOUD, STAMP_BYTES, Cloud, read_cloud, read_frame, read_stamp
+from options.ros.messages import CLOUD, Cloud, read_cloud, read_frame
 from options.ros.track import Placed
 from swarm.errors import WorldError
 from swarm.geometry import Matrix
@@ -25,23 +26,13 @@ class RobotLog:
         self.robot = robot
         self.topic = _points_topic(recording, settings)
         self._clouds = recording.messages(self.topic)
-        # All of them, as only a sorted list can be searched: robots' recorders mix them up.
-        stamps = np.array(
-            [
-                self._clouds.decode(index, read_stamp, STAMP_BYTES) or int(recorded_ns)
-                for index, recorded_ns in enumerate(self._clouds.times_ns)
-            ],
-            dtype=np.int64,
-        )
+        stamps = read_stamps(self._clouds)
         self.ahead_ns = round((settings.clock_offset_s or 0.0) * 1e9)
         """How far the robot's clock is ahead of the world's time."""
-        stamps -= self.ahead_ns
+        stamps = stamps - self.ahead_ns
         self._order = np.argsort(stamps, kind="stable")
         self._stamps = stamps[self._order]
         """int64 (N,): when each scan was taken, in order, by the world's time."""
-        self.timing = timing(
-            robot, stamps, self._clouds.times_ns, trusted=settings.clock_offset_s is not None
-        )
         frame = self._clouds.decode(0, read_frame)
         if plain(frame) in FIXED:
             raise WorldError(
@@ -50,6 +41,13 @@ class RobotLog:
                 "were taken"
             )
         self._motion = find_motion(recording, frame, settings)
+        self.timing = timing(
+            robot,
+            stamps,
+            self._clouds.times_ns,
+            trusted=settings.clock_offset_s is not None,
+            poses_lags_s=self._motion.lags_s + self.ahead_ns / 1e9,
+        )
         self._world_from_fixed: Matrix = settings.origin.pose().matrix()
         scans = int(self._stamps[0]), int(self._stamps[-1])
         begin, end = (

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from options.bags.recording import Messages, Recording
 from options.bags.settings import RobotSettings
@@ -51,6 +52,8 @@ class Motion(Protocol):
 
     span_ns: tuple[int, int] | None
     """The first and last stamp; None for what never moves."""
+    lags_s: NDArray[np.float64]
+    """(N,): from a stamp to its recording, of poses at both ends; empty for what never moves."""
 
     def at(self, time_ns: int) -> Placed:
         """`fixed_from_sensor`. Raises WorldError when the bag cannot be read."""
@@ -135,9 +138,10 @@ class _Odometric:
         self._mount = base_from_sensor
         count = len(messages)
         # Some may have been recorded out of order.
-        near = {*range(min(_ENDS, count)), *range(max(0, count - _ENDS), count)}
+        near = sorted({*range(min(_ENDS, count)), *range(max(0, count - _ENDS), count)})
         stamps = [messages.decode(index, read_stamp, STAMP_BYTES) for index in near]
         self.span_ns: tuple[int, int] | None = (min(stamps), max(stamps))
+        self.lags_s = (messages.times_ns[near] - np.array(stamps, dtype=np.int64)) / 1e9
 
     @cached_property
     def _read(self) -> tuple[Track, list[Odometry]]:
@@ -203,8 +207,11 @@ class _Chain:
         self._chain = chain
         self._mount = mount
         self.span_ns: tuple[int, int] | None = None
+        self.lags_s = np.zeros(0)
         if any(frame not in frames.static for frame in chain):
-            self.span_ns = _span(frames, chain)
+            stamps, recorded = _ends(frames, chain)
+            self.span_ns = int(stamps.min()), int(stamps.max())
+            self.lags_s = (recorded - stamps) / 1e9
 
     @cached_property
     def _tracks(self) -> list[Track]:
@@ -244,10 +251,11 @@ def _transforms(messages: Messages) -> Iterator[Transform]:
         yield from messages.decode(index, read_transforms)
 
 
-def _span(frames: _Frames, chain: list[str]) -> tuple[int, int]:
-    """The first and the last stamp of a chain's moving frames. A topic may begin and end with
+def _ends(frames: _Frames, chain: list[str]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first and the last stamps of a chain's moving frames, and when they were recorded, (N,)
+    each. A topic may begin and end with
     messages that are empty or about other frames: both ends are searched for the nearest."""
-    ends: list[int] = []
+    ends: list[tuple[int, int]] = []
     for messages in frames.moving:
         forwards = range(len(messages))
         for order in (forwards, reversed(forwards)):
@@ -260,7 +268,8 @@ def _span(frames: _Frames, chain: list[str]) -> tuple[int, int]:
                 ]
                 if stamps:
                     break
-            ends += stamps
+            ends += [(stamp, int(messages.times_ns[index])) for stamp in stamps]
             if not stamps:
                 break
-    return min(ends), max(ends)
+    both = np.array(ends, dtype=np.int64)
+    return both[:, 0], both[:, 1]

@@ -17,12 +17,11 @@ from options.bags.sqlite import SqliteFile
 from options.bags.storage import Storage
 from options.ros.cdr import CdrError
 from swarm.errors import WorldError
+from worlds.robot_name import check_robot_name
 
 T = TypeVar("T")
 
 _KINDS: dict[str, Callable[[Path], Storage]] = {".db3": SqliteFile, ".mcap": McapFile}
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
-"""What a robot may be called: the rule of `swarm.keyspace.check_name`."""
 _METADATA = "metadata.yaml"
 
 
@@ -52,11 +51,7 @@ def find_bags(folder: Path) -> dict[str, Path]:
         if not (path.suffix in _KINDS if path.is_file() else _bag_files(path)):
             continue
         name = path.name if path.is_dir() else path.stem
-        if not _NAME.fullmatch(name):
-            raise WorldError(
-                f"bag {path} names a robot {name!r}, which is not allowed: use 1 to 32 letters, "
-                "digits, '_' or '-'"
-            )
+        check_robot_name(f"bag {path}", name)
         if name in found:
             raise WorldError(f"{found[name]} and {path} are both bags of robot {name!r}; keep one")
         found[name] = path
@@ -66,14 +61,6 @@ def find_bags(folder: Path) -> dict[str, Path]:
             ".mcap or .db3 files"
         )
     return found
-
-
-def holds_bags(folder: Path) -> bool:
-    """Whether a folder is one of bags."""
-    try:
-        return bool(find_bags(folder))
-    except WorldError:
-        return False
 
 
 class Recording:
@@ -142,6 +129,9 @@ class Messages:
         """Reads where they are, but none of them."""
         self._storages = [storage for storage in storages if topic in storage.topics]
         self._packed = packed
+        self.topic = topic
+        self.files = tuple(storage.path for storage in self._storages)
+        """Those that hold messages of the topic."""
         self._what = f"topic {topic} of bag {recording.path}"
         indexes = [storage.index(topic) for storage in self._storages]
         times = np.concatenate([index.times_ns for index in indexes])

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
 
-from worlds.world_file import FILE_NAME, Place, WorldFile, read_world_file, settings_of
-
-Seconds = Annotated[float, msgspec.Meta(gt=0, le=60)]
+from worlds.world_file import FILE_NAME, Age, Offset, Place, WorldFile, read_world_file, settings_of
 
 
 class RobotSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -23,14 +20,14 @@ class RobotSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The LiDAR on the robot, in place of what tf says."""
     origin: Place = Place()
     """Where the robot's fixed frame (its odometry's or tf's) lies in the world."""
-    clock_offset_s: Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)] | None = None
+    clock_offset_s: Offset | None = None
     """How far its clock is ahead of the other robots'; None: nobody has looked."""
 
 
 class WorldSettings(WorldFile, frozen=True, forbid_unknown_fields=True):
     """Of the world; its rate is the median one of the robots' scans where none is named."""
 
-    max_scan_age_s: Seconds = 0.5
+    max_scan_age_s: Age = 0.5
     """A frame in which a robot's newest scan is older sees nothing of that robot."""
 
     def robot(self, name: str, folder: Path) -> RobotSettings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +33,7 @@ def make_index(rows: list[tuple[int, int, int]]) -> Index:
 class Storage(Protocol):
     """One file. Threads may share it. Methods raise WorldError when the file cannot be read."""
 
+    path: Path
     topics: dict[str, str]
     """The type of each topic that has messages in CDR."""
     cut: str

@@ -15,7 +15,7 @@ from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, pose_of
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Scan, SelfDescribing
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.recent import Recent
 
@@ -23,7 +23,7 @@ MAX_KEPT = 32
 """Scans in memory; one of 100 000 points takes 1.2 MB."""
 
 
-class BagWorld:
+class BagWorld(SelfDescribing):
     """A folder of bags, one a robot. No scan is read before it is asked for.
 
     Frame k is the moment `start_ns + k / rate_hz` of the time that all bags cover; it shows of

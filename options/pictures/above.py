@@ -9,8 +9,9 @@ import numpy as np
 
 from options.pictures.picture import Dots, Filled, Layer, Lines, Picture, Rings, Words
 from perception.boxes import footprints
+from perception.scene import ground_mask
 from perception.types import Boxes
-from swarm.geometry import Points
+from swarm.geometry import Matrix, Points, transform
 
 PIXELS = 2400
 """Along the longer side."""
@@ -30,11 +31,34 @@ class Outlines:
     width: float
 
 
+Said = tuple[str, str]
+"""A part of the text below a picture, and its colour; none for plain text."""
+
+
+def above_ground(points: Points, ego_from_sensor: Matrix | None = None) -> Points:
+    """Those of a scan, float32 (N, 3) in its sensor's frame, that are not ground: in the ego's
+    frame, or the sensor's own where that is not said where it is."""
+    if len(points):
+        points = points[~ground_mask(points)]
+    return points if ego_from_sensor is None else transform(ego_from_sensor, points)
+
+
+def area_said(what: str, half_m: tuple[float, float]) -> Said:
+    """What is shown, and of how large an area."""
+    return (f"{what}{2 * half_m[0]:g} x {2 * half_m[1]:g} m; ", "")
+
+
+def points_said(clouds: int) -> list[Said]:
+    """Whose points are shown."""
+    others: list[Said] = [(" and of the others", "")] if clouds > 1 else []
+    return [("points of the ego", EGO), *others]
+
+
 def from_above(
     half_m: tuple[float, float],
     clouds: Sequence[Points],
     outlines: Sequence[Outlines],
-    words: Sequence[tuple[str, str]],
+    words: Sequence[Said],
     sensors: Sequence[tuple[float, float]] = (),
 ) -> Picture:
     """A picture of the area within `half_m` of the ego along its x and y.

@@ -14,7 +14,7 @@ from options.recordings.format import TRUTH, Frame, RobotInFrame, Truth
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose
-from worlds.base import GroundTruth, Rays, Scan, Shown
+from worlds.base import GroundTruth, Rays, Scan, SelfDescribing
 from worlds.recent import Recent
 
 MAX_KEPT = 64
@@ -23,7 +23,7 @@ HELD_S = 1.0
 """Seconds for which a frame stands in for those after it that were not recorded."""
 
 
-class RecordingWorld(Shown):
+class RecordingWorld(SelfDescribing):
     """A file of `coadapt record`. No scan is read before it is asked for.
 
     Frame 0 is the first recorded one. Frames are as far apart as the recorded ones; one that the

@@ -34,8 +34,8 @@ class SensorFacts:
     """Over the ground."""
     heights_m: tuple[float, float]
     reaches_m: tuple[float, float]
-    """Within which 99 % of a scan's points lie, seen from above: of trained scans 30 to 36 m in the
-    factory, 78 to 100 m on the road. Beyond the limits, scans are of another kind of place."""
+    """Within which 99 % of a scan's points lie, seen from above: beyond the limits, scans are of
+    another kind of place. docs/worlds.md tells those of trained scans."""
     min_points: int
     """Of a scan."""
     range_m: float

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from options.pictures.above import EGO, FOUND, TRUE, Outlines, from_above
+from options.pictures.above import (
+    EGO,
+    FOUND,
+    TRUE,
+    Outlines,
+    above_ground,
+    area_said,
+    from_above,
+    points_said,
+)
 from options.pictures.picture import Picture
 from perception.fusion.base import Fusion
-from perception.scene import ground_mask
-from swarm.geometry import Matrix, Points, invert, transform
+from swarm.geometry import Matrix, Points, invert
 from worlds.base import World
 from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
 from worlds.cooperative.judging import EVALUATION_RANGES_M, judge
@@ -34,9 +42,9 @@ def draw(
     fused = fuse_frame(world, frame, ego, participants, algorithm, disturbance)
     found, truth = judge(world, frame, ego, fused.boxes)
     own_from_world = invert(world.pose(ego, frame).matrix())
-    half_x, half_y = EVALUATION_RANGES_M[world.detector]
+    half = EVALUATION_RANGES_M[world.detector]
     senders = list(fused.bytes)
-    words = [(f"{len(senders) + 1} robots, {2 * half_x:g} x {2 * half_y:g} m; ", "")]
+    words = [area_said(f"{len(senders) + 1} robots, ", half)]
     clouds: list[Points] = []
     sensors: list[tuple[float, float]] = []
     if only_found:
@@ -47,26 +55,18 @@ def draw(
         found_words = f"{len(found)} together"
     else:
         under, color = truth, TRUE
-        clouds = [_cloud(world, frame, robot, own_from_world) for robot in (ego, *senders)]
-        words += [("points of the ego", EGO), (" and of the others; ", "")]
+        scans = [world.scan(robot, frame) for robot in (ego, *senders)]
+        clouds = [above_ground(one.points, own_from_world @ one.pose.matrix()) for one in scans]
+        words += [*points_said(len(clouds)), ("; ", "")]
         words += [(f"{len(truth)} true boxes", TRUE), (", ", "")]
         found_words = f"{len(found)} found"
     outlines = [
         Outlines(under.transformed(own_from_world), color, 10),
         Outlines(found.transformed(own_from_world), FOUND, 4),
     ]
-    return from_above((half_x, half_y), clouds, outlines, [*words, (found_words, FOUND)], sensors)
+    return from_above(half, clouds, outlines, [*words, (found_words, FOUND)], sensors)
 
 
 def _sensor(world: World, frame: int, robot: str, own_from_world: Matrix) -> tuple[float, float]:
     x, y = (own_from_world @ world.pose(robot, frame).matrix())[:2, 3].tolist()
     return x, y
-
-
-def _cloud(world: World, frame: int, robot: str, own_from_world: Matrix) -> Points:
-    """Points above the ground in the ego's frame."""
-    scan = world.scan(robot, frame)
-    if not len(scan.points):
-        return scan.points
-    points = scan.points[~ground_mask(scan.points)]
-    return transform(own_from_world @ scan.pose.matrix(), points)

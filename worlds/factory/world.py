@@ -12,7 +12,7 @@ from perception.types import Boxes
 from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Pose
-from worlds.base import GroundTruth, Rays, Scan, Shown
+from worlds.base import GroundTruth, Rays, Scan, SelfDescribing
 from worlds.cache import ScanCache
 from worlds.factory.actors import ROBOT_BODY, SENSOR_HEIGHT_M, Solids, solids, true_boxes
 from worlds.factory.layout import build_floor
@@ -32,7 +32,7 @@ MIN_KEPT = 64
 """Scans and truths held in memory; a large swarm holds one frame of all its robots."""
 
 
-class FactoryWorld(Shown):
+class FactoryWorld(SelfDescribing):
     """A factory floor with robots R1 to Rn.
 
     Every scan follows from (robots, seed, rings, scenario, room, robot, frame) alone: any process

@@ -21,7 +21,7 @@ from perception.types import Boxes, clean_points
 from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Points, Pose, invert, transform
-from worlds.base import GroundTruth, Scan, Shown
+from worlds.base import GroundTruth, Scan, SelfDescribing
 from worlds.cache import ScanCache
 from worlds.clouds.pcd import read_pcd
 from worlds.opv2v import carla
@@ -35,7 +35,7 @@ BOX_MARGIN_M = 0.1
 """Points this far outside a box still count as the vehicle's: range noise and box rounding."""
 
 
-class Opv2vWorld(Shown):
+class Opv2vWorld(SelfDescribing):
     """One recorded scenario; every vehicle folder is a robot (a roadside unit, whose folder has a
     negative number, is none). Parsed files are kept in memory, and scans on disk if asked."""
 

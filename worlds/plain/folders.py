@@ -7,12 +7,11 @@ from pathlib import Path
 
 from swarm.errors import WorldError
 from worlds.plain.poses import NAMES
+from worlds.robot_name import check_robot_name
 from worlds.scans import READERS, is_scan
 
 INSIDE = ("scans", "velodyne", "lidar", "points")
 """A folder in a robot's own that may hold its scans: KITTI has `velodyne`."""
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
-"""What a robot may be called: the rule of `swarm.keyspace.check_name`."""
 
 
 def robots_of(folder: Path) -> dict[str, list[Path]]:
@@ -49,11 +48,7 @@ def check_robots(folder: Path, robots: dict[str, list[Path]]) -> None:
             f"robot{here}"
         )
     for name in robots:
-        if not _NAME.fullmatch(name):
-            raise WorldError(
-                f"folder {folder / name} names a robot {name!r}, which is not allowed: use 1 to "
-                "32 letters, digits, '_' or '-'"
-            )
+        check_robot_name(f"folder {folder / name}", name)
 
 
 def _number(path: Path) -> tuple[tuple[int, int, str], ...]:

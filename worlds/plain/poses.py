@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm.errors import WorldError
-from swarm.geometry import Matrix, Pose, invert
+from swarm.geometry import Matrix, Pose, are_rotations, invert
 
 NAMES = ("poses.txt", "poses.csv", "poses.npy")
 CALIBRATION = "calib.txt"
 """KITTI's: its line `Tr` says where the LiDAR is in the frame of the camera that poses are of."""
-SQUARE = 1e-3
-"""How far a matrix may be from a rotation: text has few digits."""
 ANGLES = ("roll", "pitch", "yaw")
 QUATERNION = ("qx", "qy", "qz", "qw")
 
@@ -52,10 +50,7 @@ def read_poses(path: Path) -> list[Matrix]:
         raise WorldError(f"poses {path} cannot be read: {error}") from error
     if matrices.size == 0:
         raise WorldError(f"poses {path} has none")
-    rotations = matrices[:, :3, :3]
-    squares = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    right = np.isfinite(matrices).all(axis=(1, 2)) & (squares < SQUARE)
-    right &= np.linalg.det(np.nan_to_num(rotations)) > 0
+    right = np.isfinite(matrices).all(axis=(1, 2)) & are_rotations(matrices[:, :3, :3])
     if not right.all():
         raise WorldError(
             f"row {int(right.argmin()) + 1} of poses {path} is no pose: its 3 x 3 part must be a "

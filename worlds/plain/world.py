@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -12,14 +13,14 @@ from perception.detector import configuration
 from perception.types import Boxes
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Points, Pose, pose_of
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Scan, SelfDescribing
 from worlds.detector_choice import LOOKED_AT, choose_detector
 from worlds.plain.folders import check_robots, robots_of
 from worlds.plain.poses import NAMES, find_poses, read_poses
-from worlds.plain.times import NAME, Shown, read_times
+from worlds.plain.times import NAME, FrameIndex, Velocity, difference, read_times
 from worlds.recent import Recent
 from worlds.scans import read_scan
-from worlds.world_file import FILE_NAME, Place, WorldFile, read_world_file, settings_of
+from worlds.world_file import FILE_NAME, Age, Offset, Place, WorldFile, read_world_file, settings_of
 
 RATE_HZ = 10.0
 """Where nobody says another."""
@@ -34,9 +35,20 @@ class RobotSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where the frame of its poses lies in the world; of a robot without poses, its sensor."""
     first: int = 0
     """Its scan of frame 0, for robots that began earlier than others."""
+    clock_offset_s: Offset | None = None
+    """How far its clock, by which its times are, is ahead of the other robots'; None: nobody has
+    looked."""
 
 
-class ScansWorld:
+class WorldSettings(WorldFile, frozen=True, forbid_unknown_fields=True):
+    """Of the world."""
+
+    max_scan_age_s: Age | None = None
+    """A frame in which a robot's newest scan is older sees nothing of that robot; None: as
+    `FrameIndex` has it."""
+
+
+class ScansWorld(SelfDescribing):
     """A folder of robots' folders, each with scans and the sensor's poses."""
 
     name = "scans"
@@ -49,7 +61,7 @@ class ScansWorld:
         files = robots_of(data)
         check_robots(data, files)
         self.robots = tuple(files)
-        settings = read_world_file(data, WorldFile, RobotSettings, self.robots)
+        settings = read_world_file(data, WorldSettings, RobotSettings, self.robots)
         of = {name: settings_of(settings, name, RobotSettings, data / FILE_NAME) for name in files}
         self._files: dict[str, list[Path]] = {}
         self._poses: dict[str, list[Matrix]] = {}
@@ -62,11 +74,11 @@ class ScansWorld:
                 )
             poses = _poses(data / robot, len(its), of[robot].origin)
             self._files[robot], self._poses[robot] = its[first:], poses[first:]
-        self._shown = _shown(data, self._files, of, settings.rate_hz)
-        if self._shown is not None:
-            self.timings = self._shown.timings
-            self.frame_count, self.rate_hz = self._shown.frame_count, self._shown.rate_hz
-            notes = self._shown.notes
+        self._by_time = _frame_index(data, self._files, of, settings)
+        if self._by_time is not None:
+            self.timings = self._by_time.timings
+            self.frame_count, self.rate_hz = self._by_time.frame_count, self._by_time.rate_hz
+            notes = self._by_time.notes
         else:
             self.frame_count = min(len(its) for its in self._files.values())
             self.rate_hz = settings.rate_hz or RATE_HZ
@@ -80,9 +92,7 @@ class ScansWorld:
         if settings.detector is not None:
             self.detector, self.choices = settings.detector, ()
         else:
-            looked_at = range(min(LOOKED_AT, *(len(its) for its in self._files.values())))
-            scans = [self._read(robot, index) for robot in self.robots for index in looked_at]
-            self.detector, self.choices = choose_detector(scans)
+            self.detector, self.choices = choose_detector(list(self._first_scans()))
         self.range_m = configuration(self.detector).sensor.range_m
 
     def pose(self, robot: str, frame: int) -> Pose:
@@ -97,7 +107,7 @@ class ScansWorld:
             frame=frame % self.frame_count,
             points=self._read(robot, index) if fresh else np.zeros((0, 3), dtype=np.float32),
             pose=pose_of(self._poses[robot][index]),
-            velocity=self._velocity(robot, frame),
+            velocity=self._velocity(robot, index),
         )
 
     def ground_truth(self, frame: int) -> GroundTruth:
@@ -109,46 +119,62 @@ class ScansWorld:
         if robot not in self._files:
             raise WorldError(f"robot {robot!r} has no scans; there are {', '.join(self.robots)}")
         frame %= self.frame_count
-        return (frame, True) if self._shown is None else self._shown.index(robot, frame)
+        return (frame, True) if self._by_time is None else self._by_time.index(robot, frame)
+
+    def _first_scans(self) -> Iterator[Points]:
+        for robot, its in self._files.items():
+            for index in range(min(LOOKED_AT, len(its))):
+                with suppress(WorldError):  # told when a frame shows it
+                    yield self._read(robot, index)
 
     def _read(self, robot: str, index: int) -> Points:
         path = self._files[robot][index]
         points: Points = self._recent.get(path, lambda: read_scan(path))
         return points
 
-    def _velocity(self, robot: str, frame: int) -> tuple[float, float, float]:
-        """Difference to the next frame's pose (to the one before in the last frame)."""
-        if self.frame_count < 2:
+    def _velocity(self, robot: str, index: int) -> Velocity:
+        """Difference to the next scan's pose (of the last scan, to the one before)."""
+        poses = self._poses[robot]
+        if self._by_time is not None:
+            return self._by_time.velocity(robot, index, poses)
+        index = min(index, self.frame_count - 2)
+        if index < 0:
             return (0.0, 0.0, 0.0)
-        frame = min(frame % self.frame_count, self.frame_count - 2)
-        a, b = self.pose(robot, frame), self.pose(robot, frame + 1)
-        rate = self.rate_hz
-        return ((b.x - a.x) * rate, (b.y - a.y) * rate, (b.z - a.z) * rate)
+        return difference(poses[index], poses[index + 1], 1 / self.rate_hz)
 
 
-def _shown(
+def _frame_index(
     data: Path,
     files: dict[str, list[Path]],
-    settings: dict[str, RobotSettings],
-    rate_hz: float | None,
-) -> Shown | None:
+    of: dict[str, RobotSettings],
+    settings: WorldSettings,
+) -> FrameIndex | None:
     """By time where all robots have times; None: the k-th scan of each robot is frame k.
 
     Raises WorldError where some robots have times, and some none.
     """
     taken = {}
     for robot, its in files.items():
-        first = settings[robot].first
+        first = of[robot].first
         times = read_times(data / robot, first + len(its))
         if times is not None:
-            taken[robot] = times[first:]
+            taken[robot] = times[first:] - round((of[robot].clock_offset_s or 0.0) * 1e9)
+        elif of[robot].clock_offset_s is not None:
+            raise WorldError(
+                f"clock_offset_s in [robots.{robot}] of {data / FILE_NAME} needs "
+                f"{data / robot / NAME}, which is not there"
+            )
     if taken and len(taken) < len(files):
         without = ", ".join(robot for robot in files if robot not in taken)
         raise WorldError(
             f"{data} has {NAME} for {', '.join(taken)}, and none for {without}: all robots need "
             "one, or none of them"
         )
-    return Shown(data, taken, rate_hz) if taken else None
+    if not taken:
+        return None
+    trusted = {robot for robot, its in of.items() if its.clock_offset_s is not None}
+    rate_hz, max_age_s = settings.rate_hz, settings.max_scan_age_s
+    return FrameIndex(data, taken, trusted, rate_hz=rate_hz, max_age_s=max_age_s)
 
 
 def _unequal(files: dict[str, list[Path]], shown: int) -> Iterator[str]:

@@ -12,7 +12,7 @@ from perception.types import Boxes
 from swarm.body import Body
 from swarm.errors import WorldError
 from swarm.geometry import Pose, wrap_heading
-from worlds.base import GroundTruth, Scan, Shown
+from worlds.base import GroundTruth, Scan, SelfDescribing
 from worlds.cache import ScanCache
 from worlds.recent import Recent
 from worlds.returns import Returns, kept_returns
@@ -32,7 +32,7 @@ MIN_KEPT = 16
 """Scans, scenes and truths held in memory."""
 
 
-class RoadWorld(Shown):
+class RoadWorld(SelfDescribing):
     """A street with recording cars R1 to Rn, other traffic and parked vehicles.
 
     Every seed is another scene. Every scan follows from (seed, robots, robot, frame) alone. As in

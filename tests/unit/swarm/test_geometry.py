@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarm.geometry import TWO_PI, Pose, invert, transform, wrap_heading, yaw_of
+from swarm.geometry import TWO_PI, Pose, are_rotations, invert, transform, wrap_heading, yaw_of
 
 metres = st.floats(-500, 500)
 angles = st.floats(-20, 20)
@@ -79,3 +79,13 @@ def test_the_yaw_of_a_level_pose_is_its_heading(pose: Pose) -> None:
 def test_distance_is_seen_from_above_and_the_same_both_ways(a: Pose, b: Pose) -> None:
     assert a.distance_to(b) == b.distance_to(a)
     assert a.distance_to(Pose(a.x, a.y, b.z)) == 0.0
+
+
+def test_rotations_are_told_from_what_scales_shears_mirrors_or_is_no_number() -> None:
+    turned = Pose(0, 0, 0, 0.1, -0.2, 3.0).matrix()[:3, :3]
+    shear, lost = turned.copy(), turned.copy()
+    shear[0] += 0.1 * turned[1]
+    lost[1, 1] = math.nan
+    kinds = [turned, turned.round(4), 1.01 * turned, -turned, shear, lost, 0 * turned]
+    assert are_rotations(np.array(kinds)).tolist() == [True, True] + [False] * 5
+    assert bool(are_rotations(turned))

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from coadapt.main import main
 from swarm.errors import WorldError
 from swarm.geometry import Pose, invert
 from tests.support.world_bags import ROAD_SEED
 from worlds.base import comm_range_of
+from worlds.check import check
 from worlds.cooperative.fusing import fuse_frame
 from worlds.plain.world import ScansWorld
 from worlds.registry import find_kind, open_world
@@ -144,6 +148,11 @@ def test_world_toml_places_robots_and_names_rate_range_and_detector(tmp_path: Pa
     assert world.scan("car", 0).points[0, 0] == 1
 
 
+def test_a_world_says_what_it_is(lot: Path) -> None:
+    said = repr(ScansWorld(lot))
+    assert said == f"ScansWorld(R1, R2; {FRAMES} frames at 10 Hz, detector road)"
+
+
 def test_scans_that_another_robot_lacks_are_told(lot: Path, tmp_path: Path) -> None:
     for robot in ("R1", "R2"):
         (tmp_path / robot).mkdir()
@@ -208,14 +217,14 @@ def test_a_robot_that_is_not_there_is_named(lot: Path) -> None:
         open_world("scans", data=lot).scan("R9", 0)
 
 
-def timed(folder: Path, robot: str, times: list[float]) -> None:
-    """A robot whose scans and poses say when they were taken."""
+def timed(folder: Path, robot: str, times: list[float], ahead_s: float = 0.0) -> None:
+    """A robot whose scans and poses say when they were taken, by a clock that may be ahead."""
     (folder / robot).mkdir()
     for number, time in enumerate(times):
         np.save(folder / robot / f"{number}.npy", np.array([[time, 1, 1]]))
     rows = [[time, 0, 0, 0, 0, 0] for time in times]
     np.save(folder / robot / "poses.npy", np.array(rows))
-    (folder / robot / "times.txt").write_text("".join(f"{time}\n" for time in times))
+    (folder / robot / "times.txt").write_text("".join(f"{time + ahead_s}\n" for time in times))
 
 
 def test_scans_with_times_are_shown_by_them(tmp_path: Path) -> None:
@@ -242,6 +251,85 @@ def test_scans_that_are_too_old_are_not_shown_and_lost_ones_told(tmp_path: Path)
     seen = [bool(len(world.scan("R2", frame).points)) for frame in range(world.frame_count)]
     assert seen == [True] * 16 + [False] * 4 + [True] * 10
     assert world.notes == ("R2 lacks 9 scans between its 21",)
+
+
+def test_the_velocity_is_that_between_scans_whatever_frames_show(tmp_path: Path) -> None:
+    timed(tmp_path, "R1", [0.1 * k + (0.02 if k % 2 else 0.0) for k in range(20)])
+    (tmp_path / "world.toml").write_text("rate_hz = 10\n")
+    world = ScansWorld(tmp_path)
+    shown = [float(world.scan("R1", frame).points[0, 0]) for frame in range(world.frame_count)]
+    assert len(set(shown)) < len(shown), "frames show scans twice"
+    for frame in range(world.frame_count):
+        assert world.scan("R1", frame).velocity == pytest.approx((1, 0, 0))
+
+
+def test_the_last_scan_moves_as_the_one_before_and_a_single_one_not_at_all(tmp_path: Path) -> None:
+    timed(tmp_path, "R1", [0.0, 0.1, 0.2])
+    timed(tmp_path, "R2", [0.0])
+    (tmp_path / "world.toml").write_text("rate_hz = 10\n")
+    world = ScansWorld(tmp_path)
+    assert world.scan("R1", 0).velocity == pytest.approx((1, 0, 0))
+    assert world.scan("R2", 0).velocity == (0.0, 0.0, 0.0)
+
+
+def slow(folder: Path) -> None:
+    """Two robots at 1 Hz, the second 0.6 s after the first."""
+    timed(folder, "R1", [float(k) for k in range(20)])
+    timed(folder, "R2", [k + 0.6 for k in range(20)])
+
+
+def test_slow_robots_out_of_step_are_shown_and_no_clock_is_blamed(tmp_path: Path) -> None:
+    slow(tmp_path)
+    world = ScansWorld(tmp_path)
+    for robot in world.robots:
+        assert all(len(world.scan(robot, k).points) for k in range(world.frame_count))
+    assert world.notes == ()
+    assert check(world).skew is None
+
+
+def test_world_toml_says_how_old_a_scan_may_be(tmp_path: Path) -> None:
+    slow(tmp_path)
+    (tmp_path / "world.toml").write_text("max_scan_age_s = 0.3\n")
+    world = ScansWorld(tmp_path)
+    assert [len(world.scan("R1", k).points) for k in range(world.frame_count)] == [0] * 19
+    assert all(len(world.scan("R2", k).points) for k in range(world.frame_count))
+    (tmp_path / "world.toml").write_text("max_scan_age_s = 0\n")
+    with pytest.raises(WorldError, match=r"max_scan_age_s = 0 in .* is not valid"):
+        ScansWorld(tmp_path)
+
+
+def test_a_clock_is_mended_as_the_note_and_the_check_say(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    times = [k / 10 for k in range(30)]
+    timed(tmp_path, "R1", times)
+    timed(tmp_path, "R2", times, ahead_s=1.0)
+    main(["worlds", "check", str(tmp_path)])
+    assert "R2 may be 1.00 s ahead (clock_offset_s in world.toml)" in capsys.readouterr().out
+    (note,) = ScansWorld(tmp_path).notes
+    (asked,) = re.findall(r"clock_offset_s = [\d.]+", note)
+    (tmp_path / "world.toml").write_text(f"[robots.R2]\n{asked}\n")
+    world = ScansWorld(tmp_path)
+    assert (world.frame_count, world.notes, check(world).skew) == (30, (), None)
+    for frame in range(30):
+        assert world.scan("R2", frame).points[0, 0] == world.scan("R1", frame).points[0, 0]
+
+
+def test_a_clock_without_times_is_named(tmp_path: Path) -> None:
+    one_robot(tmp_path)
+    (tmp_path / "world.toml").write_text("[robots.car]\norigin = {}\nclock_offset_s = 1\n")
+    with pytest.raises(WorldError, match=r"clock_offset_s in \[robots.car\] .* needs .*times\.txt"):
+        ScansWorld(tmp_path)
+
+
+def test_a_damaged_first_scan_is_told_when_a_frame_shows_it(lot: Path, tmp_path: Path) -> None:
+    shutil.copytree(lot, tmp_path / "lot")
+    (tmp_path / "lot" / "R1" / "8.bin").write_bytes(b"cut")
+    world = ScansWorld(tmp_path / "lot")
+    assert world.detector == "road"
+    with pytest.raises(WorldError, match=r"8\.bin"):
+        world.scan("R1", 0)
+    assert len(world.scan("R1", 1).points)
 
 
 def test_times_that_may_be_of_clocks_apart_are_told(tmp_path: Path) -> None:

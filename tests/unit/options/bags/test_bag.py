@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,11 @@ def test_recorded_robots_fuse_as_the_simulated_ones_do(
 def test_there_is_no_ground_truth(recorded: Path) -> None:
     truth = open_world("bag", data=recorded).ground_truth(0)
     assert (len(truth.boxes), truth.ids, len(truth.visible_points)) == (0, (), 0)
+
+
+def test_a_world_says_what_it_is(recorded: Path) -> None:
+    said = repr(open_world("bag", data=recorded))
+    assert said == f"BagWorld(R1, R2, R3; {FRAMES} frames at 10 Hz, detector factory)"
 
 
 def test_frames_wrap_around_and_an_unknown_robot_is_named(recorded: Path) -> None:
@@ -424,6 +430,50 @@ def test_opening_reads_no_scan_and_few_poses(
     read.clear()
     world.scan("R1", 300)
     assert 600 <= sum(most is None for most in read) < 620
+
+
+def test_stamps_of_long_bags_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    times = np.arange(1200) / 10
+    times[[500, 900]] = times[[900, 500]]  # recorded out of order
+    plain_log(times).write(tmp_path / "data" / "R1")
+    read: list[int | None] = []
+    whole = McapFile.read
+
+    def counted(file: McapFile, place: tuple[int, int], most: int | None = None) -> bytes:
+        read.append(most)
+        return whole(file, place, most)
+
+    monkeypatch.setattr(McapFile, "read", counted)
+    first = BagWorld(tmp_path / "data")
+    assert len(read) > 1200
+    read.clear()
+    second = BagWorld(tmp_path / "data")
+    assert len(read) < 200
+    assert second.timings == first.timings
+    assert first.timings[0].begin_s == pytest.approx(START_NS / 1e9)
+    for frame in (499, 500, 501, 1199):
+        assert np.array_equal(second.scan("R1", frame).points, first.scan("R1", frame).points)
+
+    (kept,) = (tmp_path / "cache" / "coadapt" / "stamps").iterdir()
+    kept.write_bytes(kept.read_bytes()[:-8])
+    read.clear()
+    assert BagWorld(tmp_path / "data").timings == first.timings, "a damaged file is made again"
+    assert len(read) > 1200
+
+    plain_log(np.arange(1200) / 5).write(tmp_path / "again" / "R1")
+    shutil.rmtree(tmp_path / "data" / "R1")
+    (tmp_path / "again" / "R1").rename(tmp_path / "data" / "R1")
+    assert BagWorld(tmp_path / "data").rate_hz == 5, "another bag of that name is another bag"
+
+
+def test_a_bag_opens_where_stamps_cannot_be_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cache").write_text("a file, no folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    plain_log(np.arange(1000) / 10).write(tmp_path / "data" / "R1")
+    assert BagWorld(tmp_path / "data").frame_count == 1000
 
 
 def test_ap_says_that_bags_have_no_true_boxes(

@@ -10,6 +10,7 @@ import pytest
 
 from options.bags.world import BagWorld
 from swarm.errors import WorldError
+from swarm.geometry import Pose
 from tests.support.bag_files import CLOUD, MOUNT, Log, cloud, ns, plain_log
 from worlds.registry import open_world
 
@@ -86,6 +87,23 @@ def test_clocks_that_differ_by_one_recorders_time_are_refused_with_the_remedy(
         assert world.pose("R1", frame) == world.scan("R1", frame).pose
         assert world.pose("R2", frame).x - apart_s == pytest.approx(world.pose("R1", frame).x)
         assert world.scan("R2", frame).velocity == pytest.approx((1, 0, 0))
+
+
+@pytest.mark.parametrize("by", ["odometry", "tf"])
+def test_a_slow_driver_is_no_clock(tmp_path: Path, by: str) -> None:
+    """Robots with recorders of their own, of which one hears its scans late, and nothing else."""
+    plain_log(TIMES).write(tmp_path / "R1")
+    slow = Log().scans(TIMES)
+    slow.rows = [(topic, kind, at + ns(0.6) - ns(0), raw) for topic, kind, at, raw in slow.rows]
+    if by == "odometry":
+        slow.drive(TIMES)
+    else:
+        for time in TIMES:
+            slow.tf(time, {("odom", "base_link"): Pose(time, 0, 0)})
+    slow.tf(0, MOUNT, static=True).write(tmp_path / "R2")
+    world = BagWorld(tmp_path)
+    assert times_shown(world, "R1") == times_shown(world, "R2") == TIMES.tolist()
+    assert world.notes == ()
 
 
 def test_clocks_that_seem_to_differ_by_their_recordings_ends_are_told(tmp_path: Path) -> None:
