@@ -13,7 +13,7 @@ from swarm.errors import WorldError
 from worlds.base import World
 from worlds.opv2v.world import Opv2vWorld
 from worlds.registry import find_kind, open_world, world_kinds
-from worlds.remarks import Noted
+from worlds.remarks import remarks
 
 
 @runtime_checkable
@@ -73,8 +73,8 @@ class Recorded:
 
     def tell_notes(self) -> None:
         """Prints on standard error what is wrong with data that can be used all the same."""
-        for note in self.world.notes if isinstance(self.world, Noted) else ():
-            print(f"coadapt: {note}", file=sys.stderr)
+        for remark in remarks(self.world):
+            print(f"coadapt: {remark}", file=sys.stderr)
 
 
 def names_data(text: str) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -65,6 +64,8 @@ class Check:
     """Cells that ego and partners within range see together, for each that it sees alone."""
     apart: tuple[str, ...]
     """Robots whose poses may count from an origin of their own, and why."""
+    unreadable: tuple[str, ...]
+    """Robots of which a scan could not be read, and why not."""
     notes: tuple[str, ...]
     against: tuple[str, ...] = field(default=())
     """Why nothing can be fused; empty where it can."""
@@ -87,7 +88,10 @@ def check(world: World, ego: str | None = None) -> Check:
         {int(at) for at in np.linspace(0, world.frame_count - 1, min(FRAMES, world.frame_count))}
     )
     range_m, seen = comm_range_of(world), scans_like(world)
-    cells = {robot: [_cells(world, robot, frame) for frame in frames] for robot in world.robots}
+    faults: dict[str, str] = {}
+    cells = {
+        robot: [_cells(world, robot, frame, faults) for frame in frames] for robot in world.robots
+    }
     partners = tuple(
         _partner(world, ego, robot, frames, cells, range_m)
         for robot in world.robots
@@ -113,6 +117,7 @@ def check(world: World, ego: str | None = None) -> Check:
         partners=partners,
         gain=_gain(world, ego, frames, cells, range_m),
         apart=tuple(_apart(ego, partners, min(configuration(world.detector).usual_body.size[:2]))),
+        unreadable=tuple(f"{robot}: {why}" for robot, why in faults.items()),
         notes=world.notes if isinstance(world, Noted) else (),
         against=tuple(_against(ego, cells, partners, range_m)),
     )
@@ -189,11 +194,14 @@ def _gain(
     return float(np.mean(ratios)) if ratios else 1.0
 
 
-def _cells(world: World, robot: str, frame: int) -> set[int]:
-    """The cells of the world's ground plane in which a scan has points."""
+def _cells(world: World, robot: str, frame: int, faults: dict[str, str]) -> set[int]:
+    """The cells of the world's ground plane in which a scan has points. One that cannot be read has
+    none; the first one's reason goes to `faults`."""
     points: Points = np.zeros((0, 3), dtype=np.float32)
-    with suppress(WorldError):  # a scan that cannot be read shows nothing
+    try:
         scan = world.scan(robot, frame)
         points = transform(scan.pose.matrix(), scan.points)
+    except WorldError as error:
+        faults.setdefault(robot, str(error))
     at = np.floor(points[:, :2] / CELL_M).astype(np.int64)
     return set((at[:, 0] * (1 << 32) + at[:, 1]).tolist())

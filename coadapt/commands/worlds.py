@@ -93,6 +93,7 @@ def _lines(kind: WorldKind, words: str, path: Path, found: Check) -> list[tuple[
     if found.apart:
         why = "do their poses count from one origin (origin in world.toml)?"
         lines.append(("origins", f"{_some(found.apart)}: {why}"))
+    lines += [("damaged", fault) for fault in found.unreadable]
     lines += [("note", note) for note in found.notes]
     if found.fuses:
         best = max(one.within for one in found.partners)
@@ -130,7 +131,8 @@ def _next(kind: WorldKind, path: Path, found: Check) -> str:
     from deploy.progress import typed
 
     if not found.fuses:
-        return "mend what `fuses` says, and check again"
+        what = "`damaged` and `fuses` say" if found.unreadable else "`fuses` says"
+        return f"mend what {what}, and check again"
     if len(found.robots) > _PROCESS.world_robots:
         return typed("up", world=kind.name, data=path, robots=len(found.robots))
     return typed("up", world=kind.name, data=path)

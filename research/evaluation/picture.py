@@ -58,7 +58,9 @@ def draw(
         scans = [world.scan(robot, frame) for robot in (ego, *senders)]
         clouds = [above_ground(one.points, own_from_world @ one.pose.matrix()) for one in scans]
         words += [*points_said(len(clouds)), ("; ", "")]
-        words += [(f"{len(truth)} true boxes", TRUE), (", ", "")]
+        known = len(world.ground_truth(frame).boxes) > 0
+        true_words = f"{len(truth)} true boxes" if known else "true boxes not known"
+        words += [(true_words, TRUE), (", ", "")]
         found_words = f"{len(found)} found"
     outlines = [
         Outlines(under.transformed(own_from_world), color, 10),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import socket
 import time
@@ -64,6 +65,16 @@ def assert_nothing_is_left(spec: SwarmSpec, network: str) -> None:
     interfaces = {name for _, name in socket.if_nameindex()}
     assert not interfaces & {"coadapt0", "link1", "link2"}
     for port in (spec.prometheus_port, spec.ego_metrics_port, spec.qod_port):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # The kernel empties a dying process's environment before it closes its sockets.
+        await_(functools.partial(is_free, port), f"port {port} is free")
+
+
+def is_free(port: int) -> bool:
+    """Whether a server could listen to a port of this machine's loopback."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
             probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True

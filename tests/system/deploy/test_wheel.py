@@ -192,7 +192,9 @@ def test_docker_says_that_it_needs_a_checkout(coadapt: Run, environment: Path) -
 def test_messages_name_commands_that_are_there(coadapt: Run) -> None:
     done = coadapt("status", *SWARM)
     assert done.returncode == 1
-    assert done.stderr == "coadapt: no swarm 'wheel' is running; start one with `coadapt up`\n"
+    assert done.stderr == (
+        "coadapt: no swarm 'wheel' is running; start one with `coadapt up --swarm wheel`\n"
+    )
 
 
 def test_the_sample_is_looked_for_in_the_current_directory(coadapt: Run) -> None:

@@ -10,6 +10,7 @@ import pytest
 from coadapt.main import main
 from coadapt.recorded import open_recorded
 from swarm.errors import WorldError
+from tests.support.plain_scans import plain_scans
 from tests.support.recording_files import write_recording
 from worlds.cooperative.judging import evaluate
 from worlds.factory.world import FactoryWorld
@@ -132,3 +133,24 @@ def test_replay_tells_how_far_it_is(recording: Path, capsys: pytest.CaptureFixtu
     assert told.err.splitlines()[0].strip() == "1 of 3 frames"
     assert told.err.splitlines()[-1].strip() == "3 of 3 frames"
     assert "check    3 of 3 frames" in told.out
+
+
+@pytest.mark.stumble(
+    "fuse says nothing of a detector that does not suit", command="coadapt fuse cars --frame 0"
+)
+def test_a_detector_that_does_not_suit_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = plain_scans(tmp_path / "data")
+    (data / "world.toml").write_text('detector = "road"\n')
+    assert main(["fuse", str(data), "--frame", "0"]) == 0
+    said = capsys.readouterr().err
+    assert "detector road does not suit the scans: " in said
+
+
+def test_a_picture_of_data_without_truth_counts_no_true_boxes(tmp_path: Path) -> None:
+    data, picture = plain_scans(tmp_path / "data"), tmp_path / "picture.svg"
+    assert main(["picture", str(data), "--frame", "0", "--output", str(picture)]) == 0
+    text = picture.read_text()
+    assert "true boxes not known" in text
+    assert "0 true boxes" not in text

@@ -6,7 +6,6 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
-import numpy as np
 import pytest
 
 from coadapt.main import main
@@ -16,6 +15,7 @@ from deploy.spec import factory_robots, make_spec
 from deploy.state import State, write_state
 from swarm.errors import DeployError
 from tests.support.free_ports import free_ports
+from tests.support.plain_scans import plain_scans
 
 
 @pytest.fixture(autouse=True)
@@ -50,18 +50,6 @@ def test_names_are_checked_before_anything_starts(
     options: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert words in refusal(capsys, *options)
-
-
-def plain_scans(folder: Path) -> Path:
-    """A folder of two robots' scans and poses."""
-    for x, robot in enumerate(("R1", "R2")):
-        (folder / robot).mkdir(parents=True)
-        points = np.random.default_rng(x).uniform(-20, 20, (500, 3)).astype(np.float32)
-        for frame in range(3):
-            np.save(folder / robot / f"{frame}.npy", points)
-        pose = f"1 0 0 {5 * x} 0 1 0 0 0 0 1 1"
-        (folder / robot / "poses.txt").write_text("\n".join([pose] * 3) + "\n")
-    return folder
 
 
 @pytest.mark.stumble(

@@ -12,6 +12,7 @@ import pytest
 
 from coadapt.main import main
 from tests.support.bag_files import plain_log
+from tests.support.plain_scans import plain_scans
 from tests.support.recording_files import write_recording
 from tests.support.world_bags import ROAD_SEED, write_bags
 from worlds.registry import world_kinds
@@ -110,6 +111,19 @@ def test_robots_in_one_place_may_have_origins_of_their_own(tmp_path: Path, told:
     assert told(tmp_path)[1]["apart"] == [
         "R2 comes within 0.0 m of R1, where there is no room for both"
     ]
+
+
+@pytest.mark.stumble("a scan that cannot be read is not told", command="coadapt worlds check scans")
+def test_scans_that_cannot_be_read_are_told_with_their_reason(tmp_path: Path, told: Told) -> None:
+    data = plain_scans(tmp_path / "data")
+    for file in (data / "R2").glob("*.npy"):
+        file.write_bytes(b"no scan")
+    status, found = told(data)
+    assert status == 1
+    (fault,) = found["unreadable"]
+    assert fault.startswith("R2: ")
+    assert "0.npy" in fault
+    assert found["next"] == "mend what `damaged` and `fuses` say, and check again"
 
 
 def test_one_robot_has_nobody_to_fuse_with(tmp_path: Path, told: Told) -> None:
