@@ -18,7 +18,7 @@ compile() {
         --generate-hashes --only-binary :all: --no-emit-package torch --custom-compile-command 'make lock' \
         ${UPGRADE---upgrade} --output-file "$output" "$@" pyproject.toml
     # What pyproject.toml's [tool.uv] says of all lines.
-    sed -i "s/ ; python_full_version < '3.14' and sys_platform == 'linux'//" "$output"
+    sed -i "s/ ; python_full_version < '3.14' and platform_python_implementation == 'CPython' and sys_platform == 'linux'//" "$output"
 }
 
 compile requirements.lock --extra swarm
