@@ -22,6 +22,7 @@ from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
+from swarm.trust.roles import Role
 from worlds.base import World
 
 
@@ -31,7 +32,7 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.client_config(settings.router)  # a malformed address ends the process here
+        transport.check_router(settings.router, Role("ego", settings.ego).common_name)
         with open_world_of(settings, "ego_agent", settings.ego) as world:
             _check_ego(settings, world)
             run(settings, world, stop)

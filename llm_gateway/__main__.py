@@ -35,7 +35,7 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.client_config(settings.router)  # a malformed address ends the process here
+        transport.check_router(settings.router, "gateway")
         run(settings, stop)
     except CoAdaptError as error:
         print(f"llm_gateway: {error}", file=sys.stderr)

@@ -15,6 +15,7 @@ from robot_agent.host import RobotHost
 from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
 from sensing.opening import open_world_of
+from swarm import transport
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.memory import keep_freed_memory
@@ -31,6 +32,8 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
+        for robot in settings.robots:
+            transport.check_router(settings.router, robot)
         with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
             _check_robots(settings, world)
             run(settings, world, stop)

@@ -1,5 +1,7 @@
 """A Zenoh session that keeps all its links: one for each traffic class.
 
+A session whose certificate has been renewed is replaced in the same way.
+
 After a router restart a client of Zenoh 1.10 comes back with one link of the three
 (eclipse-zenoh/zenoh#2130), over which all traffic classes would then travel together. A watchdog
 notices, opens a second session, declares everything there, and only then closes the first one, so
@@ -16,7 +18,7 @@ from contextlib import suppress
 import zenoh
 
 from swarm import transport
-from swarm.errors import TransportError
+from swarm.errors import IdentityError, TransportError
 from swarm.log import Logger
 from swarm.transport import CLOSE_S, Entity, close_zenoh
 
@@ -52,6 +54,8 @@ class Connection:
         or `stop` was set first.
         """
         self._config = transport.client_config(router)
+        self._identity = transport.shown_identity(self._config)
+        self._shown = self._identity.version() if self._identity else ()
         self._expected = transport.expected_links(self._config)
         self._log = log
         self._lock = threading.Lock()
@@ -109,12 +113,17 @@ class Connection:
         finally:
             if held:
                 self._lock.release()
+        # Python aborts where it ends while Zenoh works on another of its threads.
+        if self._watcher is not threading.current_thread():
+            self._watcher.join(CLOSE_S)
 
     def _watch(self) -> None:
         grace_s = GRACE_S
         short_since: float | None = None
         while not self._closing.wait(POLL_S):
             up = self.links()
+            if self._renewed() and up and not self._replace(0):
+                continue
             # Without any link Zenoh itself goes on trying until the router is back.
             if up == 0 or up >= self._expected:
                 short_since = None
@@ -127,11 +136,16 @@ class Connection:
             grace_s = GRACE_S if self._replace(up) else min(2 * grace_s, MAX_GRACE_S)
             short_since = None
 
+    def _renewed(self) -> bool:
+        """Whether the certificate that the session shows has been replaced by a newer one."""
+        return self._identity is not None and self._identity.version() not in (self._shown, ())
+
     def _replace(self, up: int) -> bool:
-        """Moves everything to a new session; False when that would have no more links."""
+        """Moves everything to a new session; False when that would have no more links than `up`."""
+        shown = self._identity.version() if self._identity else ()
         try:
             fresh = transport.open_zenoh(self._config, timeout_s=OPEN_S, stop=self._closing)
-        except TransportError as error:
+        except (TransportError, IdentityError) as error:
             self._log.warning("links_missing", links=up, error=str(error)[:300])
             return False
         settled = time.monotonic() + SETTLE_S
@@ -152,6 +166,7 @@ class Connection:
                 close_zenoh(fresh)
                 return False
             old, self._zenoh = self._zenoh, fresh
+            self._shown = shown
             withdrawn, self._entities = self._entities, entities
             self.reopened += 1
         self._log.info("links_restored", before=up, links=found)

@@ -4,6 +4,7 @@
     ├── SettingError          a setting is missing, malformed or out of range
     ├── MessageError          bytes from the network are not a valid message
     ├── KeyspaceError         a swarm name or robot id cannot be part of a key
+    ├── IdentityError         a certificate, its key or its authority cannot be used
     ├── TransportError        the Zenoh session could not be opened or used
     │   └── RefusedError      a process answered a request with a refusal
     ├── WorldError            scans or ground truth cannot be read or simulated
@@ -53,6 +54,10 @@ class MessageError(CoAdaptError):
 
 class KeyspaceError(CoAdaptError):
     """A swarm name or robot id cannot be part of a key."""
+
+
+class IdentityError(CoAdaptError):
+    """A certificate, its key or its authority cannot be used."""
 
 
 class TransportError(CoAdaptError):

@@ -27,7 +27,12 @@ def whole_file(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Writes a file whole or not at all. Raises OSError."""
+def write_whole(path: Path, content: str | bytes, mode: int | None = None) -> None:
+    """Writes a file whole or not at all, and never readable by more than `mode` says.
+
+    Raises OSError.
+    """
     with whole_file(path) as part:
+        if mode is not None:
+            part.touch(mode=mode)
         part.write_bytes(content.encode() if isinstance(content, str) else content)

@@ -121,6 +121,22 @@ def llm_alive(swarm: str) -> str:
     return _llm_key(swarm, "alive")
 
 
+def by(key: str, asker: str) -> str:
+    """Where a role asks what is served on a key, in a secure swarm: the router lets each ask by its
+    own name only, so that who serves knows who asks. Served is `by(key, ANY)`.
+
+    >>> by("coadapt/local/net/shape", "operator-ann")
+    'coadapt/local/net/shape/by/operator-ann'
+    """
+    return f"{key}/by/{asker}"
+
+
+def asker_of(key: str) -> str:
+    """By whose name a query came; empty where its key is not one of `by`."""
+    head, _, asker = key.rpartition("/")
+    return asker if head.endswith("/by") else ""
+
+
 def belongs_to_robot(key: str) -> bool:
     """Whether a robot or ego id stands in the key; only its own messages may come on it."""
     parts = key.split("/")

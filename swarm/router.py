@@ -9,34 +9,32 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import random
 import sys
-import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
-from swarm import keyspace, transport
+from swarm import transport
 from swarm.defaults import ROUTER_PORT
-from swarm.errors import CoAdaptError, SettingError
+from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
 from swarm.log import make_logger
-from swarm.messages import Backlog, TcpState, encode
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
-from swarm.tcp_watch import TcpWatch
-from swarm.traffic import TrafficClass
+from swarm.tcp_reporter import TcpReporter
+from swarm.trust import members
+from swarm.trust.identity import Identity
+from swarm.trust.members import Trust
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
 
 
-NEWS_BYTES = 5_000
-"""A connection that has carried less since it was told of, and stood not, shows nothing."""
-MAX_PEERS = 256
+LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1", "[::1]")
+WATCH_S = 1.0
+"""How often the router looks whether its certificate or the list of members is another."""
 
 
 def read_config(path: Path) -> dict[str, object]:
@@ -50,56 +48,58 @@ def read_config(path: Path) -> dict[str, object]:
     return config
 
 
-def serve_metrics(session: zenoh.Session, host: str, port: int) -> MetricsServer:
+def serve_metrics(router: Router, host: str, port: int) -> MetricsServer:
     """Serves how many sessions and links the router has. Raises SettingError for a taken port."""
     registry = CollectorRegistry()
     sessions = Gauge("coadapt_router_sessions", "Processes connected.", registry=registry)
-    sessions.set_function(lambda: len(list(session.info.transports())))
+    sessions.set_function(lambda: router.connected()[0])
     links = Gauge("coadapt_router_links", "Transport links of all sessions.", registry=registry)
-    links.set_function(lambda: len(list(session.info.links())))
+    links.set_function(lambda: router.connected()[1])
     return MetricsServer(registry, port, host)
 
 
-class TcpReporter:
-    """Publishes how a router's connections of the fusion class are doing, until closed."""
+class Router:
+    """A router's session and what it tells of its connections, until closed. Opened again it lets
+    all who are connected come anew."""
 
-    def __init__(self, session: zenoh.Session, swarm: str) -> None:
-        self._session = session
-        self._key = keyspace.net_tcp(swarm)
-        self._number = random.getrandbits(48)
-        self._seq = 0
-        self._told: dict[str, Backlog] = {}
-        self._watch = TcpWatch(on_look=self._report)
+    def __init__(
+        self,
+        configure: Callable[[], dict[str, object]],
+        swarm: str | None,
+        unix_socket: str | None,
+    ) -> None:
+        """Raises what `configure`, which gives the settings, raises, and TransportError."""
+        self._configure = configure
+        self._swarm = swarm
+        self._unix_socket = unix_socket
+        self._open(configure())
+
+    def reopen(self) -> None:
+        """Closes and opens with what `configure` gives now; raises as `__init__`. Nothing is
+        closed where it raises something."""
+        config = self._configure()
+        self.close()
+        self._open(config)
+
+    def connected(self) -> tuple[int, int]:
+        """How many sessions and links it has."""
+        try:
+            info = self.session.info
+            return len(list(info.transports())), len(list(info.links()))
+        except zenoh.ZError:
+            return 0, 0  # It is opening anew.
 
     def close(self) -> None:
-        """Publishes no more."""
-        self._watch.close()
+        """Lets go of all."""
+        if self._reporter is not None:
+            self._reporter.close()
+        transport.close_zenoh(self.session)
 
-    def _report(self, seen: Mapping[str, Backlog]) -> None:
-        news = {peer: now for peer, now in seen.items() if self._is_news(peer, now)}
-        self._told = {peer: now for peer, now in (self._told | news).items() if peer in seen}
-        if not news:
-            return
-        self._seq += 1
-        state = TcpState(
-            router=self._number,
-            seq=self._seq,
-            sent_ns=time.time_ns(),
-            peers=dict(list(news.items())[:MAX_PEERS]),
-        )
-        # Zenoh closes the session on another thread when the process ends.
-        with suppress(zenoh.ZError):
-            self._session.put(
-                self._key,
-                encode(state),
-                priority=TrafficClass.CONTROL.priority,
-                congestion_control=zenoh.CongestionControl.DROP,
-                express=True,
-            )
-
-    def _is_news(self, peer: str, now: Backlog) -> bool:
-        before = self._told.get(peer, Backlog())
-        return now.stood_ms > before.stood_ms or now.sent_bytes - before.sent_bytes >= NEWS_BYTES
+    def _open(self, config: dict[str, object]) -> None:
+        if self._unix_socket:
+            Path(self._unix_socket).unlink(missing_ok=True)
+        self.session = transport.open_zenoh({"mode": "router", **config})
+        self._reporter = TcpReporter(self.session, self._swarm) if self._swarm else None
 
 
 def main() -> int:
@@ -118,41 +118,73 @@ def main() -> int:
     parser.add_argument(
         "--swarm", help="tell the egos of this swarm how the connections to them are doing"
     )
+    parser.add_argument(
+        "--identity",
+        type=Path,
+        metavar="FOLDER",
+        help="let in only who has a certificate of this router's authority (docs/security.md)",
+    )
     args = parser.parse_args()
     log = make_logger("router")
     stop = stop_on_signals()
+    identity = Identity(args.identity.absolute()) if args.identity else None
+
+    def configure() -> dict[str, object]:
+        if args.config:
+            return read_config(args.config)
+        trust = _trust(identity, args.swarm) if identity is not None else None
+        return transport.router_config(args.host, args.port, args.unix_socket, trust)
+
     try:
-        config = (
-            read_config(args.config)
-            if args.config
-            else transport.router_config(args.host, args.port, args.unix_socket)
-        )
         if args.print_config:
-            print(transport.router_json5(config), end="")
+            print(transport.router_json5(configure()), end="")
             return 0
-        if args.unix_socket:
-            Path(args.unix_socket).unlink(missing_ok=True)
         # Zenoh reads it once, before the process's first session.
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)
-        session = transport.open_zenoh({"mode": "router", **config})
+        if identity is not None:
+            # Who is refused, and why, in Zenoh's own words.
+            zenoh.init_log_from_env_or("off,zenoh_link_tls=warn")
+        seen = members.version(identity) if identity is not None else ()
+        router = Router(configure, args.swarm, args.unix_socket)
         metrics = (
-            serve_metrics(session, args.host, args.metrics_port)
+            serve_metrics(router, args.host, args.metrics_port)
             if args.metrics_port is not None
             else None
         )
-        reporter = TcpReporter(session, args.swarm) if args.swarm else None
     except CoAdaptError as error:
         print(f"swarm.router: {error}", file=sys.stderr)
         return 1
-    log.info("router_up", zid=str(session.info.zid()), port=args.port)
-    stop.wait()
-    if reporter is not None:
-        reporter.close()
+    if identity is None and args.host not in LOCAL_HOSTS and not args.config:
+        log.warning("plain", host=args.host, means="whoever reaches this address is believed")
+    log.info("router_up", zid=str(router.session.info.zid()), port=args.port)
+    while not stop.wait(WATCH_S):
+        if identity is None or (now := members.version(identity)) == seen:
+            continue
+        seen = now
+        try:
+            router.reopen()
+        except IdentityError as error:
+            log.error("trust_not_renewed", error=str(error))
+        except TransportError as error:
+            print(f"swarm.router: {error}", file=sys.stderr)
+            return 1
+        else:
+            log.info("trust_renewed")
     if metrics is not None:
         metrics.close()
-    transport.close_zenoh(session)
+    router.close()
     log.info("router_down")
     return 0
+
+
+def _trust(identity: Identity, swarm: str | None) -> Trust:
+    if not swarm:
+        raise SettingError("--identity needs --swarm: rights are rights in one swarm")
+    # Only here: the library takes 13 MB in every process that reads a certificate.
+    from swarm.trust.certificates import check
+
+    check(identity)
+    return members.trust_of(identity, swarm)
 
 
 if __name__ == "__main__":

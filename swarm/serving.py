@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Generic, NamedTuple, TypeVar
 
+import msgspec
 import zenoh
 
 from swarm import chunks, keyspace
@@ -19,6 +20,7 @@ from swarm.errors import CoAdaptError, MessageError
 from swarm.log import Logger
 from swarm.messages import MAX_MESSAGE_BYTES, Message, Refusal, decode, encode
 from swarm.places import Places
+from swarm.trust.roles import Role
 
 M = TypeVar("M", bound=Message)
 MAX_WAITING_QUERIES = 16
@@ -80,6 +82,8 @@ class Server(Generic[M]):
             return
         try:
             request = decode(query.payload.to_bytes() if query.payload else b"", self._kind)
+            name = keyspace.asker_of(str(query.key_expr))
+            request = _in_the_name_of(request, name)
         except MessageError as error:
             self._on_invalid(error)
             with query:
@@ -88,7 +92,7 @@ class Server(Generic[M]):
         # By this process's own clock, from now: the asker's may show another time.
         until = math.inf if asked is None else time.monotonic() + asked.timeout_s
         taken = _Taken(query, request, asked, until)
-        loser = self._places.add(_asker(request), taken)
+        loser = self._places.add(name or _asker(request), taken)
         if loser is not None:
             with loser.query:
                 why = f"busy: {self._max_waiting} requests are waiting already"
@@ -149,7 +153,7 @@ class Server(Generic[M]):
                 allowed = f"allowed: {MAX_MESSAGE_BYTES}"
                 self._refuse(query, f"the answer has {len(data)} bytes; {allowed}", number)
             elif asked is None:
-                query.reply(self._key, data)
+                query.reply(query.key_expr, data)
             else:
                 self._send(asker, query, data, asked, until)
 
@@ -164,13 +168,26 @@ class Server(Generic[M]):
                 ):
                     self._log.debug("answer_abandoned", key=self._key, parts=number - 1)
                     return
-                query.reply(self._key, part, attachment=attachment)
+                query.reply(query.key_expr, part, attachment=attachment)
         finally:
             self._credits.close(asked.token)
 
     def _refuse(self, query: zenoh.Query, reason: str, request: int = 0, code: str = "") -> None:
         refusal = Refusal(robot=self._robot, request=request, reason=reason, code=code)
         query.reply_err(encode(refusal))
+
+
+def _in_the_name_of(request: M, name: str) -> M:
+    """The request as the one who asks may make it. Raises MessageError for one in the name of
+    another ego; without a name it says itself who asks."""
+    if not name:
+        return request
+    ego = getattr(request, "ego", None)
+    if ego is not None and name != Role("ego", ego).common_name:
+        raise MessageError(f"{name} asks in the name of ego {ego!r}")
+    if hasattr(request, "operator"):
+        return msgspec.structs.replace(request, operator=name)
+    return request
 
 
 def _asker(request: Message) -> str:

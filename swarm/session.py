@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import zenoh
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from swarm import keyspace
+from swarm import keyspace, transport
 from swarm.asking import Answer, Question
 from swarm.connection import Connection
 from swarm.credit import Window
@@ -54,6 +54,9 @@ class Session:
         """
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)
+        identity = transport.identity_of(router)
+        self.name = identity.name if identity is not None else ""
+        """As whom this process asks, in a secure swarm; else empty."""
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
         self._servers: list[Server[Any]] = []
         self._present: list[set[str]] = []
@@ -137,7 +140,9 @@ class Session:
 
         A CoAdaptError of the handler travels to the asker as a `Refusal`; so do a request that
         does not validate and one that finds `waiting` others (with `newest_first` the oldest of
-        these in its place). A large answer travels in parts; once its asker has stopped waiting, no
+        these in its place). In a secure swarm the handler sees who asks as the certificate says:
+        that is the request's `operator`, and a request in the name of another `ego` is refused. A
+        large answer travels in parts; once its asker has stopped waiting, no
         answer is begun and no more parts are sent.
         """
         start_at_zero(self._invalid, (kind.__name__,))
@@ -152,8 +157,9 @@ class Session:
             on_invalid=lambda error: self._drop(kind, key, error),
         )
         self._servers.append(server)
+        served = keyspace.by(key, keyspace.ANY) if self.name else key
         self._connection.declare(
-            lambda session: session.declare_queryable(key, server.receive, complete=True)
+            lambda session: session.declare_queryable(served, server.receive, complete=True)
         )
 
     def ask(
@@ -171,8 +177,9 @@ class Session:
         missing, RefusedError when the answer is a refusal, and MessageError when the answer or one
         of its parts does not validate. It is always done soon after `timeout_s`.
         """
+        asked = keyspace.by(key, self.name) if self.name else key
         question = Question(
-            key, kind, timeout_s, self._window, lambda error: self._drop(kind, key, error)
+            asked, kind, timeout_s, self._window, lambda error: self._drop(kind, key, error)
         )
         question.send(self._connection.zenoh, request, traffic)
         return question.future

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Literal
 
 import zenoh
+
+Protocol = Literal["tcp", "tls"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +40,11 @@ class TrafficClass(Enum):
         """The IP TOS byte of the class's packets: DSCP << 2."""
         return self.value.tos
 
-    def endpoint(self, host: str, port: int) -> str:
+    def endpoint(self, host: str, port: int, protocol: Protocol = "tcp") -> str:
         """The Zenoh endpoint of this class's link, to listen on or to connect to."""
         low, high = self.value.priorities
         return (
-            f"tcp/{host}:{port + self.value.port_offset}"
+            f"{protocol}/{host}:{port + self.value.port_offset}"
             f"?prio={low}-{high};rel=1#dscp=0x{self.tos:02x}"
         )
 

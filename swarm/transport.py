@@ -10,16 +10,23 @@ import time
 from collections.abc import Iterable
 from concurrent.futures import Future
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Protocol
 
 import zenoh
 
-from swarm.errors import SettingError, TransportError
+from swarm import traffic
+from swarm.errors import IdentityError, SettingError, TransportError
 from swarm.messages import MAX_MESSAGE_BYTES
 from swarm.traffic import LINKS, TrafficClass
+from swarm.trust.identity import Identity
+from swarm.trust.members import Trust
 
-_TCP = re.compile(r"tcp/(?P<host>\[[^\]]+\]|[^:/\s]+):(?P<port>\d{1,5})")
-_UNIX = re.compile(r"unixsock-stream/(?P<path>/\S+)")
+_TCP = re.compile(
+    r"(?P<protocol>tcp|tls)/(?P<host>\[[^\]]+\]|[^:/\s]+):(?P<port>\d{1,5})"
+    r"(#identity=(?P<identity>/\S+))?"
+)
+_UNIX = re.compile(r"(?P<locator>unixsock-stream/[^\s#]+)(#identity=(?P<identity>/\S+))?")
 MAX_UNIX_PATH = 100
 RETRY_S = 0.5
 POLL_S = 0.1
@@ -68,13 +75,18 @@ _COMMON: dict[str, Any] = {
 }
 
 
-def router_config(host: str, port: int, unix_socket: str | None = None) -> dict[str, Any]:
+def router_config(
+    host: str, port: int, unix_socket: str | None = None, trust: Trust | None = None
+) -> dict[str, Any]:
     """Settings of a router that listens with one port a traffic class from `port` on.
 
-    Keys are Zenoh's configuration paths; `router_json5` writes them as `zenohd` reads them.
+    With `trust` it shows its certificate, lets in nobody without one, and everybody may do only
+    what `trust` allows. Keys are Zenoh's configuration paths; `router_json5` writes them as
+    `zenohd` reads them.
     """
     small = {TrafficClass.CONTROL: f";so_sndbuf={CONTROL_BUFFER_BYTES}"}
-    listen = [cls.endpoint(host, port) + small.get(cls, "") for cls in TrafficClass]
+    protocol: traffic.Protocol = "tcp" if trust is None else "tls"
+    listen = [cls.endpoint(host, port, protocol) + small.get(cls, "") for cls in TrafficClass]
     if unix_socket is not None:
         if len(unix_socket.encode()) > MAX_UNIX_PATH:
             raise SettingError(
@@ -96,26 +108,63 @@ def router_config(host: str, port: int, unix_socket: str | None = None) -> dict[
         "mode": "router",
         "listen/endpoints": listen,
         "low_pass_filter": filters,
+        **(_trusting(trust) if trust is not None else {}),
         **_COMMON,
     }
 
 
+def _trusting(trust: Trust) -> dict[str, Any]:
+    return {
+        "transport/link/tls/root_ca_certificate": str(trust.identity.ca),
+        "transport/link/tls/listen_certificate": str(trust.identity.certificate),
+        "transport/link/tls/listen_private_key": str(trust.identity.key),
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/close_link_on_expiration": True,
+        "access_control": trust.access,
+    }
+
+
 def client_config(router: str) -> dict[str, Any]:
-    """Settings of a client of the router at `tcp/HOST:PORT` or `unixsock-stream/PATH`.
+    """Settings of a client of the router at `tcp/HOST:PORT`, at `tls/HOST:PORT#identity=FOLDER`
+    (an absolute path of an `identity.Identity`), or at `unixsock-stream/PATH` (of a secure swarm,
+    with `#identity=FOLDER`, too).
 
     Raises SettingError for another form.
     """
     tcp = _TCP.fullmatch(router)
-    if tcp and 0 < int(tcp["port"]) <= 65535 - LINKS:
-        locators = [cls.endpoint(tcp["host"], int(tcp["port"])) for cls in TrafficClass]
+    secured: dict[str, Any] = {}
+    if (
+        tcp
+        and 0 < int(tcp["port"]) <= 65535 - LINKS
+        and (tcp["protocol"] == "tls") == (tcp["identity"] is not None)
+    ):
+        protocol: traffic.Protocol = "tls" if tcp["identity"] else "tcp"
+        locators = [cls.endpoint(tcp["host"], int(tcp["port"]), protocol) for cls in TrafficClass]
         connect: list[Any] = [{"strategy": "allOf", "locators": locators}]
-    elif _UNIX.fullmatch(router):
-        connect = [router]
+        if (identity := identity_of(router)) is not None:
+            secured = {
+                "transport/link/tls/root_ca_certificate": str(identity.ca),
+                "transport/link/tls/connect_certificate": str(identity.certificate),
+                "transport/link/tls/connect_private_key": str(identity.key),
+                "transport/link/tls/enable_mtls": True,
+                "transport/link/tls/verify_name_on_connect": True,
+                "transport/link/tls/close_link_on_expiration": True,
+            }
+    elif local := _UNIX.fullmatch(router):
+        connect = [local["locator"]]
     else:
         raise SettingError(
-            f"router {router!r} is not valid; it must be tcp/HOST:PORT or unixsock-stream/PATH"
+            f"router {router!r} is not valid; it must be tcp/HOST:PORT, "
+            "tls/HOST:PORT#identity=FOLDER or unixsock-stream/PATH[#identity=FOLDER]"
         )
-    return {"mode": "client", "connect/endpoints": connect, **_COMMON}
+    return {"mode": "client", "connect/endpoints": connect, **secured, **_COMMON}
+
+
+def identity_of(router: str) -> Identity | None:
+    """As whom a client takes part in a secure swarm: what stands behind `#identity=` in the
+    router's address. None where nothing does. Over a Unix socket no certificate is shown."""
+    found = _TCP.fullmatch(router) or _UNIX.fullmatch(router)
+    return Identity(Path(found["identity"])) if found and found["identity"] else None
 
 
 def nested(config: dict[str, Any]) -> dict[str, Any]:
@@ -167,13 +216,66 @@ def open_zenoh(
         try:
             return _wait(attempt, deadline, stop)
         except zenoh.ZError as error:
+            _check_identity(config)
             if config["mode"] != "client" or time.monotonic() >= deadline:
-                raise TransportError(f"cannot open a Zenoh session at {where}: {error}") from error
+                raise TransportError(
+                    f"cannot open a Zenoh session at {where}: {error}{_hint(config)}"
+                ) from error
         except TimeoutError as error:
             if not stop.is_set():
                 raise TransportError(f"no answer from {where} within {timeout_s} s") from error
         if stop.wait(RETRY_S):
             raise TransportError(f"stopped before {where} could be reached")
+
+
+def check_router(router: str, role: str) -> None:
+    """Raises SettingError for a router that cannot be one, and IdentityError where this process
+    could not show itself there as `role`, a certificate's common name."""
+    client_config(router)
+    identity = identity_of(router)
+    if identity is None:
+        return
+    if identity.name != role:
+        raise IdentityError(
+            f"router {router!r} names the identity of {identity.name!r}, and this process is "
+            f"{role!r}; `coadapt certs issue {role}` makes one"
+        )
+    _check(identity)
+
+
+def _check(identity: Identity) -> None:
+    # Only here: the library takes 13 MB, which a plain swarm's processes go without.
+    from swarm.trust.certificates import check
+
+    check(identity)
+
+
+def _hint(config: dict[str, Any]) -> str:
+    """What else may be wrong where a router does not take a client: it does not say."""
+    if config["mode"] != "client":
+        return ""
+    identity = shown_identity(config)
+    if identity is not None:
+        return (
+            f". Where the router runs: {identity.ca} may be another swarm's authority, or the "
+            "router's certificate of another address"
+        )
+    if "tcp/" in str(config["connect/endpoints"]):
+        return ". Where the router runs: a secure one wants tls/HOST:PORT#identity=FOLDER"
+    return ""
+
+
+def shown_identity(config: dict[str, Any]) -> Identity | None:
+    """Whose certificate a client with this configuration shows; over a Unix socket none."""
+    certificate = config.get("transport/link/tls/connect_certificate")
+    return None if certificate is None else Identity(Path(certificate).parent)
+
+
+def _check_identity(config: dict[str, Any]) -> None:
+    """Raises IdentityError where that is why a session could not be opened."""
+    identity = shown_identity(config)
+    if identity is not None:
+        _check(identity)
 
 
 def close_zenoh(session: zenoh.Session, entities: Iterable[Entity] = ()) -> None:

@@ -74,7 +74,7 @@ def test_the_priorities_of_the_classes_cover_all_and_do_not_overlap() -> None:
     "router", ["", "localhost", "tcp/host", "tcp/host:0", "tcp/host:65534", "udp/h:1", "tcp/a b:1"]
 )
 def test_a_malformed_router_is_refused_with_what_is_allowed(router: str) -> None:
-    with pytest.raises(SettingError, match="tcp/HOST:PORT or unixsock-stream/PATH"):
+    with pytest.raises(SettingError, match=r"it must be tcp/HOST:PORT, tls/.* or unixsock"):
         Session(router, "s")
 
 

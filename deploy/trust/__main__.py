@@ -1,0 +1,79 @@
+"""Renews a swarm's certificates while it runs: `python -m deploy.trust`."""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+from prometheus_client import CollectorRegistry, Gauge
+
+from deploy.trust.keystore import Keystore
+from deploy.trust.metrics import AuthorityMetrics
+from deploy.trust.prepare import LifeSettings
+from swarm.errors import CoAdaptError, IdentityError
+from swarm.log import Logger, make_logger
+from swarm.metrics import MetricsServer
+from swarm.process import leave, stop_on_signals
+from swarm.settings import Port, load
+
+LOOKS = 12
+"""So often in a certificate's life it is looked at."""
+MAX_PERIOD_S = 60.0
+
+
+class AuthoritySettings(LifeSettings, frozen=True, kw_only=True):
+    """Settings of the authority's process."""
+
+    keystore: Annotated[str, msgspec.Meta(min_length=1)]
+    metrics_host: str = "127.0.0.1"
+    metrics_port: Port = 9108
+
+
+def renew_due(store: Keystore, left: Gauge, log: Logger) -> None:
+    """Renews what is due, and tells how long each certificate still holds."""
+    now = datetime.now(UTC)
+    left.clear()
+    for issued in store.issued():
+        end = issued.end
+        if store.due(issued, now):
+            try:
+                end = store.renew(issued.name)
+                log.info("renewed", name=issued.name, until=end.isoformat())
+            except IdentityError as error:
+                log.error("not_renewed", name=issued.name, error=str(error))
+        if not issued.revoked:
+            left.labels(issued.name).set((end - now).total_seconds())
+
+
+def main() -> int:
+    """Renews until SIGTERM or SIGINT."""
+    log = make_logger("authority")
+    stop = stop_on_signals()
+    try:
+        settings = load(AuthoritySettings)
+        registry = CollectorRegistry()
+        metrics = AuthorityMetrics(registry, settings.certificate_life_s)
+        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    except CoAdaptError as error:
+        print(f"deploy.trust: {error}", file=sys.stderr)
+        return 1
+    life_s = settings.certificate_life_s
+    store = Keystore(Path(settings.keystore), timedelta(seconds=life_s))
+    log.info("authority_up", keystore=settings.keystore, life_s=life_s)
+    while True:
+        try:
+            renew_due(store, metrics.left, log)
+        except IdentityError as error:
+            log.error("not_renewed", error=str(error))
+        if stop.wait(min(MAX_PERIOD_S, life_s / LOOKS)):
+            break
+    server.close()
+    log.info("authority_down")
+    return 0
+
+
+if __name__ == "__main__":
+    leave(main())

@@ -1,0 +1,275 @@
+"""A swarm's keystore: its certificate authority and the identities that it issued.
+
+    KEYSTORE/
+    ├── ca/            ca.pem, and key.pem: who has that may issue
+    ├── issued/NAME/   one role's identity (`swarm.trust.identity`)
+    └── revoked        the common names that the router lets do nothing any more
+
+What SROS2 calls a keystore, with its enclaves. Keys are of elliptic curve P-256, mode 0600.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from swarm.errors import IdentityError
+from swarm.files import write_whole
+from swarm.trust import certificates, members
+from swarm.trust.identity import CA, CERTIFICATE, ISSUED, KEY, Identity
+from swarm.trust.roles import SITE, role_of
+
+AUTHORITY, REVOKED = "ca", "revoked"
+LIFE = timedelta(hours=24)
+AUTHORITY_LIFE = timedelta(days=3650)
+EARLY = timedelta(minutes=5)
+"""Clocks of a swarm may be apart by so much: certificates hold from that long ago on (those that
+live less than ten times as long, from a tenth of it)."""
+JOINING = 100
+"""R1 to R100 may join a swarm while it runs: Zenoh reads its rules only when a router opens, which
+costs everybody's links a moment, and so these have theirs from the start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Issued:
+    """One identity of a keystore."""
+
+    name: str
+    serial: int
+    end: datetime
+    revoked: bool
+
+
+class Keystore:
+    """The keystore in a folder. Raises IdentityError for what cannot be read or written."""
+
+    def __init__(self, folder: Path, life: timedelta = LIFE) -> None:
+        """`life`: how long certificates hold that are issued from now on."""
+        self.folder = folder
+        self._life = life
+
+    def init(self, swarm: str, *, again: bool = False) -> bool:
+        """Makes the authority; False where there is one. `again` makes a new one in its place: what
+        the old one issued is worth nothing then, and goes."""
+        ca = self.folder / AUTHORITY
+        if (ca / KEY).exists() and (ca / CA).exists() and not again:
+            return False
+        if not again and ((ca / KEY).exists() or (ca / CA).exists()):
+            lost = KEY if (ca / CA).exists() else CA
+            raise IdentityError(
+                f"{ca / lost} of the authority is lost: `coadapt certs init --again` makes a new "
+                "authority, and all certificates anew"
+            )
+        key = ec.generate_private_key(ec.SECP256R1())
+        name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"CoAdapt Edge swarm {swarm}")])
+        made = (
+            _begun(name, name, key, AUTHORITY_LIFE)
+            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+            .add_extension(_usage(signs=True), critical=True)
+            .sign(key, hashes.SHA256())
+        )
+        with _written(self.folder):
+            shutil.rmtree(self.folder / ISSUED, ignore_errors=True)
+            _put(ca, {CA: _pem(made), KEY: _key_pem(key)})
+        return True
+
+    def issue(self, name: str, addresses: Sequence[str] = ()) -> Identity:
+        """A new key and certificate for a role, in place of an older one; revoked no more.
+
+        `addresses`: the host names and IP addresses under which others reach it.
+        """
+        self._issue(name, ec.generate_private_key(ec.SECP256R1()), addresses)
+        self._write_revoked(self.revoked() - {name})
+        return self.identity(name)
+
+    def renew(self, name: str) -> datetime:
+        """A new certificate for the key that a role has, and for the same addresses: whoever reads
+        the two files while this is done finds a pair. Returns when it ends."""
+        held = self.identity(name)
+        names = certificates.read_certificate(held.certificate, name).extensions
+        try:
+            alternative = names.get_extension_for_class(x509.SubjectAlternativeName).value
+        except x509.ExtensionNotFound:
+            addresses = []
+        else:
+            addresses = [str(general.value) for general in alternative]
+        made = self._issue(name, certificates.read_key(held.key, name), addresses)
+        return made.not_valid_after_utc
+
+    def _issue(
+        self, name: str, key: ec.EllipticCurvePrivateKey, addresses: Sequence[str]
+    ) -> x509.Certificate:
+        role = role_of(name)
+        ca, ca_key = self._authority()
+        subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, role.common_name)])
+        serves = role.kind == "router"
+        usage = ExtendedKeyUsageOID.SERVER_AUTH if serves else ExtendedKeyUsageOID.CLIENT_AUTH
+        builder = (
+            _begun(subject, ca.subject, key, self._life)
+            .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+            .add_extension(_usage(signs=False), critical=True)
+            .add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
+        )
+        if addresses:
+            names = x509.SubjectAlternativeName([_general(address) for address in addresses])
+            builder = builder.add_extension(names, critical=False)
+        made = builder.sign(ca_key, hashes.SHA256())
+        identity = self.identity(name)
+        with _written(self.folder):
+            _put(
+                identity.folder,
+                {CA: _pem(ca), KEY: _key_pem(key), CERTIFICATE: _pem(made)},
+            )
+        return made
+
+    def identity(self, name: str) -> Identity:
+        """Where the identity of a role lies, whether it has been issued or not."""
+        return Identity(self.folder / ISSUED / role_of(name).common_name)
+
+    def revoke(self, name: str) -> None:
+        """Takes a role's rights away: at once in the network, for the router reads the list, and
+        for good, for nothing is issued to it before `issue` is called by hand."""
+        if name not in {issued.name for issued in self.issued()}:
+            raise IdentityError(
+                f"no certificate was issued to {name!r}; there are "
+                f"{', '.join(issued.name for issued in self.issued()) or 'none'}"
+            )
+        if role_of(name).kind in SITE:
+            raise IdentityError(
+                f"{name} is a part of the site, and nothing runs without it: "
+                "`coadapt certs init --again` makes all certificates anew"
+            )
+        self._write_revoked(self.revoked() | {name})
+
+    def revoked(self) -> set[str]:
+        """The common names that have been revoked."""
+        path = self.folder / REVOKED
+        try:
+            return set(path.read_text().split())
+        except FileNotFoundError:
+            return set()
+        except (OSError, UnicodeDecodeError) as error:
+            raise IdentityError(
+                f"{path}, the list of the revoked, cannot be read: {error}"
+            ) from error
+
+    def issued(self) -> list[Issued]:
+        """What has been issued, by name; what cannot be read is left out."""
+        revoked = self.revoked()
+        found = []
+        for path in sorted((self.folder / ISSUED).glob(f"*/{CERTIFICATE}")):
+            with contextlib.suppress(IdentityError):
+                name = path.parent.name
+                held = certificates.read_certificate(path, name)
+                end = held.not_valid_after_utc
+                found.append(Issued(name, held.serial_number, end, name in revoked))
+        return found
+
+    def due(self, issued: Issued, now: datetime) -> bool:
+        """Whether it is time to renew: a third of its life is left, or less."""
+        return not issued.revoked and issued.end - now <= self._life / 3
+
+    def _authority(self) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
+        folder = self.folder / AUTHORITY
+        if not folder.exists():
+            raise IdentityError(
+                f"keystore {self.folder} has no authority: `coadapt certs init` makes one"
+            )
+        identity = Identity(folder)
+        ca = certificates.read_certificate(identity.ca)
+        certificates.check_time(identity.ca, ca, certificates.AUTHORITY, datetime.now(UTC))
+        return ca, certificates.read_key(identity.key, certificates.AUTHORITY)
+
+    def _write_revoked(self, names: set[str]) -> None:
+        with _written(self.folder):
+            write_whole(self.folder / REVOKED, "".join(f"{name}\n" for name in sorted(names)))
+        self._write_members()
+
+    def _write_members(self) -> None:
+        """Tells the router who has rights, where that is not what it was told before."""
+        router = self.identity("router")
+        if not router.folder.exists():
+            return
+        robots = [f"R{number}" for number in range(1, JOINING + 1)]
+        names = {*SITE, *robots, *(issued.name for issued in self.issued())}
+        # Any robot may be the host of an ego.
+        names |= {f"ego-{name}" for name in names if role_of(name).kind == "robot"}
+        names -= self.revoked()
+        with _written(self.folder):
+            members.write_members(router, names)
+
+
+def _begun(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, life: timedelta
+) -> x509.CertificateBuilder:
+    begin = datetime.now(UTC) - min(EARLY, life / 10)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(begin)
+        .not_valid_after(begin + life)
+    )
+
+
+def _usage(*, signs: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs,
+        key_cert_sign=signs,
+        crl_sign=signs,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _general(address: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(address))
+    except ValueError:
+        return x509.DNSName(address)
+
+
+def _pem(certificate: x509.Certificate) -> bytes:
+    return certificate.public_bytes(serialization.Encoding.PEM)
+
+
+def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
+    return key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+
+
+def _put(folder: Path, files: dict[str, bytes]) -> None:
+    for place in (folder.parent, folder):
+        place.mkdir(mode=0o700, exist_ok=True)
+    for name, text in files.items():
+        write_whole(folder / name, text, mode=0o600 if name == KEY else 0o644)
+
+
+@contextlib.contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        os.chmod(folder, 0o700)
+        yield
+    except OSError as error:
+        raise IdentityError(f"keystore {folder} cannot be written: {error}") from error

@@ -1,0 +1,1 @@
+"""Who a process is on the network, and what it may do there."""

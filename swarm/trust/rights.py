@@ -1,0 +1,109 @@
+"""What each role may do on each key: the least that it needs. Everything else is denied.
+
+The acts are Zenoh's, in the words of the project: to *put* a message, to *listen* to a key, to
+*serve* queries on it, to *ask* there, to *hold* a liveliness token and to *watch* tokens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from swarm import keyspace
+from swarm.keyspace import ANY
+from swarm.trust.roles import Role
+
+Act = Literal["put", "listen", "serve", "ask", "hold", "watch"]
+
+
+@dataclass(frozen=True, slots=True)
+class Right:
+    """One act that is allowed on one key expression."""
+
+    act: Act
+    key: str
+
+
+def rights_of(role: Role, swarm: str) -> tuple[Right, ...]:
+    """All that a role may do in a swarm."""
+    return tuple(Right(act, key) for act, keys in _acts(role, swarm).items() for key in keys)
+
+
+def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
+    own = role.name
+    match role.kind:
+        case "robot":
+            return {
+                "put": (keyspace.beacon(swarm, own), keyspace.scene(swarm, own)),
+                "hold": (keyspace.alive(swarm, own),),
+                "serve": (
+                    keyspace.observation(swarm, own),
+                    keyspace.robot_steering(swarm, own),
+                ),
+                "listen": (keyspace.net_demand(swarm),),
+            }
+        case "ego":
+            return {
+                "put": (
+                    keyspace.decision(swarm, own),
+                    keyspace.detections(swarm, own),
+                    keyspace.net_demand(swarm),
+                ),
+                "listen": (
+                    keyspace.beacon(swarm, ANY),
+                    keyspace.scene(swarm, ANY),
+                    keyspace.net_state(swarm),
+                    keyspace.net_tcp(swarm),
+                ),
+                "watch": (keyspace.alive(swarm, ANY), keyspace.llm_alive(swarm)),
+                "ask": (
+                    keyspace.observation(swarm, ANY),
+                    keyspace.llm_decide(swarm),
+                    # Whether its own robot is on duty.
+                    keyspace.robot_steering(swarm, own),
+                ),
+                "serve": (keyspace.ego_steering(swarm, own),),
+            }
+        case "router":
+            # Its own process is a part of it, and not subject to its rules; another router has no
+            # business here.
+            return {}
+        case "controller":
+            return {
+                "put": (keyspace.net_state(swarm),),
+                "listen": (keyspace.net_demand(swarm),),
+                "serve": (keyspace.net_shape(swarm),),
+            }
+        case "gateway":
+            return {
+                "put": (keyspace.llm_state(swarm),),
+                "hold": (keyspace.llm_alive(swarm),),
+                "serve": (keyspace.llm_decide(swarm),),
+            }
+        case "console" | "operator":
+            return {
+                **_reading(swarm),
+                "ask": (
+                    keyspace.net_shape(swarm),
+                    keyspace.ego_steering(swarm, ANY),
+                    keyspace.robot_steering(swarm, ANY),
+                ),
+            }
+        case "reader":
+            return _reading(swarm)
+
+
+def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
+    return {
+        "listen": (
+            keyspace.beacon(swarm, ANY),
+            keyspace.scene(swarm, ANY),
+            keyspace.decision(swarm, ANY),
+            keyspace.detections(swarm, ANY),
+            keyspace.net_demand(swarm),
+            keyspace.net_state(swarm),
+            keyspace.net_tcp(swarm),
+            keyspace.llm_state(swarm),
+        ),
+        "watch": (keyspace.alive(swarm, ANY), keyspace.llm_alive(swarm)),
+    }
