@@ -11,6 +11,7 @@ POLICY ?=
 LLM ?=
 MODEL ?=
 GRAFANA ?=
+SECURE ?=
 EXTRA ?= $(if $(filter embedded,$(LLM)),llm)
 SWARM ?= local
 LINK ?=
@@ -58,7 +59,7 @@ up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prome
 		$(if $(RUNTIME),--runtime $(RUNTIME)) \
 		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
 		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) \
-		$(if $(GRAFANA),--grafana) $(ARGS)
+		$(if $(GRAFANA),--grafana) $(if $(filter 0,$(SECURE)),--no-secure,$(if $(SECURE),--secure)) $(ARGS)
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)

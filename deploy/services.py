@@ -10,11 +10,14 @@ from typing import Literal
 import yaml
 
 from deploy.spec import EMBEDDED, SwarmSpec
+from swarm.trust.identity import ISSUED
+from swarm.trust.roles import Role as TrustRole
 from worlds.factory.scenarios import link_steps_bps
 
 Role = Literal[
-    "router", "controller", "gateway", "robot", "ego", "console", "prometheus", "grafana"
-]
+    "router", "controller", "gateway", "robot", "ego", "console", "authority", "prometheus",
+    "grafana",
+]  # fmt: skip
 INFRA = "infra"
 ROUTER_METRICS_PORT = 9100
 ROBOT_METRICS_PORT = 9101
@@ -33,7 +36,10 @@ LLM = "llm"
 """The gateway's."""
 RECORDINGS = "recordings"
 """Where `coadapt record` writes; the console shows it."""
+KEYSTORE = "keystore"
+"""A secure swarm's certificates (`deploy.trust.keystore`)."""
 FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, "prometheus")
+AUTHORITY_METRICS_PORT = 9108
 SECRETS: Mapping[str, Role] = {
     "COADAPT_QOD_": "controller",
     "COADAPT_LLM_API_KEY": "gateway",
@@ -93,6 +99,18 @@ class Service:
     robot: str = ""
     restart: Literal["always", "no"] = "always"
 
+    @property
+    def common_name(self) -> str:
+        """What its certificate says; empty for one that takes no part in the swarm's network."""
+        match self.role:
+            case "robot":
+                return self.robot
+            case "ego":
+                return TrustRole("ego", self.robot).common_name
+            case "router" | "controller" | "gateway" | "console":
+                return self.role
+        return ""
+
 
 def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
     """Router, controller, gateway, robots, ego, console, Prometheus and Grafana, in the order in
@@ -107,6 +125,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             *("--swarm", spec.swarm),
             *("--metrics-port", str(ROUTER_METRICS_PORT)),
             *(("--unix-socket", place.unix_socket) if place.unix_socket else ()),
+            *(("--identity", identity_path(place.var_dir, "router")) if spec.secure else ()),
         ),
         metrics_port=ROUTER_METRICS_PORT,
     )
@@ -132,7 +151,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             role="robot",
             host=robot,
             argv=(place.python, "-m", "robot_agent"),
-            env=_environment(spec, place, ROBOT_METRICS_PORT) | {"COADAPT_ROBOTS": robot},
+            env=_environment(spec, place, robot, ROBOT_METRICS_PORT) | {"COADAPT_ROBOTS": robot},
             metrics_port=ROBOT_METRICS_PORT,
             robot=robot,
         )
@@ -143,7 +162,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         role="ego",
         host=spec.ego,
         argv=(place.python, "-m", "ego_agent"),
-        env=_environment(spec, place, EGO_METRICS_PORT)
+        env=_environment(spec, place, TrustRole("ego", spec.ego).common_name, EGO_METRICS_PORT)
         | {
             "OMP_NUM_THREADS": EGO_THREADS,
             "COADAPT_EGO": spec.ego,
@@ -180,12 +199,30 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         ),
         metrics_port=PROMETHEUS_PORT,
     )
+    authority = Service(
+        name="authority",
+        role="authority",
+        host=INFRA,
+        argv=(place.python, "-m", "deploy.trust"),
+        env={
+            "COADAPT_KEYSTORE": f"{place.var_dir}/{KEYSTORE}",
+            "COADAPT_METRICS_HOST": "0.0.0.0",
+            "COADAPT_METRICS_PORT": str(AUTHORITY_METRICS_PORT),
+        },
+        metrics_port=AUTHORITY_METRICS_PORT,
+    )
+    trust = [authority] if spec.secure else []
     advice = [gateway] if spec.llm else []
     watch = [console] if spec.console else []
     watch += [prometheus] if spec.prometheus else []
     if spec.grafana:
         watch.append(Service(name="grafana", role="grafana", host=INFRA, argv=()))
-    return (router, controller, *advice, *robots, ego, *watch)
+    return (*trust, router, controller, *advice, *robots, ego, *watch)
+
+
+def identity_path(var_dir: str, common_name: str) -> str:
+    """Where a role's identity lies, as the processes see it."""
+    return f"{var_dir}/{KEYSTORE}/{ISSUED}/{common_name}"
 
 
 def inherited(role: Role, environment: Mapping[str, str]) -> dict[str, str]:
@@ -224,7 +261,7 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
             "COADAPT_LINK_INTERVAL_S": str(interval_s),
         }
     return {
-        **_site_environment(spec, place, spec.controller_metrics_port),
+        **_site_environment(spec, place, "controller", spec.controller_metrics_port),
         "COADAPT_DRIVER": place.driver,
         "COADAPT_EGO": spec.ego,
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
@@ -240,7 +277,7 @@ def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     """The LLM gateway's settings (`llm_gateway.settings`)."""
     embedded = spec.llm == EMBEDDED
     return {
-        **_site_environment(spec, place, spec.gateway_metrics_port),
+        **_site_environment(spec, place, "gateway", spec.gateway_metrics_port),
         "COADAPT_LLM_BACKEND": "llamacpp" if embedded else "openai",
         "COADAPT_LLM_MODEL": spec.llm_model,
         "COADAPT_LLM_CACHE": f"{place.var_dir}/{LLM}/answers.sqlite3",
@@ -252,7 +289,7 @@ def _gateway_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
 def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     """The console's settings (`options.console.settings`)."""
     return {
-        **_site_environment(spec, place, spec.console_metrics_port),
+        **_site_environment(spec, place, "console", spec.console_metrics_port),
         "COADAPT_EGO": spec.ego,
         **_range_environment(spec),
         "COADAPT_CONSOLE_PORT": str(spec.console_port),
@@ -277,31 +314,41 @@ def _range_environment(spec: SwarmSpec) -> dict[str, str]:
     return {"COADAPT_COMM_RANGE_M": str(spec.comm_range_m)} if spec.comm_range_m else {}
 
 
-def _site_environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
+def _site_environment(
+    spec: SwarmSpec, place: Place, common_name: str, metrics_port: int
+) -> dict[str, str]:
     """What the processes share that serve the site, not one robot."""
     host = place.site_router_host or place.router_host
-    return _common_environment(spec, host, metrics_port) | {
+    return _common_environment(spec, place, host, common_name, metrics_port) | {
         "COADAPT_METRICS_HOST": place.site_metrics_host
     }
 
 
-def _common_environment(spec: SwarmSpec, router_host: str, metrics_port: int) -> dict[str, str]:
+def _common_environment(
+    spec: SwarmSpec, place: Place, router_host: str, common_name: str, metrics_port: int
+) -> dict[str, str]:
+    identity = identity_path(place.var_dir, common_name)
     return {
         "COADAPT_SWARM": spec.swarm,
-        "COADAPT_ROUTER": _router(spec, router_host),
+        "COADAPT_ROUTER": router_address(spec, router_host, identity),
         "COADAPT_METRICS_HOST": "0.0.0.0",
         "COADAPT_METRICS_PORT": str(metrics_port),
     }
 
 
-def _router(spec: SwarmSpec, host: str) -> str:
+def router_address(spec: SwarmSpec, host: str, identity: str) -> str:
+    """The router as a client is told of it, which shows an identity where the swarm is secure."""
+    if spec.secure:
+        return f"tls/{host}:{spec.router_port}#identity={identity}"
     return f"tcp/{host}:{spec.router_port}"
 
 
-def _environment(spec: SwarmSpec, place: Place, metrics_port: int) -> dict[str, str]:
+def _environment(
+    spec: SwarmSpec, place: Place, common_name: str, metrics_port: int
+) -> dict[str, str]:
     """The settings that the processes which live in the world share (`swarm.process`)."""
     return {
-        **_common_environment(spec, place.router_host, metrics_port),
+        **_common_environment(spec, place, place.router_host, common_name, metrics_port),
         "COADAPT_WORLD": spec.world,
         "COADAPT_WORLD_DATA": place.data,
         "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),

@@ -22,12 +22,13 @@ from swarm.defaults import (
     CommRange,
     Period,
 )
-from swarm.errors import DeployError, PropertyError
+from swarm.errors import DeployError, IdentityError, PropertyError
 from swarm.keyspace import check_name
 from swarm.messages import MIN_RATE_BPS
 from swarm.messages.steer import QMin
 from swarm.process import ProcessSettings, Rings, Seed
 from swarm.settings import NAME_RULE, Name, allowed
+from swarm.trust.roles import PREFIXES, SITE, Role, role_of
 from worlds.kinds import WorldKind
 from worlds.registry import swarm_worlds, world_kind
 
@@ -103,6 +104,9 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where it answers on the host's 127.0.0.1."""
     console_metrics_port: HostPort = 9107
     """Where Prometheus scrapes the console; in Docker, a port of the host's bridge."""
+    secure: bool = False
+    """Whether every process shows a certificate, and may do only its part (docs/security.md); in
+    Docker they do unless this says no."""
     run_dir: str
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str
@@ -142,7 +146,7 @@ def make_spec(**values: Any) -> SwarmSpec:
     """A checked specification.
 
     `ego` defaults to the first robot, `epoch_ns` to now, `run_dir` to `run_dir_of`, and `var_dir`
-    to `var/<swarm>` in the current directory; `comm_range_m` to what is usual with the world's
+    to `var_dir_of`; `comm_range_m` to what is usual with the world's
     detector, or it is left to the ego, where only the data says which that is.
 
     Raises DeployError that names the field, its value and what is allowed.
@@ -167,15 +171,19 @@ def make_spec(**values: Any) -> SwarmSpec:
     world = world_kind(name)
     swarm = values.get("swarm", _PROCESS.swarm)
     values.setdefault("ego", robots[0])
+    # Containers hear of each other over a network that others may share.
+    values.setdefault("secure", values.get("runtime") == "docker")
     if values.get("comm_range_m") is None:
         values["comm_range_m"] = world.comm_range_m
     values.setdefault("epoch_ns", time.time_ns())
     values.setdefault("run_dir", str(run_dir_of(swarm)))
-    values.setdefault("var_dir", str(Path.cwd() / "var" / swarm))
+    values.setdefault("var_dir", str(var_dir_of(swarm)))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
     if not _has_data(world, values.get("data", "")):
         raise _invalid("data", values.get("data", ""), f"{world.needs} (needed by {world.name})")
+    if values["secure"]:
+        _check_names(robots)
     spec: SwarmSpec = msgspec.convert(values, SwarmSpec)
     try:
         server = spec.llm_server()
@@ -191,6 +199,24 @@ def make_spec(**values: Any) -> SwarmSpec:
     if spec.grafana and not spec.prometheus:
         raise DeployError("--grafana shows what Prometheus has: leave out --no-prometheus")
     return spec
+
+
+def _check_names(robots: tuple[str, ...]) -> None:
+    """Raises DeployError for a robot whose certificate could not be its own."""
+    for robot in robots:
+        try:
+            own = role_of(robot) == Role("robot", robot)
+            role_of(Role("ego", robot).common_name)
+        except IdentityError as error:
+            raise DeployError(
+                f"robot id {robot!r} is too long for a secure swarm: {error}"
+            ) from error
+        if not own:
+            raise DeployError(
+                f"robot id {robot!r} is the name of another role in a secure swarm; choose one "
+                f"that is none of {', '.join(SITE)} and begins with none of "
+                f"{', '.join(PREFIXES.values())}"
+            )
 
 
 def _has_data(world: WorldKind, data: str) -> bool:
@@ -212,6 +238,11 @@ def run_dir_of(swarm: str) -> Path:
     Raises KeyspaceError for a name that may lead elsewhere.
     """
     return run_base() / check_name("swarm name", swarm)
+
+
+def var_dir_of(swarm: str) -> Path:
+    """Where a swarm that is started in the current directory keeps what outlives it."""
+    return Path.cwd() / "var" / swarm
 
 
 def _invalid(name: str, value: object, rule: str = "") -> PropertyError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 import msgspec
 
@@ -49,9 +50,10 @@ def run(args: argparse.Namespace) -> int:
             watch.ask_unheard()
             view = watch.view()
             if args.json:
-                print(_json(view, processes), flush=True)
+                print(_json(view, processes, trusted(state)), flush=True)
             else:
-                print((_CLEAR if args.watch else "") + render(view, processes), flush=True)
+                text = render(view, processes, trusted(state))
+                print((_CLEAR if args.watch else "") + text, flush=True)
             if not args.watch:
                 return 0
             time.sleep(REDRAW_S)
@@ -67,12 +69,41 @@ def _listen(watch: Watch, state: State) -> None:
         watch.wait(0.1)
 
 
-def _json(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
-    table = msgspec.to_builtins(view) | {"processes": msgspec.to_builtins(processes)}
+class Trusted(msgspec.Struct, frozen=True):
+    """Somebody who has a certificate of a secure swarm."""
+
+    name: str
+    hours_left: float
+    revoked: bool
+
+
+def trusted(state: State) -> list[Trusted] | None:
+    """Who has a certificate; None in a plain swarm. Raises IdentityError."""
+    if not state.spec.secure:
+        return None
+    # Only here: a plain swarm's status need not wait for the library.
+    from deploy.trust.prepare import keystore_of
+
+    now = datetime.now(UTC)
+    return [
+        Trusted(issued.name, (issued.end - now).total_seconds() / 3600, issued.revoked)
+        for issued in keystore_of(state.spec.var_dir).issued()
+    ]
+
+
+def _json(
+    view: SwarmView, processes: Sequence[ProcessStatus], trust: Sequence[Trusted] | None
+) -> str:
+    table = msgspec.to_builtins(view) | {
+        "processes": msgspec.to_builtins(processes),
+        "trust": msgspec.to_builtins(trust),
+    }
     return msgspec.json.encode(table).decode()
 
 
-def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
+def render(
+    view: SwarmView, processes: Sequence[ProcessStatus], trust: Sequence[Trusted] | None = None
+) -> str:
     """The table for people."""
     lines = [f"swarm {view.swarm} ({view.runtime}), ego {view.ego}", ""]
     lines += columns(
@@ -94,6 +125,8 @@ def render(view: SwarmView, processes: Sequence[ProcessStatus]) -> str:
     lines += ["", *_decision(view)]
     if view.model_trouble:
         lines.append(f"model      does not answer: {view.model_trouble}")
+    if trust is not None:
+        lines.append(f"trust      {_trust(trust)}")
     lines.append("")
     lines += columns(
         [("process", "state", "restarts", "up", "")]
@@ -121,6 +154,17 @@ def _decision(view: SwarmView) -> list[str]:
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _trust(trust: Sequence[Trusted]) -> str:
+    """Who is trusted, in one line."""
+    good = [one for one in trust if not one.revoked and one.hours_left > 0]
+    text = ", ".join(one.name for one in good) or "nobody"
+    if good:
+        first = min(good, key=lambda one: one.hours_left)
+        text += f" (by certificate; that of {first.name} ends first, in {first.hours_left:.1f} h)"
+    revoked = ", ".join(one.name for one in trust if one.revoked)
+    return text + (f"; revoked: {revoked}" if revoked else "")
 
 
 def _advice(advice: AdviceReport) -> str:

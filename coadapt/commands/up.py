@@ -20,7 +20,7 @@ from deploy.ports import based_on, with_free_ports
 from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.runtime import Runtime
-from deploy.services import journal_path
+from deploy.services import KEYSTORE, journal_path
 from deploy.spec import (
     MAX_ROBOTS,
     MIN_ROBOTS,
@@ -106,6 +106,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         parser.add_argument(
             f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
         )
+    parser.add_argument(
+        "--secure",
+        action=argparse.BooleanOptionalAction,
+        help="every process shows a certificate, and may do only its part (default: in Docker)",
+    )
     parser.add_argument(
         "--port-base",
         type=int,
@@ -241,10 +246,11 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     values = {
         name: value
         for name, value in vars(args).items()
-        if name in PROPERTIES and not (value is None and name in PORT_FIELDS)
+        if name in PROPERTIES and not (value is None and name in (*PORT_FIELDS, "secure"))
     }
     values |= {
         "runtime": runtime.name,
+        **({} if args.secure is None else {"secure": args.secure}),
         "world": kind.name,
         "robots": robots,
         "data": str(Path(data).absolute()) if data else "",
@@ -269,6 +275,8 @@ def _print_where(state: State) -> None:
     if state.llm_url:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
+    if spec.secure:
+        print(f"keystore    {spec.var_dir}/{KEYSTORE} (`coadapt certs list --swarm {spec.swarm}`)")
     print(f"journal     {journal_path(spec, spec.var_dir)}")
     steps: tuple[tuple[str, dict[str, object]], ...] = (
         ("status", {}),

@@ -64,6 +64,7 @@ MEMORY: dict[roster.Role, str] = {
     "robot": "1g",
     "ego": "3g",
     "console": "1g",
+    "authority": "256m",
     "prometheus": "2g",
     "grafana": "1g",
 }
@@ -72,6 +73,7 @@ FOLDERS: dict[roster.Role, str] = {
     "ego": roster.JOURNAL,
     "controller": roster.NET,
     "gateway": roster.LLM,
+    "authority": roster.KEYSTORE,
     "prometheus": "prometheus",
 }
 """What each may write of the swarm's directory."""
@@ -176,7 +178,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         container["ports"] = published
     if service.role == "prometheus":
         container["extra_hosts"] = [f"{name}:host-gateway" for name in _IN_HOST_NETWORK]
-    if service.role != "router":
+    if service.role not in ("router", "authority"):
         container["depends_on"] = ["router"]
     return container
 
@@ -184,7 +186,7 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
 def _settings(service: Service) -> dict[str, str | None]:
     """Settings that `up` has no option for, from the caller's environment. A key is not written
     down: for None compose takes the value from its own environment."""
-    if service.role not in ("robot", "ego", "controller", "gateway", "console"):
+    if service.role not in ("robot", "ego", "controller", "gateway", "console", "authority"):
         return {}
     found: dict[str, str | None] = {
         name: value
@@ -208,6 +210,11 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
         volumes.append(f"{Path(key_file).absolute()}:{KEY}:ro")
     if folder := FOLDERS.get(service.role):
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
+    if spec.secure and service.common_name:
+        own = (
+            roster.identity_path(at, service.common_name) for at in (spec.var_dir, PLACE.var_dir)
+        )
+        volumes.append(f"{':'.join(own)}:ro")
     if service.role == "console":
         volumes.append(f"{spec.var_dir}/{roster.RECORDINGS}:{PLACE.var_dir}/{roster.RECORDINGS}:ro")
     if service.role == "prometheus":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import getpass
 import ipaddress
 import os
 import socket
@@ -23,6 +24,7 @@ from deploy.progress import say
 from deploy.runtime import ProcessState, ProcessStatus
 from deploy.spec import EMBEDDED, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
+from swarm.trust.roles import operator_of
 
 STOP_S = 5
 _UNIX = "unix://"
@@ -76,6 +78,14 @@ class DockerRuntime:
         run_dir = record.make_run_dir(spec)
         for folder in roster.FOLDERS:
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
+        router = f"tcp/127.0.0.1:{spec.router_port}"
+        if spec.secure:
+            from deploy.trust.prepare import prepare
+
+            operator = operator_of(getpass.getuser())
+            prepare(spec, compose.place_of(spec), operator)
+            own = roster.identity_path(spec.var_dir, operator.common_name)
+            router = roster.router_address(spec, "127.0.0.1", own)
         (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
         if spec.grafana:
             grafana.write_password(run_dir)
@@ -85,7 +95,7 @@ class DockerRuntime:
             record.State(
                 runtime="docker",
                 spec=spec,
-                router=f"tcp/127.0.0.1:{spec.router_port}",
+                router=router,
                 prometheus_url=(
                     f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else ""
                 ),

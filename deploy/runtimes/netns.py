@@ -13,7 +13,7 @@ from deploy.netns.supervisor import ROUTER_SOCKET, place_of
 from deploy.ports import listen_endpoints
 from deploy.progress import typed
 from deploy.runtime import ProcessStatus
-from deploy.services import FOLDERS, services
+from deploy.services import FOLDERS, identity_path, services
 from deploy.spec import SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,
@@ -27,6 +27,7 @@ from deploy.state import (
     write_state,
 )
 from swarm.errors import DeployError
+from swarm.trust.roles import LOCAL
 
 STOP_S = 15.0
 FOLLOW_S = 0.2
@@ -124,6 +125,10 @@ class NetnsRuntime:
                 for folder in FOLDERS:
                     (var_dir / folder).mkdir(parents=True, exist_ok=True)
                 logs.mkdir(parents=True, exist_ok=True)
+                if spec.secure:
+                    from deploy.trust.prepare import prepare
+
+                    prepare(spec, place_of(spec), LOCAL)
                 for old in logs.glob("*.log"):
                     old.unlink()
                 start = stack.enter_context(
@@ -166,10 +171,11 @@ class NetnsRuntime:
 
 
 def _state(spec: SwarmSpec, marks: dict[str, ProcessMark]) -> State:
+    shown = f"#identity={identity_path(spec.var_dir, LOCAL.common_name)}" if spec.secure else ""
     return State(
         runtime="netns",
         spec=spec,
-        router=f"unixsock-stream/{spec.run_dir}/{ROUTER_SOCKET}",
+        router=f"unixsock-stream/{spec.run_dir}/{ROUTER_SOCKET}{shown}",
         prometheus_url=f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else "",
         ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
         qod_url=f"http://127.0.0.1:{spec.qod_port}",

@@ -25,6 +25,7 @@ from deploy import ports
 from deploy.dashboards import ALERTS, GRAFANA
 from deploy.docker import compose, grafana
 from deploy.spec import SwarmSpec, make_spec
+from deploy.trust.metrics import AuthorityMetrics
 from ego_agent.metrics import EgoMetrics
 from llm_gateway.http_app import make_app
 from llm_gateway.metrics import GatewayMetrics
@@ -85,6 +86,7 @@ def metrics() -> dict[str, set[str]]:
     registry = CollectorRegistry()
     for of_process in (RobotMetrics, EgoMetrics, ControllerMetrics, QodMetrics, GatewayMetrics):
         of_process(registry)
+    AuthorityMetrics(registry, life_s=60)
     make_app(cast("Any", None), "", registry, make_logger("test", level="critical"))
     found = dict(OTHERS)
     for collector in set(registry._collector_to_names):
@@ -94,7 +96,7 @@ def metrics() -> dict[str, set[str]]:
         found |= {collected._name + end: labels for end in ends}
         if collected._type == "histogram":
             found[collected._name + "_bucket"] = labels | {"le"}
-    nothing = SimpleNamespace(info=SimpleNamespace(transports=tuple, links=tuple))
+    nothing = SimpleNamespace(connected=lambda: (0, 0))
     with closing(serve_metrics(cast("Any", nothing), "127.0.0.1", 0)) as server:
         url = f"http://127.0.0.1:{server.port}/metrics"
         with urllib.request.urlopen(url, timeout=10) as reply:

@@ -107,8 +107,8 @@ def swarm(cli: Cli, up: tuple[str, ...]) -> Iterator[State]:
 
 def test_every_process_is_a_container_and_the_ego_decides(swarm: State, cli: Cli) -> None:
     assert set(containers()) == {
-        *("router", "controller", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "console"),
-        "prometheus",
+        *("authority", "router", "controller", "robot-R1", "robot-R2", "robot-R3", "ego-R1"),
+        *("console", "prometheus"),
     }
     done = cli("status", "--json")
     assert done.returncode == 0, done.stderr
@@ -338,15 +338,35 @@ def test_the_compose_file_shows_one_container_a_process() -> None:
     spec = make_spec(swarm="Named", robots=("R1", "R2"), ego="R2", runtime="docker")
     services = composed(spec)
     assert list(services) == [
-        *("router", "controller", "robot-R1", "robot-R2", "ego-R2", "prometheus")
+        *("authority", "router", "controller", "robot-R1", "robot-R2", "ego-R2", "prometheus")
     ]
-    assert services["ego-R2"]["environment"]["COADAPT_ROUTER"] == "tcp/router:7447"
+    own = "/var/coadapt/keystore/issued/ego-R2"
+    assert services["ego-R2"]["environment"]["COADAPT_ROUTER"] == f"tls/router:7447#identity={own}"
     assert all("127.0.0.1:" in port for s in services.values() for port in s.get("ports", []))
     assert services["controller"]["network_mode"] == "host"
     assert services["controller"]["cap_drop"] == ["ALL"]
     assert services["controller"]["environment"]["COADAPT_METRICS_HOST"] == "172.17.0.1"
     assert compose.project_of("Named").startswith("coadapt-named-")
     assert compose.project_of("named") == "coadapt-named"
+
+
+def test_a_container_sees_its_own_certificate_only() -> None:
+    spec = make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", console=True, var_dir="/v")
+    services = composed(spec)
+    seen = {name: [v for v in one["volumes"] if "keystore" in v] for name, one in services.items()}
+    own = {name: name for name in ("router", "controller", "console", "ego-R1")}
+    for name, identity in (own | {"robot-R1": "R1", "robot-R2": "R2"}).items():
+        place = f"keystore/issued/{identity}"
+        assert seen[name] == [f"/v/{place}:/var/coadapt/{place}:ro"]
+    assert seen["authority"] == ["/v/keystore:/var/coadapt/keystore"]
+    assert seen["prometheus"] == []
+
+
+def test_a_plain_swarm_in_docker_is_had_by_wish() -> None:
+    services = composed(make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", secure=False))
+    assert "authority" not in services
+    assert services["ego-R1"]["environment"]["COADAPT_ROUTER"] == "tcp/router:7447"
+    assert not any("keystore" in v for one in services.values() for v in one["volumes"])
 
 
 def test_no_container_may_do_more_than_its_part() -> None:
@@ -372,7 +392,8 @@ def test_the_gateway_runs_from_its_own_image_where_a_server_on_the_host_answers(
     spec = make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", llm="embedded")
     gateway = composed(spec)["gateway"]
     assert (gateway["image"], gateway["network_mode"]) == ("llm:tag", "host")
-    assert gateway["environment"]["COADAPT_ROUTER"] == "tcp/127.0.0.1:7447"
+    router = gateway["environment"]["COADAPT_ROUTER"]
+    assert router == "tls/127.0.0.1:7447#identity=/var/coadapt/keystore/issued/gateway"
     assert "ports" not in gateway
     assert {s["image"] for n, s in composed(spec).items() if n != "gateway"} == {"image:tag"}
 

@@ -50,7 +50,7 @@ def test_in_docker_it_answers_on_the_hosts_loopback_and_its_token_stands_in_no_f
     assert container["network_mode"] == "host"
     assert container["cap_drop"] == ["ALL"]
     assert "networks" not in container
-    assert container["environment"]["COADAPT_ROUTER"] == "tcp/127.0.0.1:7447"
+    assert container["environment"]["COADAPT_ROUTER"].startswith("tls/127.0.0.1:7447#identity=/")
     assert container["environment"]["COADAPT_CONSOLE_TOKEN"] is None
     assert "open-sesame" not in text
     # Prometheus, in a container, reaches its metrics on the bridge: not its page, nor the world.

@@ -1,0 +1,182 @@
+"""A secure swarm in network namespaces, seen through the command line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deploy.netns import launch
+from deploy.prometheus import Prometheus
+from deploy.services import journal_path, net_journal_path
+from deploy.state import State, need_state
+from ego_agent.knowledge.journal import read_journal
+from tests.support.deploy_support import WAIT_S, await_
+from tests.support.free_ports import free_port
+from tests.support.paths import REPOSITORY
+
+READY_S = 120.0
+SWARM = "trusty"
+NAME = ("--swarm", SWARM)
+LIFE_S = 60
+"""Renewed when a third of it is left."""
+Cli = Callable[..., subprocess.CompletedProcess[str]]
+
+_refused = launch.why_not()
+pytestmark = [
+    pytest.mark.skipif(_refused is not None, reason=str(_refused)),
+    pytest.mark.skipif(shutil.which("prometheus") is None, reason="prometheus is not installed"),
+]
+
+
+@pytest.fixture(scope="module")
+def cli() -> Iterator[Cli]:
+    """Runs `coadapt` as a user does, with run directory and working directory of its own."""
+    # Short, as the paths of Unix sockets have to be.
+    with (
+        tempfile.TemporaryDirectory(prefix="ca-", dir="/tmp") as directory,
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setenv("COADAPT_RUN_DIR", directory)
+        patch.setenv("PYTHONPATH", str(REPOSITORY))
+        patch.setenv("COADAPT_CERTIFICATE_LIFE_S", str(LIFE_S))
+
+        def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+            return subprocess.run(
+                [sys.executable, "-m", "coadapt.main", *arguments, *NAME],
+                cwd=directory,
+                capture_output=True,
+                text=True,
+                timeout=READY_S + WAIT_S,
+                check=False,
+            )
+
+        yield run
+
+
+@pytest.fixture(scope="module")
+def up() -> tuple[str, ...]:
+    options = ("--prometheus-port", "--ego-metrics-port", "--qod-port", "--console-port")
+    ports = tuple(word for option in options for word in (option, str(free_port())))
+    robots = ("--runtime", "netns", "--robots", "3", "--rings", "16")
+    return ("up", "--secure", *robots, *ports, "--wait", str(READY_S))
+
+
+@pytest.fixture(scope="module")
+def swarm(cli: Cli, up: tuple[str, ...]) -> Iterator[State]:
+    done = cli(*up)
+    assert done.returncode == 0, done.stderr
+    yield need_state(SWARM)
+    assert cli("down").returncode == 0
+
+
+def status(cli: Cli) -> dict[str, Any]:
+    done = cli("status", "--json")
+    assert done.returncode == 0, done.stderr
+    table: dict[str, Any] = json.loads(done.stdout)
+    return table
+
+
+def all_take_part(cli: Cli) -> bool:
+    table = status(cli)
+    return (
+        all(robot["alive"] for robot in table["robots"])
+        and set(table["selected"]) == {"R1", "R2", "R3"}
+        and table["bytes_per_s"] > 0
+    )
+
+
+def test_robots_are_fused_and_status_says_who_is_trusted(swarm: State, cli: Cli) -> None:
+    await_(lambda: all_take_part(cli), "all robots are fused")
+    names = {one["name"] for one in status(cli)["trust"]}
+    assert names == {
+        *("R1", "R2", "R3", "ego-R1", "router", "controller", "console", "operator-local"),
+    }
+    text = cli("status").stdout
+    assert "trust      R1, R2, R3, console, controller, ego-R1, operator-local, router" in text
+
+
+def test_who_acts_stands_in_the_journal_as_the_router_let_them_in(swarm: State, cli: Cli) -> None:
+    assert cli("net", "shape", "--rate", "40mbit", "--robot", "R2").returncode == 0
+    assert cli("steer", "--stop", "R3").returncode == 0
+    journal = Path(net_journal_path(swarm.spec, swarm.spec.var_dir))
+
+    def told() -> bool:
+        return "asked for by operator-local" in journal.read_text()
+
+    await_(told, "the action is in the controller's journal")
+    stopped = cli("steer", "--start", "R3")
+    assert "R3 is on duty, by operator-local since" in stopped.stdout
+
+
+def ends(cli: Cli) -> dict[str, str]:
+    done = cli("certs", "list", "--json")
+    assert done.returncode == 0, done.stderr
+    return {one["name"]: one["end"] for one in json.loads(done.stdout)["certificates"]}
+
+
+def test_certificates_are_renewed_and_no_cycle_is_lost(swarm: State, cli: Cli) -> None:
+    before = ends(cli)
+    await_(lambda: all(ends(cli)[name] > end for name, end in before.items()), "all are renewed")
+    await_(lambda: all_take_part(cli), "all robots are fused again")
+    journal = Path(journal_path(swarm.spec, swarm.spec.var_dir))
+    cycles = [record.cycle for record in read_journal(journal)]
+    assert cycles == list(range(cycles[0], cycles[0] + len(cycles)))
+    done = cli("status", "--json")
+    assert {p["restarts"] for p in json.loads(done.stdout)["processes"]} == {0}
+
+
+def test_prometheus_knows_how_long_certificates_hold(swarm: State) -> None:
+    prometheus = Prometheus(swarm.prometheus_url)
+
+    def left() -> dict[str, float]:
+        found = prometheus.query("coadapt_certificate_seconds")
+        return {sample.labels["name"]: sample.value for sample in found}
+
+    await_(lambda: {"R3", "router", "ego-R1"} <= set(left()), "certificates are told")
+    assert all(0 < seconds <= LIFE_S for seconds in left().values())
+
+
+def test_the_revoked_take_no_part_and_are_not_started_again(
+    swarm: State, cli: Cli, up: tuple[str, ...]
+) -> None:
+    assert cli("certs", "revoke", "R3").returncode == 0
+
+    def without() -> bool:
+        table = status(cli)
+        return "R3" not in table["selected"] and "R2" in table["selected"]
+
+    await_(without, "R3 is out")
+    assert "revoked: R3" in cli("status").stdout
+    assert cli("down").returncode == 0
+    refused = cli(*up)
+    assert refused.returncode == 1
+    assert "R3 was revoked" in refused.stderr
+    assert "`coadapt certs issue R3` gives it its rights again" in refused.stderr
+    assert cli("certs", "issue", "R3").returncode == 0
+    again = cli(*up)
+    assert again.returncode == 0, again.stderr
+    await_(lambda: all_take_part(cli), "R3 is back")
+
+
+@pytest.mark.parametrize(
+    ("robot", "told"),
+    [
+        ("console", "is the name of another role in a secure swarm"),
+        ("ego-1", "is the name of another role in a secure swarm"),
+        ("r" * 30, "is too long for a secure swarm"),
+    ],
+)
+def test_a_robots_name_cannot_be_another_roles(robot: str, told: str) -> None:
+    from deploy.spec import make_spec
+    from swarm.errors import DeployError
+
+    with pytest.raises(DeployError, match=told):
+        make_spec(robots=("R1", robot), secure=True)
