@@ -17,6 +17,7 @@ from sensing.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
+from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
@@ -34,7 +35,8 @@ def main() -> int:
         transport.client_config(settings.router)  # a malformed address ends the process here
         with open_world_of(settings, "ego_agent", settings.ego) as world:
             _check_ego(settings, world)
-            run(settings, world, stop)
+            watch = LoopWatch(make_logger("ego_agent", swarm=settings.swarm, ego=settings.ego))
+            run(settings, world, stop, loops=watch.loop)
     except CoAdaptError as error:
         print(f"ego_agent: {error}", file=sys.stderr)
         return 1
@@ -46,6 +48,7 @@ def run(
     world: World,
     stop: threading.Event,
     on_result: Callable[[FrameResult], None] | None = None,
+    loops: Loops = unwatched,
 ) -> None:
     """Runs one ego in a world until `stop` is set; `on_result` hears of each published frame.
 
@@ -75,7 +78,7 @@ def run(
         detector_backend=detector_backend(world.detector),
     )
     try:
-        agent.run(settings.period_s, stop, connect)
+        agent.run(settings.period_s, stop, connect, loops)
     finally:
         server.close()
         agent.close()

@@ -48,6 +48,7 @@ from swarm import keyspace
 from swarm.body import Body
 from swarm.errors import JournalError, SettingError, TransportError
 from swarm.log import Logger
+from swarm.loop_watch import Loops, unwatched
 from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
@@ -194,19 +195,25 @@ class EgoAgent:
         )
 
     def run(
-        self, period_s: float, stop: threading.Event, connect: Callable[[], Session | None]
+        self,
+        period_s: float,
+        stop: threading.Event,
+        connect: Callable[[], Session | None],
+        loops: Loops = unwatched,
     ) -> None:
         """Runs cycles until `stop` is set; `connect` runs beside them until the router is there."""
         connector = threading.Thread(target=self._connect, args=(connect,), daemon=True)
         connector.start()
         number = self._journal.next_cycle if self._journal else 1
         previous: Decision | None = None
-        self.fusion.start()
+        self.fusion.start(loops)
+        turned = loops("cycle", period_s)
         due = time.monotonic()
         stopping = False
         # A stop that comes while a line is written ends the cycle after it, whose line holds the
         # frames since.
         while not stopping:
+            turned()
             running = self._begin(number, previous)
             previous = running.decision
             number += 1

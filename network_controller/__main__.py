@@ -10,6 +10,7 @@ from pathlib import Path
 from prometheus_client import CollectorRegistry
 
 from network_controller.controller import Controller
+from network_controller.drivers.command import TIMEOUT_S
 from network_controller.drivers.registry import make_driver
 from network_controller.journal import Journal
 from network_controller.metrics import ControllerMetrics
@@ -22,6 +23,7 @@ from swarm import keyspace, transport
 from swarm.errors import CoAdaptError, TransportError
 from swarm.listening import hear
 from swarm.log import Logger, make_logger
+from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
 from swarm.metrics import MetricsServer
 from swarm.process import Clock, leave, stop_on_signals
@@ -34,14 +36,14 @@ def main() -> int:
     try:
         settings = load_settings()
         transport.client_config(settings.router)  # a malformed address ends the process here
-        run(settings, stop)
+        run(settings, stop, LoopWatch(make_logger("network_controller", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"network_controller: {error}", file=sys.stderr)
         return 1
     return 0
 
 
-def run(settings: ControllerSettings, stop: threading.Event) -> None:
+def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwatched) -> None:
     """Runs one controller until `stop` is set.
 
     Raises SettingError for an address that cannot be bound, JournalError for a journal that cannot
@@ -82,7 +84,10 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
     controller.start()
     api.start()
     link = _Link(settings, controller, clock, registry, log, stop)
-    worker = threading.Thread(target=controller.run, args=(stop, link.publish), name="control")
+    turned = loops("control", TIMEOUT_S)
+    worker = threading.Thread(
+        target=controller.run, args=(stop, link.publish, turned), name="control"
+    )
     worker.start()
     log.info("controller_up", driver=driver.name, metrics_port=server.port)
     try:

@@ -36,9 +36,9 @@ class Journal:
         except OSError as error:
             raise JournalError(f"journal {str(path)!r} cannot be written: {error}") from error
         try:
-            held = path.read_bytes()
-            self._file.keep(len(held))
-            if held and not held.endswith(b"\n"):
+            size = path.stat().st_size
+            self._file.keep(size)
+            if size and not _ends_a_line(path, size):
                 self._file.append(b"\n")
         except OSError as error:
             self._file.close()
@@ -69,3 +69,9 @@ class Journal:
     def close(self) -> None:
         """Closes the file."""
         self._file.close()
+
+
+def _ends_a_line(path: Path, size: int) -> bool:
+    with open(path, "rb") as file:
+        file.seek(size - 1)
+        return file.read(1) == b"\n"

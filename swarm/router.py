@@ -23,6 +23,7 @@ from swarm import keyspace, transport
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
+from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.messages import Backlog, TcpState, encode
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
@@ -145,7 +146,10 @@ def main() -> int:
         print(f"swarm.router: {error}", file=sys.stderr)
         return 1
     log.info("router_up", zid=str(session.info.zid()), port=args.port)
-    stop.wait()
+    turned = LoopWatch(log).loop("router")
+    while not stop.wait(LOOK_S):
+        list(session.info.links())  # does not return while Zenoh hangs
+        turned()
     if reporter is not None:
         reporter.close()
     if metrics is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import time
 from collections.abc import Iterator
@@ -124,7 +125,7 @@ class NetnsRuntime:
                 for folder in FOLDERS:
                     (var_dir / folder).mkdir(parents=True, exist_ok=True)
                 logs.mkdir(parents=True, exist_ok=True)
-                for old in logs.glob("*.log"):
+                for old in logs.glob("*.log*"):
                     old.unlink()
                 start = stack.enter_context(
                     contextlib.closing(launch.Launch(logs / SUPERVISOR_LOG))
@@ -196,6 +197,8 @@ def _lines(path: Path, spec: SwarmSpec, follow: bool) -> Iterator[str]:
             if ended:
                 return
             time.sleep(FOLLOW_S)
+            if os.fstat(file.fileno()).st_size < file.tell():
+                file.seek(0)  # It was full, and has been emptied.
 
 
 RUNTIMES = (NetnsRuntime,)

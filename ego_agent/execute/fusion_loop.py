@@ -31,6 +31,7 @@ from swarm import keyspace, messages
 from swarm.arrays import pack
 from swarm.errors import PerceptionError, TransportError
 from swarm.log import Logger
+from swarm.loop_watch import Loops, Turned, unwatched
 from swarm.messages import Decision, Detections
 from swarm.messages.ego import MAX_NAMED
 from swarm.session import Session
@@ -115,15 +116,16 @@ class FusionLoop:
         self._on_result = on_result
         self._pipeline = Pipeline()
         self._stop = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._ask_frames, name="asking", daemon=True),
-            threading.Thread(target=self._fuse_frames, name="fusion", daemon=True),
-        ]
+        self._threads: list[threading.Thread] = []
         self.unpublished = 0
         """Detections that could not be published."""
 
-    def start(self) -> None:
+    def start(self, loops: Loops = unwatched) -> None:
         """Starts the threads; frames begin with the first decision."""
+        self._threads = [
+            threading.Thread(target=run, args=(loops(name, 0.0),), name=name, daemon=True)
+            for name, run in (("asking", self._ask_frames), ("fusion", self._fuse_frames))
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -151,9 +153,10 @@ class FusionLoop:
             self._asker.attend(MAX_WAIT_S)
         return self._fused(frame, time.monotonic())
 
-    def _ask_frames(self) -> None:
+    def _ask_frames(self, turned: Turned) -> None:
         last: int | None = None
         while not self._stop.is_set():
+            turned()
             decision = self._decision
             step = 1 if decision is None else stride(decision, self._sensor.rate_hz, self._rate_hz)
             newest = self._sensor.newest()
@@ -187,8 +190,8 @@ class FusionLoop:
             # One answer must not end perception.
             self._log.error("answer_failed", exc_info=True)
 
-    def _fuse_frames(self) -> None:
-        while (frame := self._pipeline.take()) is not None:
+    def _fuse_frames(self, turned: Turned) -> None:
+        while (frame := self._pipeline.take(turned)) is not None:
             try:
                 result = self._fused(frame, time.monotonic())
                 self._tally.fused(result.latency_ms, len(result.boxes), result.missing_kinds())
