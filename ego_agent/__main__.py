@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 from prometheus_client import CollectorRegistry
 
@@ -19,7 +20,7 @@ from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer
+from swarm.metrics import MetricsServer, show_free_disk
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
@@ -57,6 +58,8 @@ def run(
     """
     log = make_logger("ego_agent", level=settings.log_level, swarm=settings.swarm, ego=settings.ego)
     registry = CollectorRegistry()
+    if settings.journal:
+        show_free_disk(registry, Path(settings.journal))
     agent = EgoAgent.from_settings(settings, world, EgoMetrics(registry), log, on_result=on_result)
     try:
         server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)

@@ -401,6 +401,7 @@ class EgoAgent:
             self._metrics.journal_failures.inc()
             self._log.error("journal_refused", cycle=record.cycle, error=str(error))
         self._metrics.journal_pending.set(journal.pending)
+        self._metrics.journal_lost.set(journal.dropped)
 
     def _count_ignored(self, reason: str, total: int) -> None:
         self._metrics.messages_ignored.labels(reason).inc(total - self._ignored[reason])

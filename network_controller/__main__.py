@@ -25,7 +25,7 @@ from swarm.listening import hear
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
-from swarm.metrics import MetricsServer
+from swarm.metrics import MetricsServer, show_free_disk
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 
@@ -52,6 +52,8 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
     log = make_logger("network_controller", level=settings.log_level, swarm=settings.swarm)
     registry = CollectorRegistry()
     metrics = ControllerMetrics(registry)
+    if settings.net_journal:
+        show_free_disk(registry, Path(settings.net_journal))
     clock = Clock()
     driver = make_driver(settings.driver, settings.swarm)
     wishes = Wishes(Path(settings.state_file) if settings.state_file else None, clock.now_ns())

@@ -183,6 +183,7 @@ class Controller:
             return ()
         self._look_around()
         self._looks += 1
+        self._notes.retry()
         if self._looks % RENEW_LOOKS == 0:
             self._enforcer.renew()
         now_s = time.monotonic()

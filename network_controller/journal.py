@@ -56,6 +56,12 @@ class Journal:
         if len(self._pending) > MAX_PENDING:
             self._pending.popleft()
             self.lost += 1
+        self.retry()
+
+    def retry(self) -> None:
+        """Writes what waits, if the disk takes it now."""
+        if not self._pending:
+            return
         try:
             if self._file.is_full:
                 # The lines matter more than the size of the file.
@@ -67,7 +73,8 @@ class Journal:
         self._pending.clear()
 
     def close(self) -> None:
-        """Closes the file."""
+        """Writes what waits, if the disk takes it, and closes the file."""
+        self.retry()
         self._file.close()
 
 
