@@ -134,6 +134,11 @@ class EgoMetrics:
             "1 while nobody can be used, nothing that was chosen arrives, or the ego is not valid.",
             registry=registry,
         )
+        self.leads = Gauge(
+            "coadapt_ego_leads",
+            "1 while others hear what the ego decides, 0 while another ego leads in its stead.",
+            registry=registry,
+        )
         self.robots_unheard = Gauge(
             "coadapt_ego_robots_unheard",
             "Living robots in range that the ego cannot use, or whose scene is old.",

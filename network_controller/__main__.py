@@ -57,9 +57,10 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
     clock = Clock()
     driver = make_driver(settings.driver, settings.swarm)
     wishes = Wishes(Path(settings.state_file) if settings.state_file else None, clock.now_ns())
-    first = _first_wish(settings, clock.now_ns())
-    if first is not None:
-        wishes.put(first)
+    for ego in (settings.ego, settings.ego_standby):
+        first = _first_wish(settings, ego, clock.now_ns()) if ego else None
+        if first is not None:
+            wishes.put(first)
     journal = Journal(Path(settings.net_journal)) if settings.net_journal else None
     server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
     controller = Controller(
@@ -71,6 +72,7 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
         journal,
         log,
         ego=settings.ego,
+        standby=settings.ego_standby,
         clock=clock,
     )
     api = Server(
@@ -110,13 +112,13 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
     log.info("controller_down")
 
 
-def _first_wish(settings: ControllerSettings, now_ns: int) -> Wish | None:
-    """What the swarm was started with."""
+def _first_wish(settings: ControllerSettings, ego: str, now_ns: int) -> Wish | None:
+    """What the swarm was started with, for the cell towards an ego."""
     if settings.link_bps is None and not settings.link_rates_bps:
         return None
     fixed = settings.link_bps is not None
     return Wish(
-        robot=settings.ego,
+        robot=ego,
         direction="down",
         layer="start",
         kind="rate" if fixed else "trace",

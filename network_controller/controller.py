@@ -71,6 +71,7 @@ class Controller:
         log: Logger,
         *,
         ego: str,
+        standby: str | None = None,
         clock: Clock | None = None,
     ) -> None:
         clock = clock or Clock()
@@ -96,6 +97,7 @@ class Controller:
             self._notes,
             clock,
             ego=ego,
+            standby=standby,
             on_unshaped=self._unshaped,
         )
         self._robots: Mapping[str, str] = {}

@@ -95,10 +95,12 @@ class FusionLoop:
         rate_hz: float,
         deadline_s: float,
         on_result: Callable[[FrameResult], None] | None = None,
+        speaks: Callable[[], bool] = lambda: True,
     ) -> None:
         """`detector`: the world's. `known`: of whom beacons tell. `on_result` hears of each
-        published frame, on the fusing thread."""
+        published frame, on the fusing thread. `speaks`: whether detections are published."""
         self._ego = ego
+        self._speaks = speaks
         self._sensor = sensor
         self._asker = asker
         self._fusions = fusions
@@ -141,8 +143,8 @@ class FusionLoop:
         """From now on robots can be asked."""
         self._session = session
 
-    def follow(self, decision: Decision) -> None:
-        """The decision to carry out from the next frame on."""
+    def follow(self, decision: Decision | None) -> None:
+        """The decision to carry out from the next frame on; None: there are no frames."""
         self._decision = decision
 
     def fuse(self, decision: Decision, own: OwnFrame) -> FrameResult:
@@ -303,6 +305,8 @@ class FusionLoop:
         return Missing("rejected", f"fusion failed: {type(error).__name__}")
 
     def _publish(self, decision: Decision, result: FrameResult) -> None:
+        if not self._speaks():
+            return
         session, boxes = self._session, result.boxes
         table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
         message = Detections(
