@@ -92,6 +92,7 @@ class First:
     def attach(self, session: Session) -> None:
         """See `Lead`."""
         session.watch_leading(self._standby, self._on_token)
+        self._linked_at = self._monotonic()
         self._session = session
 
     def look(self) -> bool:
@@ -111,8 +112,10 @@ class First:
             self._replaced_at = None
             self._log.info("leads_again", silent_s=round(self._monotonic() - since, 1))
         if self._session is not None and not self._shown and self._replaced_at is None:
-            self._session.declare_leading(self._ego)
-            self._shown = True
+            # Where the router went away just now, it is shown in a later cycle.
+            with suppress(TransportError):
+                self._session.declare_leading(self._ego)
+                self._shown = True
 
     def speaks(self) -> bool:
         """See `Lead`."""
