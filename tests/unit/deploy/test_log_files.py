@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from deploy.netns import control
 from deploy.netns.log_files import rotate_logs
+from deploy.runtimes.netns import _lines
+from deploy.spec import make_spec
 
 
 def test_a_full_log_becomes_a_part_and_its_writer_goes_on(tmp_path: Path) -> None:
@@ -44,3 +47,16 @@ def test_a_log_that_cannot_be_copied_does_not_grow_either(
     monkeypatch.setattr("shutil.copyfile", refuse)
     rotate_logs(tmp_path, log_bytes=100)
     assert {path.name: path.stat().st_size for path in tmp_path.iterdir()} == {"a.log": 0}
+
+
+def test_who_follows_a_log_goes_on_when_it_has_been_emptied(tmp_path: Path) -> None:
+    log = tmp_path / "router.log"
+    log.write_text("the first line\n")
+    (tmp_path / control.SOCKET).touch()
+    spec = make_spec(robots=("R1", "R2"), run_dir=str(tmp_path))
+    lines = _lines(log, spec, True)
+    assert next(lines) == "the first line"
+    rotate_logs(tmp_path, log_bytes=1)
+    with open(log, "a") as writer:
+        writer.write("then\n")
+    assert next(lines) == "then"
