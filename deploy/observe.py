@@ -95,6 +95,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why the ego perceives with nobody's help against its will, or not at all."""
     model_trouble: str = ""
     """Why the LLM gateway's model does not answer."""
+    stands_in_for: str | None = None
+    """The ego in whose stead `ego` decides; None: in its own."""
 
 
 @dataclass(slots=True)
@@ -225,7 +227,7 @@ class Watch:
             view = SwarmView(
                 swarm=spec.swarm,
                 runtime=self._state.runtime,
-                ego=spec.ego,
+                ego=self._ego(),
                 cycle=decision.cycle if decision else None,
                 selected=decision.participants if decision else None,
                 algorithm=decision.algorithm if decision else None,
@@ -244,10 +246,16 @@ class Watch:
                 advice=decision.advice if decision else None,
                 blind=decision.blind if decision else "",
                 model_trouble=heard.gateway.trouble if heard.gateway else "",
+                stands_in_for=decision.stands_in_for if decision else None,
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
         return view
+
+    def _ego(self) -> str:
+        """The ego that decides: the specification's, or the one that stands in for it."""
+        decision = self._heard.decision
+        return decision.ego if decision else self._state.spec.ego
 
     def _ids(self) -> list[str]:
         """The swarm's robots in their order, then those that joined from elsewhere."""
@@ -257,7 +265,7 @@ class Watch:
     def _row(self, robot: str, now: float, bytes_per_s: float) -> RobotRow:
         beacons, decision = self._heard.beacons, self._heard.decision
         beacon, _ = beacons.get(robot, (None, 0.0))
-        ego = beacons.get(self._state.spec.ego)
+        ego = beacons.get(self._ego())
         pose = beacon.sensor_pose() if beacon else None
         age_s = self._age_s(robot, now)
         state = self._state_of(robot, now)
@@ -327,7 +335,7 @@ class Watch:
 
     def _on_net_state(self, state: NetState) -> None:
         with self._changed:
-            self._heard.cell = state.link(self._state.spec.ego, "down")
+            self._heard.cell = state.link(self._ego(), "down")
             self._changed.notify_all()
 
     def _on_gateway_state(self, state: GatewayState) -> None:

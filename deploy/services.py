@@ -157,26 +157,9 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         )
         for robot in spec.robots
     ]
-    ego = Service(
-        name=f"ego-{spec.ego}",
-        role="ego",
-        host=spec.ego,
-        argv=(place.python, "-m", "ego_agent"),
-        env=_environment(spec, place, TrustRole("ego", spec.ego).common_name, EGO_METRICS_PORT)
-        | {
-            "OMP_NUM_THREADS": EGO_THREADS,
-            "COADAPT_EGO": spec.ego,
-            "COADAPT_POLICY": spec.policy,
-            "COADAPT_PERIOD_S": str(spec.period_s),
-            "COADAPT_Q_MIN": str(spec.q_min),
-            "COADAPT_JOURNAL": journal_path(spec, place.var_dir),
-            **_range_environment(spec),
-            # What the operator sets is known before anything has been measured.
-            **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
-        },
-        metrics_port=EGO_METRICS_PORT,
-        robot=spec.ego,
-    )
+    egos = [_ego(spec, place, spec.ego, _standby_environment(spec))]
+    if spec.ego_standby:
+        egos.append(_ego(spec, place, spec.ego_standby, {"COADAPT_STANDS_IN_FOR": spec.ego}))
     console = Service(
         name="console",
         role="console",
@@ -217,7 +200,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
     watch += [prometheus] if spec.prometheus else []
     if spec.grafana:
         watch.append(Service(name="grafana", role="grafana", host=INFRA, argv=()))
-    return (*trust, router, controller, *advice, *robots, ego, *watch)
+    return (*trust, router, controller, *advice, *robots, *egos, *watch)
 
 
 def identity_path(var_dir: str, common_name: str) -> str:
@@ -235,9 +218,9 @@ def inherited(role: Role, environment: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def journal_path(spec: SwarmSpec, var_dir: str) -> str:
-    """The ego's journal: one file for each time that the swarm is started, named by when."""
-    return f"{var_dir}/{JOURNAL}/{spec.ego}-{_begun(spec)}.jsonl"
+def journal_path(spec: SwarmSpec, var_dir: str, ego: str = "") -> str:
+    """An ego's journal: one file for each time that the swarm is started, named by when."""
+    return f"{var_dir}/{JOURNAL}/{ego or spec.ego}-{_begun(spec)}.jsonl"
 
 
 def net_journal_path(spec: SwarmSpec, var_dir: str) -> str:
@@ -247,6 +230,35 @@ def net_journal_path(spec: SwarmSpec, var_dir: str) -> str:
 
 def _begun(spec: SwarmSpec) -> str:
     return time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(spec.epoch_ns // 1_000_000_000))
+
+
+def _ego(spec: SwarmSpec, place: Place, ego: str, part: Mapping[str, str]) -> Service:
+    """One ego; `part`: the part that it plays beside another one."""
+    return Service(
+        name=f"ego-{ego}",
+        role="ego",
+        host=ego,
+        argv=(place.python, "-m", "ego_agent"),
+        env=_environment(spec, place, TrustRole("ego", ego).common_name, EGO_METRICS_PORT)
+        | {
+            "OMP_NUM_THREADS": EGO_THREADS,
+            "COADAPT_EGO": ego,
+            "COADAPT_POLICY": spec.policy,
+            "COADAPT_PERIOD_S": str(spec.period_s),
+            "COADAPT_Q_MIN": str(spec.q_min),
+            "COADAPT_JOURNAL": journal_path(spec, place.var_dir, ego),
+            **_range_environment(spec),
+            # What the operator sets is known before anything has been measured.
+            **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
+            **part,
+        },
+        metrics_port=EGO_METRICS_PORT,
+        robot=ego,
+    )
+
+
+def _standby_environment(spec: SwarmSpec) -> dict[str, str]:
+    return {"COADAPT_EGO_STANDBY": spec.ego_standby} if spec.ego_standby else {}
 
 
 def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
@@ -264,6 +276,7 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
         **_site_environment(spec, place, "controller", spec.controller_metrics_port),
         "COADAPT_DRIVER": place.driver,
         "COADAPT_EGO": spec.ego,
+        **_standby_environment(spec),
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
         "COADAPT_STATE_FILE": f"{place.var_dir}/{NET}/shapes-{_begun(spec)}.json",
         "COADAPT_NET_JOURNAL": net_journal_path(spec, place.var_dir),

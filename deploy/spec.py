@@ -59,6 +59,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
         msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS, description=_ROBOTS),
     ]
     ego: Name
+    ego_standby: Name | None = None
+    """The robot whose ego stands in for the first one; None: nobody does."""
     world: str = _PROCESS.world
     data: str = ""
     seed: Seed = _PROCESS.world_seed
@@ -180,6 +182,10 @@ def make_spec(**values: Any) -> SwarmSpec:
     values.setdefault("var_dir", str(var_dir_of(swarm)))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
+    standby = values.get("ego_standby")
+    if standby is not None and (standby not in robots or standby == values["ego"]):
+        others = ", ".join(robot for robot in robots if robot != values["ego"])
+        raise _invalid("ego_standby", standby, f"a robot that is not the ego: {others}")
     if not _has_data(world, values.get("data", "")):
         raise _invalid("data", values.get("data", ""), f"{world.needs} (needed by {world.name})")
     if values["secure"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 from prometheus_client import CollectorRegistry
 
@@ -17,8 +18,9 @@ from sensing.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
+from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer
+from swarm.metrics import MetricsServer, show_free_disk
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
@@ -35,7 +37,8 @@ def main() -> int:
         transport.check_router(settings.router, Role("ego", settings.ego).common_name)
         with open_world_of(settings, "ego_agent", settings.ego) as world:
             _check_ego(settings, world)
-            run(settings, world, stop)
+            watch = LoopWatch(make_logger("ego_agent", swarm=settings.swarm, ego=settings.ego))
+            run(settings, world, stop, loops=watch.loop)
     except CoAdaptError as error:
         print(f"ego_agent: {error}", file=sys.stderr)
         return 1
@@ -47,6 +50,7 @@ def run(
     world: World,
     stop: threading.Event,
     on_result: Callable[[FrameResult], None] | None = None,
+    loops: Loops = unwatched,
 ) -> None:
     """Runs one ego in a world until `stop` is set; `on_result` hears of each published frame.
 
@@ -55,6 +59,8 @@ def run(
     """
     log = make_logger("ego_agent", level=settings.log_level, swarm=settings.swarm, ego=settings.ego)
     registry = CollectorRegistry()
+    if settings.journal:
+        show_free_disk(registry, Path(settings.journal))
     agent = EgoAgent.from_settings(settings, world, EgoMetrics(registry), log, on_result=on_result)
     try:
         server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
@@ -76,7 +82,7 @@ def run(
         detector_backend=detector_backend(world.detector),
     )
     try:
-        agent.run(settings.period_s, stop, connect)
+        agent.run(settings.period_s, stop, connect, loops)
     finally:
         server.close()
         agent.close()

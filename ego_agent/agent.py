@@ -26,6 +26,7 @@ from ego_agent.knowledge.journal import CycleRecord, Journal
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.record import cycle_record, cycle_result
 from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.leading import Alone, Lead, make_lead
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.known import KnownRobots
 from ego_agent.monitor.link import LinkEstimate
@@ -48,11 +49,17 @@ from swarm import keyspace
 from swarm.body import Body
 from swarm.errors import JournalError, SettingError, TransportError
 from swarm.log import Logger
+from swarm.loop_watch import Loops, unwatched
 from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
 from swarm.settings import PREFIX
 from worlds.base import World, comm_range_of
+
+LOOK_S = 0.1
+"""How often an ego that stands by looks whether it is to lead."""
+FOLLOW_S = 1.0
+"""And how often it looks at the swarm meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +91,13 @@ class EgoAgent:
         clock: Clock,
         log: Logger,
         usual_body: Body,
+        lead: Lead | None = None,
+        stands_in_for: str | None = None,
     ) -> None:
-        """`usual_body`: of robots that announce none."""
+        """`usual_body`: of robots that announce none. `lead`: None for an ego without another."""
+        self._lead = lead or Alone()
+        self._stands_in_for = stands_in_for
+        self._follow_due = 0.0
         self.monitor = monitor
         self.knowledge = knowledge
         self._steering = steering
@@ -159,6 +171,7 @@ class EgoAgent:
             max_error_m=settings.max_error_m,
             keep_ground=settings.keep_ground,
         )
+        lead = make_lead(settings, log)
         fusion = FusionLoop(
             settings.ego,
             sensor,
@@ -172,6 +185,7 @@ class EgoAgent:
             rate_hz=settings.fusion_rate_hz,
             deadline_s=settings.deadline_s,
             on_result=on_result,
+            speaks=lead.speaks,
         )
         steering = Steering(settings, policy, knowledge.algorithms, log)
         journal = Journal(Path(settings.journal)) if settings.journal else None
@@ -191,22 +205,37 @@ class EgoAgent:
             clock=clock,
             log=log,
             usual_body=body,
+            lead=lead,
+            stands_in_for=settings.stands_in_for,
         )
 
     def run(
-        self, period_s: float, stop: threading.Event, connect: Callable[[], Session | None]
+        self,
+        period_s: float,
+        stop: threading.Event,
+        connect: Callable[[], Session | None],
+        loops: Loops = unwatched,
     ) -> None:
         """Runs cycles until `stop` is set; `connect` runs beside them until the router is there."""
         connector = threading.Thread(target=self._connect, args=(connect,), daemon=True)
         connector.start()
         number = self._journal.next_cycle if self._journal else 1
         previous: Decision | None = None
-        self.fusion.start()
+        self.fusion.start(loops)
+        turned = loops("cycle", period_s)
         due = time.monotonic()
         stopping = False
         # A stop that comes while a line is written ends the cycle after it, whose line holds the
         # frames since.
         while not stopping:
+            turned()
+            if not self._lead.look():
+                self._stand_by(number)
+                previous, due = None, time.monotonic()
+                stopping = stop.wait(LOOK_S)
+                if stopping:
+                    self.fusion.stop()
+                continue
             running = self._begin(number, previous)
             previous = running.decision
             number += 1
@@ -239,6 +268,7 @@ class EgoAgent:
                 return
             self.monitor.attach(session)
             self._own_duty.attach(session)
+            self._lead.attach(session)
             self.fusion.connect(session)
             self._session = session
             self._steering.attach(session)
@@ -246,6 +276,22 @@ class EgoAgent:
         except Exception:
             # Without a thread that tries again the ego stays alone: say so, loudly, and go on.
             self._log.error("connect_failed", exc_info=True)
+
+    def _stand_by(self, number: int) -> None:
+        """Another ego leads: this one decides nothing, and follows the swarm all the same."""
+        self.fusion.follow(None)
+        self._metrics.leads.set(False)
+        now = time.monotonic()
+        if now < self._follow_due:
+            return
+        self._follow_due = now + FOLLOW_S
+        try:
+            self.sensor.locate()
+            self._own_duty.look(self._session)
+            self._metrics.links(self.monitor.snapshot(number, self._clock.now_ns()))
+        except Exception:
+            self._metrics.cycle_faults.inc()
+            self._log.error("stand_by_failed", exc_info=True)
 
     def _begin(self, number: int, previous: Decision | None) -> _Running:
         """One cycle up to its published decision."""
@@ -268,6 +314,9 @@ class EgoAgent:
             decision = self._alone(snapshot, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
         decision = self._told(decision, snapshot, scene)
+        decision = msgspec.structs.replace(decision, stands_in_for=self._stands_in_for)
+        self._lead.decided(decision.valid and scene is not None and scene.is_whole())
+        self._metrics.leads.set(self._lead.speaks())
         self.fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
@@ -340,6 +389,8 @@ class EgoAgent:
 
     def _publish(self, key: Callable[[str, str], str], message: Decision | NetDemand) -> bool:
         session = self._session
+        if not self._lead.speaks():
+            return False
         try:
             if session is None or session.links() == 0:
                 raise TransportError("no router")
@@ -394,6 +445,7 @@ class EgoAgent:
             self._metrics.journal_failures.inc()
             self._log.error("journal_refused", cycle=record.cycle, error=str(error))
         self._metrics.journal_pending.set(journal.pending)
+        self._metrics.journal_lost.set(journal.dropped)
 
     def _count_ignored(self, reason: str, total: int) -> None:
         self._metrics.messages_ignored.labels(reason).inc(total - self._ignored[reason])

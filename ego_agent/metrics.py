@@ -97,6 +97,18 @@ class EgoMetrics:
             ["robot"],
             registry=registry,
         )
+        self.robot_duplicate = Gauge(
+            "coadapt_ego_robot_duplicate",
+            "1 while two processes use a robot's id at the same time.",
+            ["robot"],
+            registry=registry,
+        )
+        self.robot_clock_offset = Gauge(
+            "coadapt_ego_robot_clock_offset_seconds",
+            "A robot's time of day minus the ego's.",
+            ["robot"],
+            registry=registry,
+        )
         self.estimate_error = Gauge(
             "coadapt_link_estimate_error_ratio",
             "(measured - configured) / configured capacity for fusion; 0 while not compared.",
@@ -120,6 +132,11 @@ class EgoMetrics:
         self.blind = Gauge(
             "coadapt_ego_blind",
             "1 while nobody can be used, nothing that was chosen arrives, or the ego is not valid.",
+            registry=registry,
+        )
+        self.leads = Gauge(
+            "coadapt_ego_leads",
+            "1 while others hear what the ego decides, 0 while another ego leads in its stead.",
             registry=registry,
         )
         self.robots_unheard = Gauge(
@@ -152,6 +169,11 @@ class EgoMetrics:
             "Journal lines that wait in memory.",
             registry=registry,
         )
+        self.journal_lost = Gauge(
+            "coadapt_ego_journal_lost_lines",
+            "Journal lines that were given up because the disk refused too many.",
+            registry=registry,
+        )
         self.publish_failures = Counter(
             "coadapt_ego_publish_failures_total",
             "Messages that could not be published.",
@@ -175,6 +197,10 @@ class EgoMetrics:
             registry=registry,
         )
         self.advice = AdviceMetrics(registry)
+        self._of_robots = (
+            *(self.robot_capacity_bps, self.robot_alive),
+            *(self.robot_duplicate, self.robot_clock_offset),
+        )
         self._robots: set[str] = set()
         self._met: set[str] = set()
         """Robots whose counters begin at 0."""
@@ -200,14 +226,16 @@ class EgoMetrics:
         for robot, view in robots.items():
             self.robot_capacity_bps.labels(robot).set(min(view.capacity_bps, snapshot.capacity_bps))
             self.robot_alive.labels(robot).set(view.alive)
+            self.robot_duplicate.labels(robot).set(view.duplicate)
+            self.robot_clock_offset.labels(robot).set(view.clock_offset_s)
         if len(self._met) < MAX_ROBOTS:  # Ids come from the network.
             new = robots.keys() - self._met
             start_at_zero(self.received_bytes, new, self._algorithms)
             start_at_zero(self.missing, new, MISSING_KINDS)
             self._met |= new
         for robot in self._robots - robots.keys():
-            self.robot_capacity_bps.remove(robot)
-            self.robot_alive.remove(robot)
+            for gauge in self._of_robots:
+                gauge.remove(robot)
         self._robots = set(robots)
 
     def decided(self, decision: Decision, scene: UnifiedScene | None) -> None:

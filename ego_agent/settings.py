@@ -26,6 +26,10 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
 
     ego: Name = "R1"
     """The robot that fuses; its scans come from the world, never over the link."""
+    ego_standby: Name | None = None
+    """The ego that stands in for this one; None: nobody does."""
+    stands_in_for: Name | None = None
+    """The ego that this one stands in for; None: it decides in its own name."""
     policy: Name = POLICY
     algorithms: Algorithms = ALGORITHMS
     """Fusion algorithms that policies may choose from; those that cannot be used are left out."""

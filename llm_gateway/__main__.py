@@ -22,6 +22,7 @@ from llm_gateway.zenoh_endpoint import ZenohEndpoint
 from swarm import transport
 from swarm.errors import CoAdaptError, TransportError
 from swarm.log import Logger, make_logger
+from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
@@ -36,14 +37,14 @@ def main() -> int:
     try:
         settings = load_settings()
         transport.check_router(settings.router, "gateway")
-        run(settings, stop)
+        run(settings, stop, LoopWatch(make_logger("llm_gateway", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"llm_gateway: {error}", file=sys.stderr)
         return 1
     return 0
 
 
-def run(settings: GatewaySettings, stop: threading.Event) -> None:
+def run(settings: GatewaySettings, stop: threading.Event, loops: Loops = unwatched) -> None:
     """Runs one gateway until `stop` is set.
 
     Raises SettingError for an address that cannot be bound and for what the back end cannot use.
@@ -66,6 +67,7 @@ def run(settings: GatewaySettings, stop: threading.Event) -> None:
         if not _wait(thread.submit(gateway.start()), stop):
             return
         _wait(thread.submit(http.start()), stop)
+        thread.submit(keep_turning(loops("gateway", 0.0)))
         log.info(
             "gateway_up",
             backend=settings.llm_backend,

@@ -10,6 +10,7 @@ from pathlib import Path
 from prometheus_client import CollectorRegistry
 
 from network_controller.controller import Controller
+from network_controller.drivers.command import TIMEOUT_S
 from network_controller.drivers.registry import make_driver
 from network_controller.journal import Journal
 from network_controller.metrics import ControllerMetrics
@@ -22,8 +23,9 @@ from swarm import keyspace, transport
 from swarm.errors import CoAdaptError, TransportError
 from swarm.listening import hear
 from swarm.log import Logger, make_logger
+from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
-from swarm.metrics import MetricsServer
+from swarm.metrics import MetricsServer, show_free_disk
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 
@@ -34,14 +36,14 @@ def main() -> int:
     try:
         settings = load_settings()
         transport.check_router(settings.router, "controller")
-        run(settings, stop)
+        run(settings, stop, LoopWatch(make_logger("network_controller", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"network_controller: {error}", file=sys.stderr)
         return 1
     return 0
 
 
-def run(settings: ControllerSettings, stop: threading.Event) -> None:
+def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwatched) -> None:
     """Runs one controller until `stop` is set.
 
     Raises SettingError for an address that cannot be bound, JournalError for a journal that cannot
@@ -50,12 +52,15 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
     log = make_logger("network_controller", level=settings.log_level, swarm=settings.swarm)
     registry = CollectorRegistry()
     metrics = ControllerMetrics(registry)
+    if settings.net_journal:
+        show_free_disk(registry, Path(settings.net_journal))
     clock = Clock()
     driver = make_driver(settings.driver, settings.swarm)
     wishes = Wishes(Path(settings.state_file) if settings.state_file else None, clock.now_ns())
-    first = _first_wish(settings, clock.now_ns())
-    if first is not None:
-        wishes.put(first)
+    for ego in (settings.ego, settings.ego_standby):
+        first = _first_wish(settings, ego, clock.now_ns()) if ego else None
+        if first is not None:
+            wishes.put(first)
     journal = Journal(Path(settings.net_journal)) if settings.net_journal else None
     server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
     controller = Controller(
@@ -67,6 +72,7 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
         journal,
         log,
         ego=settings.ego,
+        standby=settings.ego_standby,
         clock=clock,
     )
     api = Server(
@@ -82,7 +88,10 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
     controller.start()
     api.start()
     link = _Link(settings, controller, clock, registry, log, stop)
-    worker = threading.Thread(target=controller.run, args=(stop, link.publish), name="control")
+    turned = loops("control", TIMEOUT_S)
+    worker = threading.Thread(
+        target=controller.run, args=(stop, link.publish, turned), name="control"
+    )
     worker.start()
     log.info("controller_up", driver=driver.name, metrics_port=server.port)
     try:
@@ -103,13 +112,13 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
     log.info("controller_down")
 
 
-def _first_wish(settings: ControllerSettings, now_ns: int) -> Wish | None:
-    """What the swarm was started with."""
+def _first_wish(settings: ControllerSettings, ego: str, now_ns: int) -> Wish | None:
+    """What the swarm was started with, for the cell towards an ego."""
     if settings.link_bps is None and not settings.link_rates_bps:
         return None
     fixed = settings.link_bps is not None
     return Wish(
-        robot=settings.ego,
+        robot=ego,
         direction="down",
         layer="start",
         kind="rate" if fixed else "trace",

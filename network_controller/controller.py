@@ -32,6 +32,7 @@ from network_controller.telemetry.flows import Flows
 from network_controller.wishes import Wishes
 from swarm.errors import NetworkError
 from swarm.log import Logger
+from swarm.loop_watch import Turned, nobody
 from swarm.messages import LinkState, NetDemand, ShapeReply, ShapeRequest
 from swarm.process import Clock
 
@@ -70,6 +71,7 @@ class Controller:
         log: Logger,
         *,
         ego: str,
+        standby: str | None = None,
         clock: Clock | None = None,
     ) -> None:
         clock = clock or Clock()
@@ -95,6 +97,7 @@ class Controller:
             self._notes,
             clock,
             ego=ego,
+            standby=standby,
             on_unshaped=self._unshaped,
         )
         self._robots: Mapping[str, str] = {}
@@ -119,13 +122,19 @@ class Controller:
         if not self._unready:
             self._enforcer.reconcile(self._targets.shapes())
 
-    def run(self, stop: threading.Event, publish: Callable[[tuple[LinkState, ...]], None]) -> None:
+    def run(
+        self,
+        stop: threading.Event,
+        publish: Callable[[tuple[LinkState, ...]], None],
+        turned: Turned = nobody,
+    ) -> None:
         """Follows profiles and measures until `stop` is set; `publish` gets the states, 1 Hz and
         at once when a link has another shape."""
         state_due = time.monotonic()
         self._queues.start()
         told = self._enforcer.changes
         while not stop.is_set():
+            turned()
             self._wake.clear()
             due_s = RETRY_S
             try:
@@ -176,6 +185,7 @@ class Controller:
             return ()
         self._look_around()
         self._looks += 1
+        self._notes.retry()
         if self._looks % RENEW_LOOKS == 0:
             self._enforcer.renew()
         now_s = time.monotonic()

@@ -36,9 +36,9 @@ class Journal:
         except OSError as error:
             raise JournalError(f"journal {str(path)!r} cannot be written: {error}") from error
         try:
-            held = path.read_bytes()
-            self._file.keep(len(held))
-            if held and not held.endswith(b"\n"):
+            size = path.stat().st_size
+            self._file.keep(size)
+            if size and not _ends_a_line(path, size):
                 self._file.append(b"\n")
         except OSError as error:
             self._file.close()
@@ -56,6 +56,12 @@ class Journal:
         if len(self._pending) > MAX_PENDING:
             self._pending.popleft()
             self.lost += 1
+        self.retry()
+
+    def retry(self) -> None:
+        """Writes what waits, if the disk takes it now."""
+        if not self._pending:
+            return
         try:
             if self._file.is_full:
                 # The lines matter more than the size of the file.
@@ -67,5 +73,12 @@ class Journal:
         self._pending.clear()
 
     def close(self) -> None:
-        """Closes the file."""
+        """Writes what waits, if the disk takes it, and closes the file."""
+        self.retry()
         self._file.close()
+
+
+def _ends_a_line(path: Path, size: int) -> bool:
+    with open(path, "rb") as file:
+        file.seek(size - 1)
+        return file.read(1) == b"\n"

@@ -47,6 +47,7 @@ class ControllerMetrics:
         self.journal_lost = gauge(
             "journal_lost_lines", "Lines that the disk refuses: waiting, or given up.", []
         )
+        self.journal_pending = gauge("journal_pending", "Lines that wait for the disk.", [])
         self.demand = gauge("demand_bytes_per_second", "What an ego needs for Q_min.", ["ego"])
         self.unreachable = gauge("unreachable_seconds", "How long Q_min is out of reach.", ["ego"])
         start_at_zero(self.actions, ACTIONS)

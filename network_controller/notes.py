@@ -30,4 +30,14 @@ class Notes:
         self._log.info(action, reason=reason, **facts)
         if self._journal is not None:
             self._journal.note(self._clock.now_ns(), action, reason, **facts)
-            self._metrics.journal_lost.set(self._journal.lost + self._journal.pending)
+            self._show(self._journal)
+
+    def retry(self) -> None:
+        """Writes lines that the disk has refused, once it takes them."""
+        if self._journal is not None:
+            self._journal.retry()
+            self._show(self._journal)
+
+    def _show(self, journal: Journal) -> None:
+        self._metrics.journal_lost.set(journal.lost + journal.pending)
+        self._metrics.journal_pending.set(journal.pending)

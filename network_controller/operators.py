@@ -34,6 +34,7 @@ class Operators:
         clock: Clock,
         *,
         ego: str,
+        standby: str | None,
         on_unshaped: Callable[[Link], None],
     ) -> None:
         """`on_unshaped(link)` hears of links that have no shape any more."""
@@ -46,6 +47,7 @@ class Operators:
         self._notes = notes
         self._clock = clock
         self._ego = ego
+        self._standby = standby
         self._on_unshaped = on_unshaped
 
     def carry_out(self, request: ShapeRequest) -> ShapeReply:
@@ -196,7 +198,7 @@ class Operators:
         return () if ended else ("no telemetry was running there",)
 
     def _links(self, request: ShapeRequest) -> tuple[Link, ...]:
-        return links_of(request, self._ego, frozenset(self._driver.robots()))
+        return links_of(request, self._ego, frozenset(self._driver.robots()), self._standby)
 
     def _in_force(self) -> tuple[ShapeInForce, ...]:
         now_ns = self._clock.now_ns()

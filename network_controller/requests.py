@@ -14,8 +14,11 @@ MIN_STEP_S = 0.05
 _NS = 1_000_000_000
 
 
-def links_of(request: ShapeRequest, ego: str, present: frozenset[str]) -> tuple[Link, ...]:
-    """The links that a request means; without a robot the cell towards the ego.
+def links_of(
+    request: ShapeRequest, ego: str, present: frozenset[str], standby: str | None = None
+) -> tuple[Link, ...]:
+    """The links that a request means; without a robot the cell towards the ego first, and towards
+    the one that stands in for it.
 
     Raises NetworkError for a robot that is not on this host.
     """
@@ -27,7 +30,8 @@ def links_of(request: ShapeRequest, ego: str, present: frozenset[str]) -> tuple[
             else f"robot {robot!r} has no link on this host: no robot is here"
         )
     directions = DIRECTIONS if request.direction == "both" else (request.direction,)
-    return tuple(Link(robot, direction) for direction in directions)
+    robots = (robot,) if request.robot or standby not in present else (robot, standby)
+    return tuple(Link(r, direction) for r in robots if r for direction in directions)
 
 
 def wish_of(request: ShapeRequest, link: Link, now_ns: int) -> Wish:

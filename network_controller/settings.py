@@ -22,6 +22,9 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     driver: Name = "netns"
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
+    ego_standby: Name | None = None
+    """The ego that stands in for it: its link is shaped alike, from the start and by such requests.
+    """
     link_bps: Rate | None = None
     """Capacity of the cell from the start; None leaves it unshaped until somebody asks."""
     link_rates_bps: tuple[Rate, ...] = ()

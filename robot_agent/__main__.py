@@ -18,6 +18,7 @@ from sensing.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
+from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
 from swarm.metrics import MetricsServer
 from swarm.process import Clock, leave, stop_on_signals
@@ -36,7 +37,8 @@ def main() -> int:
             transport.check_router(settings.router, robot)
         with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
             _check_robots(settings, world)
-            run(settings, world, stop)
+            watch = LoopWatch(make_logger("robot_agent", swarm=settings.swarm))
+            run(settings, world, stop, watch.loop)
     except CoAdaptError as error:
         if stop.is_set():
             return 0
@@ -45,7 +47,9 @@ def main() -> int:
     return 0
 
 
-def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
+def run(
+    settings: RobotSettings, world: World, stop: threading.Event, loops: Loops = unwatched
+) -> None:
     """Hosts the robots in a world until `stop` is set.
 
     Raises SettingError for a metrics port that is taken and TransportError when `stop` was set
@@ -89,6 +93,7 @@ def run(settings: RobotSettings, world: World, stop: threading.Event) -> None:
                 workers=settings.workers,
                 metrics=metrics,
                 log=log,
+                loops=loops,
             )
             backend = detector_backend(world.detector)
             log.info("robots_up", robots=list(settings.robots), detector_backend=backend)

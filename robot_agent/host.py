@@ -17,6 +17,7 @@ from robot_agent.thinning import Thinner
 from swarm import keyspace
 from swarm.errors import CoAdaptError
 from swarm.log import Logger
+from swarm.loop_watch import Loops, unwatched
 from swarm.session import Session
 from swarm.tcp_watch import TcpWatch
 
@@ -40,10 +41,12 @@ class RobotHost:
         workers: int,
         metrics: RobotMetrics,
         log: Logger,
+        loops: Loops = unwatched,
     ) -> None:
         self._session = session
         self._metrics = metrics
         self._log = log
+        self._loops = loops
         self._stop = threading.Event()
         self._faults: set[tuple[str, str]] = set()
         self._duties: dict[str, Duty] = {}
@@ -79,11 +82,14 @@ class RobotHost:
         agents: Sequence[RobotAgent],
         work: Callable[[RobotAgent], None],
     ) -> threading.Thread:
+        turned = self._loops(name, period_s)
+
         def loop() -> None:
             # The robots of a machine start together, but need not work at the same moments.
             due = time.monotonic() + period_s * (zlib.crc32(agents[0].robot.encode()) % 64) / 64
             while not self._stop.wait(max(0.0, due - time.monotonic())):
                 for agent in agents:
+                    turned()
                     self._guarded(name, work, agent)
                 # A late loop leaves turns out rather than catching up.
                 due = max(due + period_s, time.monotonic())
@@ -91,8 +97,10 @@ class RobotHost:
         return threading.Thread(target=loop, name=name, daemon=True)
 
     def _sense(self, agents: Sequence[RobotAgent]) -> None:
+        turned = self._loops("sense", 0.0)
         while not self._stop.is_set():
             for agent in agents:
+                turned()
                 self._guarded("sense", lambda agent: agent.sensor.sense(), agent)
             self._stop.wait(max(IDLE_S, min(a.sensor.next_frame_in_s() for a in agents)))
 

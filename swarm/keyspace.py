@@ -81,6 +81,11 @@ def ego_steering(swarm: str, ego: str) -> str:
     return _ego_key(swarm, ego, "steering")
 
 
+def ego_leads(swarm: str, ego: str) -> str:
+    """Liveliness token of an ego that has one to stand in for it, or stands in: it leads."""
+    return _ego_key(swarm, ego, "leads")
+
+
 def robot_steering(swarm: str, robot: str) -> str:
     """Queryable: `messages.RobotSteering` -> `messages.RobotSteered`."""
     return _robot_key(swarm, robot, "steering")

@@ -37,12 +37,46 @@ _KEYS: dict[type[Message], Callable[[str, str], str]] = {
 
 
 def hear(session: Session, handlers: Handlers, ego: str = keyspace.ANY) -> None:
-    """Hands over what comes from now on: of one ego or all, of all robots and the network.
+    """Hands over what comes from now on: of one ego or all, of all robots and the network. Of one
+    ego is also what another says while it stands in for it.
 
     A message that does not validate is dropped, and logged once a sender (`Session.subscribe`).
     """
+    if ego != keyspace.ANY and handlers.keys() & _OF_EGOS:
+        handlers = _Led(ego).handlers(handlers)
+        ego = keyspace.ANY
     for kind, handler in handlers.items():
         session.subscribe(_KEYS[kind](session.swarm, ego), kind, handler)
+
+
+_OF_EGOS: set[type[Message]] = {Decision, Detections}
+
+
+class _Led:
+    """What is said by one ego, or in its stead: decisions tell who leads, detections follow."""
+
+    def __init__(self, ego: str) -> None:
+        self._ego = ego
+        self._leads = ego
+
+    def handlers(self, handlers: Handlers) -> Handlers:
+        """Those that hear only of the ego that leads."""
+        decision = handlers.get(Decision, lambda message: None)
+        detections = handlers.get(Detections, lambda message: None)
+
+        def on_decision(message: Decision) -> None:
+            if self._ego in (message.ego, message.stands_in_for):
+                self._leads = message.ego
+                decision(message)
+
+        def on_detections(message: Detections) -> None:
+            if message.ego == self._leads:
+                detections(message)
+
+        led: dict[type[Message], Callable[[Any], object]] = {Decision: on_decision}
+        if Detections in handlers:
+            led[Detections] = on_detections
+        return {**handlers, **led}
 
 
 def listen(

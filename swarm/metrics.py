@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import shutil
 from collections.abc import Iterable
 from itertools import product
+from pathlib import Path
 
-from prometheus_client import CollectorRegistry, Counter, Histogram, start_http_server
+from prometheus_client import (
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    ProcessCollector,
+    start_http_server,
+)
 
 from swarm.errors import SettingError
 
@@ -20,8 +30,25 @@ def start_at_zero(metric: Counter | Histogram, *values: Iterable[str]) -> None:
         metric.labels(*labels)
 
 
+def show_free_disk(registry: CollectorRegistry, path: Path) -> None:
+    """Shows how much room is left where a file lies or will lie; NaN where nobody can tell."""
+
+    def free() -> float:
+        try:
+            return shutil.disk_usage(path.parent).free
+        except OSError:
+            return math.nan
+
+    gauge = Gauge(
+        "coadapt_disk_free_bytes", "Room on the disk of the process's journal.", registry=registry
+    )
+    gauge.set_function(free)
+
+
 class MetricsServer:
     """Serves one registry at http://host:port/metrics until closed. Port 0 takes a free one.
+
+    What the process itself takes is served, too: `process_start_time_seconds` and its like.
 
     Raises SettingError when the port cannot be bound.
     """
@@ -34,6 +61,8 @@ class MetricsServer:
                 f"metrics port {port} on {host} cannot be bound: {error}; choose a free one with "
                 "COADAPT_METRICS_PORT (0 takes any)"
             ) from error
+        self._registry = registry
+        self._process = ProcessCollector(registry=registry)
 
     @property
     def port(self) -> int:
@@ -45,3 +74,4 @@ class MetricsServer:
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
+        self._registry.unregister(self._process)

@@ -20,6 +20,7 @@ from swarm import transport
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
 from swarm.log import make_logger
+from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 from swarm.tcp_reporter import TcpReporter
@@ -33,8 +34,6 @@ answers to one slow ego stop everything that the router receives, beacons and to
 
 
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1", "[::1]")
-WATCH_S = 1.0
-"""How often the router looks whether its certificate or the list of members is another."""
 
 
 def read_config(path: Path) -> dict[str, object]:
@@ -157,7 +156,10 @@ def main() -> int:
     if identity is None and args.host not in LOCAL_HOSTS and not args.config:
         log.warning("plain", host=args.host, means="whoever reaches this address is believed")
     log.info("router_up", zid=str(router.session.info.zid()), port=args.port)
-    while not stop.wait(WATCH_S):
+    turned = LoopWatch(log).loop("router")
+    while not stop.wait(LOOK_S):
+        router.connected()  # does not return while Zenoh hangs
+        turned()
         if identity is None or (now := members.version(identity)) == seen:
             continue
         seen = now

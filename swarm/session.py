@@ -219,6 +219,16 @@ class Session:
             lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )
 
+    def declare_leading(self, ego: str) -> Callable[[], None]:
+        """Shows that an ego leads, until this session closes or its link breaks, or until what is
+        returned is called."""
+        key = keyspace.ego_leads(self.swarm, ego)
+        return self._connection.declare(lambda session: session.liveliness().declare_token(key))
+
+    def watch_leading(self, ego: str, on_change: Callable[[bool], None]) -> None:
+        """Calls back with whether an ego leads, whenever its token comes or goes."""
+        self._watch_token(keyspace.ego_leads(self.swarm, ego), on_change)
+
     def declare_gateway(self) -> None:
         """Shows the LLM gateway as alive until this session closes or its link breaks."""
         key = keyspace.llm_alive(self.swarm)
@@ -227,14 +237,15 @@ class Session:
     def watch_gateway(self, on_change: Callable[[bool], None]) -> Callable[[], None]:
         """Calls back with whether an LLM gateway is alive, whenever its token comes or goes, until
         what is returned is called."""
+        return self._watch_token(keyspace.llm_alive(self.swarm), on_change)
 
+    def _watch_token(self, key: str, on_change: Callable[[bool], None]) -> Callable[[], None]:
         def receive(sample: zenoh.Sample) -> None:
             try:
                 on_change(sample.kind == zenoh.SampleKind.PUT)
             except Exception:
                 self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
 
-        key = keyspace.llm_alive(self.swarm)
         return self._connection.declare(
             lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )

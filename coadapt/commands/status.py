@@ -105,7 +105,8 @@ def render(
     view: SwarmView, processes: Sequence[ProcessStatus], trust: Sequence[Trusted] | None = None
 ) -> str:
     """The table for people."""
-    lines = [f"swarm {view.swarm} ({view.runtime}), ego {view.ego}", ""]
+    instead = f" IN THE STEAD OF {view.stands_in_for}" if view.stands_in_for else ""
+    lines = [f"swarm {view.swarm} ({view.runtime}), ego {view.ego}{instead}", ""]
     lines += columns(
         [("robot", "alive", "age", "position", "distance", "selected", "bytes/s", "state")]
         + [

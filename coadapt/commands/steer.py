@@ -49,15 +49,13 @@ def run(args: argparse.Namespace) -> int:
     Nothing is changed unless all that are named answer.
     """
     state = need_state(args.swarm)
-    wishes = _wishes(args, state.spec.swarm, state.spec.ego)
+    wishes = _wishes(args, state.spec.swarm, state.spec.ego, state.spec.ego_standby)
     try:
         session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:
         raise DeployError(f"the router of swarm {args.swarm!r} does not answer: {error}") from error
     with session:
-        for wish in wishes:
-            wish.reach(session)
-        done = [wish.carry_out(session) for wish in wishes]
+        done = [wish.carry_out(session) for wish in _reached(wishes, session)]
     if args.json:
         print(msgspec.json.encode(done).decode())
         return 0
@@ -66,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _wishes(args: argparse.Namespace, swarm: str, ego: str) -> list[_Wish]:
+def _wishes(args: argparse.Namespace, swarm: str, ego: str, standby: str | None) -> list[_Wish]:
     """What to ask of whom. Raises DecisionError that names a value that is not allowed."""
     both = sorted(set(args.stop) & set(args.start))
     if both:
@@ -81,8 +79,12 @@ def _wishes(args: argparse.Namespace, swarm: str, ego: str) -> list[_Wish]:
         "operator": by,
         "wish": {"policy": args.policy, "q_min": args.q_min},
     }
-    ego_key, request = keyspace.ego_steering(swarm, ego), _valid(steering, EgoSteering)
-    wishes = [_Wish(f"ego {ego}", ego_key, EgoSteering(wish=EgoWish()), request, EgoSteered)]
+    request, nothing = _valid(steering, EgoSteering), EgoSteering(wish=EgoWish())
+    wishes = [
+        _Wish(f"ego {one}", keyspace.ego_steering(swarm, one), nothing, request, EgoSteered)
+        for one in (ego, standby)
+        if one
+    ]
     both_ways: tuple[tuple[list[str], Duty], ...] = ((args.stop, "off"), (args.start, "on"))
     for robots, duty in both_ways:
         for robot in dict.fromkeys(robots):
@@ -92,6 +94,22 @@ def _wishes(args: argparse.Namespace, swarm: str, ego: str) -> list[_Wish]:
                 _Wish(f"robot {robot}", key, RobotSteering(duty="ask"), request_of, RobotSteered)
             )
     return wishes
+
+
+def _reached(wishes: list[_Wish], session: Session) -> list[_Wish]:
+    """Those whose process answers. Raises DeployError where one does not; of two egos, where
+    neither does."""
+    egos = sum(wish.kind is EgoSteered for wish in wishes)
+    reached = []
+    for wish in wishes:
+        try:
+            wish.reach(session)
+            reached.append(wish)
+        except DeployError:
+            if wish.kind is not EgoSteered or egos == 1:
+                raise
+            egos -= 1
+    return reached
 
 
 def _valid(values: dict[str, object], kind: type[EgoSteering]) -> EgoSteering:

@@ -75,6 +75,7 @@ OPTIONS = {
 _OPTION_OF = {name: option for option, (name, _) in OPTIONS.items()} | {
     "robots": "--robots",
     "comm_range_m": "--comm-range",
+    "ego_standby": "--ego-standby",
     "link_bps": "--link",
 }
 """How a property is named on the command line, where the words are not the same."""
@@ -97,6 +98,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
     )
     parser.add_argument("--ego", help="which robot fuses (default: the first)")
+    parser.add_argument(
+        "--ego-standby", metavar="ROBOT", help="which robot fuses while the ego is away"
+    )
     parser.add_argument(
         "--comm-range", dest="comm_range_m", type=float, metavar="M", help="metres around the ego"
     )
@@ -266,6 +270,8 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
 def _print_where(state: State) -> None:
     spec = state.spec
     print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
+    if spec.ego_standby:
+        print(f"standby     {spec.ego_standby} decides while the ego of {spec.ego} is away")
     print(f"console     {state.console_url or 'none'}")
     print(f"prometheus  {state.prometheus_url or 'none'}")
     if state.grafana_url:

@@ -231,7 +231,7 @@ def _published(spec: SwarmSpec, service: Service) -> list[str]:
     if service.role == "router":
         ports = range(spec.router_port, spec.router_port + 3)
         return [f"127.0.0.1:{port}:{port}" for port in ports]
-    if service.role == "ego":
+    if service.role == "ego" and service.robot == spec.ego:
         return [f"127.0.0.1:{spec.ego_metrics_port}:{service.metrics_port}"]
     if service.role == "prometheus":
         return [f"127.0.0.1:{spec.prometheus_port}:{service.metrics_port}"]

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from deploy.netns import network
+from deploy.netns.log_files import rotate_logs
 from deploy.runtime import ProcessState
 from deploy.services import Service, inherited
 from swarm.log import Logger
@@ -182,10 +183,11 @@ class Children:
             self._start_later(child)
 
     def _watch(self) -> None:
-        """Ends processes that somebody has stopped and nobody lets go on."""
+        """Ends processes that somebody has stopped and nobody lets go on, and rotates logs."""
         if self._stopping:
             return
         asyncio.get_running_loop().call_later(WATCH_S, self._watch)
+        rotate_logs(self._logs)
         now = time.monotonic()
         for child in self._children.values():
             if child.pid is None or not _is_stopped(child.pid):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import time
 from collections.abc import Iterator
@@ -129,7 +130,7 @@ class NetnsRuntime:
                     from deploy.trust.prepare import prepare
 
                     prepare(spec, place_of(spec), LOCAL)
-                for old in logs.glob("*.log"):
+                for old in logs.glob("*.log*"):
                     old.unlink()
                 start = stack.enter_context(
                     contextlib.closing(launch.Launch(logs / SUPERVISOR_LOG))
@@ -202,6 +203,8 @@ def _lines(path: Path, spec: SwarmSpec, follow: bool) -> Iterator[str]:
             if ended:
                 return
             time.sleep(FOLLOW_S)
+            if os.fstat(file.fileno()).st_size < file.tell():
+                file.seek(0)  # It was full, and has been emptied.
 
 
 RUNTIMES = (NetnsRuntime,)

@@ -31,6 +31,7 @@ from swarm import keyspace, messages
 from swarm.arrays import pack
 from swarm.errors import PerceptionError, TransportError
 from swarm.log import Logger
+from swarm.loop_watch import Loops, Turned, unwatched
 from swarm.messages import Decision, Detections
 from swarm.messages.ego import MAX_NAMED
 from swarm.session import Session
@@ -94,10 +95,12 @@ class FusionLoop:
         rate_hz: float,
         deadline_s: float,
         on_result: Callable[[FrameResult], None] | None = None,
+        speaks: Callable[[], bool] = lambda: True,
     ) -> None:
         """`detector`: the world's. `known`: of whom beacons tell. `on_result` hears of each
-        published frame, on the fusing thread."""
+        published frame, on the fusing thread. `speaks`: whether detections are published."""
         self._ego = ego
+        self._speaks = speaks
         self._sensor = sensor
         self._asker = asker
         self._fusions = fusions
@@ -115,15 +118,16 @@ class FusionLoop:
         self._on_result = on_result
         self._pipeline = Pipeline()
         self._stop = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._ask_frames, name="asking", daemon=True),
-            threading.Thread(target=self._fuse_frames, name="fusion", daemon=True),
-        ]
+        self._threads: list[threading.Thread] = []
         self.unpublished = 0
         """Detections that could not be published."""
 
-    def start(self) -> None:
+    def start(self, loops: Loops = unwatched) -> None:
         """Starts the threads; frames begin with the first decision."""
+        self._threads = [
+            threading.Thread(target=run, args=(loops(name, 0.0),), name=name, daemon=True)
+            for name, run in (("asking", self._ask_frames), ("fusion", self._fuse_frames))
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -139,8 +143,8 @@ class FusionLoop:
         """From now on robots can be asked."""
         self._session = session
 
-    def follow(self, decision: Decision) -> None:
-        """The decision to carry out from the next frame on."""
+    def follow(self, decision: Decision | None) -> None:
+        """The decision to carry out from the next frame on; None: there are no frames."""
         self._decision = decision
 
     def fuse(self, decision: Decision, own: OwnFrame) -> FrameResult:
@@ -151,9 +155,10 @@ class FusionLoop:
             self._asker.attend(MAX_WAIT_S)
         return self._fused(frame, time.monotonic())
 
-    def _ask_frames(self) -> None:
+    def _ask_frames(self, turned: Turned) -> None:
         last: int | None = None
         while not self._stop.is_set():
+            turned()
             decision = self._decision
             step = 1 if decision is None else stride(decision, self._sensor.rate_hz, self._rate_hz)
             newest = self._sensor.newest()
@@ -187,8 +192,8 @@ class FusionLoop:
             # One answer must not end perception.
             self._log.error("answer_failed", exc_info=True)
 
-    def _fuse_frames(self) -> None:
-        while (frame := self._pipeline.take()) is not None:
+    def _fuse_frames(self, turned: Turned) -> None:
+        while (frame := self._pipeline.take(turned)) is not None:
             try:
                 result = self._fused(frame, time.monotonic())
                 self._tally.fused(result.latency_ms, len(result.boxes), result.missing_kinds())
@@ -300,6 +305,8 @@ class FusionLoop:
         return Missing("rejected", f"fusion failed: {type(error).__name__}")
 
     def _publish(self, decision: Decision, result: FrameResult) -> None:
+        if not self._speaks():
+            return
         session, boxes = self._session, result.boxes
         table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
         message = Detections(

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from ego_agent.execute.frame_round import FrameRound
 from ego_agent.execute.sense import OwnFrame
 from perception.fusion.base import Fusion, Gathering
+from swarm.loop_watch import Turned, nobody
 from swarm.messages import Decision
 
 MAX_FRAMES = 4
@@ -23,6 +24,8 @@ MAX_FRAMES = 4
 fused."""
 LEARNT = 0.2
 """Weight of the newest frame in the expected times (exponential moving average)."""
+TURN_S = 1.0
+"""Who waits for a frame tells at least this often that it does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,11 +60,14 @@ class Pipeline:
             self._waiting.append(frame)
             self._changed.notify_all()
 
-    def take(self) -> AskedFrame | None:
-        """Waits for the next frame to fuse; None after `close`, when all were taken. Call `done`
-        before the next one."""
+    def take(self, turned: Turned = nobody) -> AskedFrame | None:
+        """Waits for the next frame to fuse, and calls `turned` meanwhile; None after `close`, when
+        all were taken. Call `done` before the next one."""
+        turned()
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting or self._closed)
+            while not self._waiting and not self._closed:
+                self._changed.wait(TURN_S)
+                turned()
             if not self._waiting:
                 return None
             self._fusing = self._waiting.popleft()

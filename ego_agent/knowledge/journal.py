@@ -85,6 +85,8 @@ class Decided(msgspec.Struct, frozen=True, kw_only=True):
     """Why the ego gets nobody's help, or is not to be relied on at all; empty while it does."""
     silent: Mapping[str, str] = {}
     """Chosen robots of which nothing arrives, and why."""
+    stands_in_for: str | None = None
+    """The ego in whose stead this one decided; None: in its own."""
 
 
 class Frames(msgspec.Struct, frozen=True, kw_only=True):

@@ -98,6 +98,10 @@ class UnifiedScene:
     unknown: int = 0
     """Such robots of which nothing tells what they could show."""
 
+    def is_whole(self) -> bool:
+        """Whether somebody is there, and nobody is unheard."""
+        return bool(self.candidates) and not self.unheard and not self.unknown
+
 
 @dataclass(frozen=True, slots=True)
 class Proposal:

@@ -88,6 +88,7 @@ def cycle_record(
             held_s=_rounded(decision.held_s, 3),
             blind=decision.blind,
             silent=decision.silent,
+            stands_in_for=decision.stands_in_for,
         ),
         published=published,
         bytes=_nested(tally.received),

@@ -26,6 +26,7 @@ from swarm.errors import CoAdaptError
 from swarm.http_hosts import Hosts
 from swarm.http_serving import is_loopback
 from swarm.log import make_logger
+from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 
@@ -40,7 +41,8 @@ def main() -> int:
         registry = CollectorRegistry()
         server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
         try:
-            asyncio.run(serve(settings, endpoint, registry, stop))
+            loops = LoopWatch(make_logger("console", swarm=settings.swarm)).loop
+            asyncio.run(serve(settings, endpoint, registry, stop, loops))
         finally:
             server.close()
     except CoAdaptError as error:
@@ -54,6 +56,7 @@ async def serve(
     endpoint: Endpoint,
     registry: CollectorRegistry,
     stop: threading.Event,
+    loops: Loops = unwatched,
 ) -> None:
     """Runs one console until `stop` is set; its metrics go to `registry`."""
     log = make_logger("console", level=settings.log_level, swarm=settings.swarm)
@@ -82,12 +85,14 @@ async def serve(
         if server
         else None
     )
+    turning = asyncio.create_task(keep_turning(loops("console", 0.0)))
     log.info("console_up", port=endpoint.port)
     try:
         await _either(serving, stop)
     finally:
         if asking is not None:
             asking.cancel()
+        turning.cancel()
         hub.close()
         endpoint.stop()
         await serving

@@ -118,6 +118,14 @@ class Faults:
 
     def decision(self, now: float, decision: Decision) -> None:
         """The ego has decided."""
+        if decision.ego != self._ego:
+            self._ego, first = decision.ego, decision.stands_in_for
+            self._cycle, self._decided_at = 0, None
+            self._open.discard("ego")
+            if first is None:
+                self._tell("good", f"ego {self._ego} decides itself again", self._ego)
+            else:
+                self._tell("fault", f"ego {self._ego} stands in for {first}", self._ego)
         if self._ends("ego", True):
             self._tell("good", f"ego {self._ego} decides again", self._ego)
         if decision.cycle < self._cycle:

@@ -63,6 +63,11 @@ class View:
         board.put("swarm", self._swarm)
 
     @property
+    def ego(self) -> str:
+        """The ego that decides: the configured one, or the one that stands in for it."""
+        return str(self._swarm["ego"])
+
+    @property
     def connected(self) -> bool:
         """Whether the router is reached."""
         return bool(self._swarm["connected"])
@@ -232,6 +237,8 @@ class View:
         now = monotonic()
         with self._lock:
             self.decided_at = now
+            if decision.ego != self._swarm["ego"]:
+                self._tell(ego=decision.ego)
             self._board.put("decision", value)
             shared = ("at", "cycle", "participants", "algorithm", "source", "valid")
             past = {name: value[name] for name in (*shared, "capacity_bps", "cost_bps")}

@@ -90,7 +90,7 @@ class Watch:
         session = self._first
         if session is None or not session.links():
             raise TransportError(f"the router of swarm {self._swarm!r} cannot be reached")
-        key = control.key(self._swarm, self._ego, robot)
+        key = control.key(self._swarm, self._view.ego, robot)
         return session.ask(
             key, request, control.reply, timeout_s=ANSWER_S, traffic=TrafficClass.CONTROL
         )

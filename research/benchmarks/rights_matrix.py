@@ -34,7 +34,9 @@ ROLES = [
 ROBOT_KEYS = (
     keyspace.alive, keyspace.beacon, keyspace.scene, keyspace.observation, keyspace.robot_steering,
 )  # fmt: skip
-EGO_KEYS = (keyspace.decision, keyspace.detections, keyspace.ego_steering)
+EGO_KEYS = (
+    keyspace.decision, keyspace.detections, keyspace.ego_steering, keyspace.ego_leads,
+)  # fmt: skip
 SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
     keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive,
@@ -243,11 +245,15 @@ def watches(site: Site, session: zenoh.Session, role: Role) -> set[str]:
         session.liveliness().declare_subscriber(
             key, lambda sample: found.add(str(sample.key_expr)), history=True
         )
-        for key in [*KEYS, keyspace.alive(SWARM, "*"), *WILD]
+        for key in [*KEYS, keyspace.alive(SWARM, "*"), keyspace.ego_leads(SWARM, "*"), *WILD]
     ]
 
     def look() -> bool:
-        for key in [keyspace.alive(SWARM, "*"), keyspace.llm_alive(SWARM)]:
+        for key in (
+            keyspace.alive(SWARM, "*"),
+            keyspace.ego_leads(SWARM, "*"),
+            keyspace.llm_alive(SWARM),
+        ):
             for reply in session.liveliness().get(key, timeout=QUIET_S):
                 if reply.ok is not None:
                     found.add(str(reply.ok.key_expr))

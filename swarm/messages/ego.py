@@ -131,6 +131,8 @@ class Decision(Message, frozen=True, kw_only=True):
         msgspec.field(default_factory=dict)
     )
     """How long ago each robot sensed what the ego knows of it."""
+    stands_in_for: RobotId | None = None
+    """The ego in whose stead this one decides; None: in its own."""
 
 
 class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):

@@ -49,13 +49,20 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                     keyspace.detections(swarm, own),
                     keyspace.net_demand(swarm),
                 ),
+                # As a standby, it leads while the first ego is away.
+                "hold": (keyspace.ego_leads(swarm, own),),
                 "listen": (
                     keyspace.beacon(swarm, ANY),
                     keyspace.scene(swarm, ANY),
+                    keyspace.decision(swarm, ANY),
                     keyspace.net_state(swarm),
                     keyspace.net_tcp(swarm),
                 ),
-                "watch": (keyspace.alive(swarm, ANY), keyspace.llm_alive(swarm)),
+                "watch": (
+                    keyspace.alive(swarm, ANY),
+                    keyspace.ego_leads(swarm, ANY),
+                    keyspace.llm_alive(swarm),
+                ),
                 "ask": (
                     keyspace.observation(swarm, ANY),
                     keyspace.llm_decide(swarm),
@@ -105,5 +112,9 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.net_tcp(swarm),
             keyspace.llm_state(swarm),
         ),
-        "watch": (keyspace.alive(swarm, ANY), keyspace.llm_alive(swarm)),
+        "watch": (
+            keyspace.alive(swarm, ANY),
+            keyspace.ego_leads(swarm, ANY),
+            keyspace.llm_alive(swarm),
+        ),
     }

@@ -146,6 +146,7 @@ SAMPLES: tuple[Message, ...] = (
         silent={"R1": "nothing of it has arrived for 2 cycles (deadline)"},
         doubted={"R1": "2 robots see free ground where it says to stand"},
         ages_s={"R1": 0.125, "R2": 0.0625},
+        stands_in_for="R1",
     ),
     Detections(
         ego="R2",

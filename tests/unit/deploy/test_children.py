@@ -70,6 +70,21 @@ async def scene(members, seen):
     seen["restarts"] = status(members).restarts
 """
 
+FULL = """
+from functools import partial
+
+from deploy.netns.log_files import rotate_logs
+
+children.rotate_logs = partial(rotate_logs, log_bytes=1000)
+
+
+async def scene(members, seen):
+    (folder / "p.log").write_text("x" * 1000)
+    await until(lambda: (folder / "p.log.1").exists())
+    await until(lambda: (folder / "p.log").stat().st_size == 0)
+    seen["restarts"] = status(members).restarts
+"""
+
 
 def supervised(folder: Path, scene: str) -> Any:
     """What a scene has seen of one process under a supervisor: in a process of its own, as a
@@ -95,3 +110,7 @@ def test_a_process_that_was_let_go_on_in_time_is_left_alone(tmp_path: Path) -> N
 
 def test_a_start_that_failed_is_tried_again(tmp_path: Path) -> None:
     assert supervised(tmp_path, GONE) == {"state": "restarting"}
+
+
+def test_a_full_log_makes_room_while_its_process_runs(tmp_path: Path) -> None:
+    assert supervised(tmp_path, FULL) == {"restarts": 0}

@@ -51,6 +51,22 @@ def test_lines_that_a_full_disk_refuses_are_written_when_it_takes_them_again(
     assert actions(path) == ["first", "second", "third", "fourth"]
 
 
+def test_lines_that_wait_are_written_without_another_one(tmp_path: Path) -> None:
+    path = tmp_path / "actions.jsonl"
+    journal = Journal(path)
+    journal.note(1, "first", "why")
+    with file_size_limit(path.stat().st_size + 20):
+        journal.note(2, "second", "why")
+        journal.retry()
+        assert journal.pending == 1
+    journal.retry()
+    assert (journal.pending, actions(path)) == (0, ["first", "second"])
+    with file_size_limit(path.stat().st_size + 20):
+        journal.note(3, "third", "why")
+    journal.close()
+    assert actions(path) == ["first", "second", "third"]
+
+
 def test_full_files_become_parts_of_which_the_oldest_go(tmp_path: Path) -> None:
     path = tmp_path / "actions.jsonl"
     journal = Journal(path, part_bytes=200, parts=2)

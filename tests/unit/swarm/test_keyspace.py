@@ -21,6 +21,7 @@ KEYS: dict[Any, str] = {
     keyspace.observation: "coadapt/S/robot/R/observation",
     keyspace.decision: "coadapt/S/ego/R/decision",
     keyspace.detections: "coadapt/S/ego/R/detections",
+    keyspace.ego_leads: "coadapt/S/ego/R/leads",
 }
 every_key = pytest.mark.parametrize("key", KEYS, ids=lambda key: key.__name__)
 Key = Callable[[str, str], str]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import re
+import time
 import urllib.request
+from pathlib import Path
 
 import pytest
 from prometheus_client import CollectorRegistry, Counter
 
 from swarm.errors import SettingError
-from swarm.metrics import MetricsServer
+from swarm.metrics import MetricsServer, show_free_disk
 
 
 def scrape(port: int) -> str:
@@ -21,7 +25,11 @@ def test_counts_can_be_scraped_and_the_port_is_free_afterwards() -> None:
     Counter("coadapt_example", "An example.", registry=registry).inc(3)
     server = MetricsServer(registry, 0, "127.0.0.1")
     try:
-        assert "coadapt_example_total 3.0" in scrape(server.port)
+        text = scrape(server.port)
+        assert "coadapt_example_total 3.0" in text
+        # By which Prometheus sees that a process has been started again.
+        (begun,) = re.findall(r"^process_start_time_seconds (\S+)$", text, re.MULTILINE)
+        assert 0 < time.time() - float(begun) < 1e6
     finally:
         server.close()
     MetricsServer(registry, server.port, "127.0.0.1").close()
@@ -41,3 +49,13 @@ def test_registries_do_not_share_counts() -> None:
     Counter("coadapt_example", "An example.", registry=first).inc()
     Counter("coadapt_example", "An example.", registry=second)
     assert second.get_sample_value("coadapt_example_total") == 0.0
+
+
+def test_room_on_a_disk_is_told_and_where_nobody_knows_that_it_is_not_known(tmp_path: Path) -> None:
+    here, nowhere = CollectorRegistry(), CollectorRegistry()
+    show_free_disk(here, tmp_path / "journal")
+    show_free_disk(nowhere, tmp_path / "away" / "journal")
+    free = here.get_sample_value("coadapt_disk_free_bytes")
+    assert free is not None
+    assert free > 0
+    assert math.isnan(nowhere.get_sample_value("coadapt_disk_free_bytes") or 0.0)

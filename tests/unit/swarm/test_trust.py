@@ -21,7 +21,7 @@ EVERYBODY = [
     Role("operator", "ann"),
     Role("reader", "bob"),
 ]
-TOKENS = (keyspace.alive, keyspace.llm_alive)
+TOKENS = (keyspace.alive, keyspace.ego_leads, keyspace.llm_alive)
 
 
 def key_functions() -> list[Callable[..., str]]:
@@ -62,7 +62,7 @@ def test_every_key_has_one_who_speaks_and_one_who_hears(function: Callable[..., 
 
 def test_there_are_as_many_key_functions_as_keys() -> None:
     keys = {key_of(function) for function in key_functions()}
-    assert len(keys) == len(key_functions()) == 15
+    assert len(keys) == len(key_functions()) == 16
 
 
 @pytest.mark.parametrize("role", EVERYBODY, ids=lambda r: r.common_name)

@@ -183,6 +183,19 @@ def decision(cycle: int, *, valid: bool = True) -> Decision:
     )
 
 
+def test_the_ego_that_stands_in_is_shown_and_told(view: View, board: Board) -> None:
+    other = msgspec.structs.replace(decision(1), ego="R9", stands_in_for=EGO)
+    view.on_decision(decision(7))
+    view.on_decision(other)
+    assert shown(board)["state"]["swarm"]["ego"] == view.ego == "R9"
+    view.on_decision(decision(8))
+    assert shown(board)["state"]["swarm"]["ego"] == EGO
+    assert [fault["text"] for fault in shown(board)["faults"]] == [
+        f"ego R9 stands in for {EGO}",
+        f"ego {EGO} decides itself again",
+    ]
+
+
 def test_faults_are_told_when_they_begin_and_when_they_end() -> None:
     said: list[str] = []
     faults = Faults(EGO, lambda fault: said.append(fault["text"]))
