@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
@@ -15,6 +16,7 @@ from deploy.trust.metrics import AuthorityMetrics
 from deploy.trust.prepare import LifeSettings
 from swarm.errors import CoAdaptError, IdentityError
 from swarm.log import Logger, make_logger
+from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 from swarm.settings import Port, load
@@ -63,13 +65,17 @@ def main() -> int:
     life_s = settings.certificate_life_s
     store = Keystore(Path(settings.keystore), timedelta(seconds=life_s))
     log.info("authority_up", keystore=settings.keystore, life_s=life_s)
-    while True:
+    turned = LoopWatch(log).loop("authority")
+    due = 0.0
+    while not stop.wait(LOOK_S):
+        turned()
+        if time.monotonic() < due:
+            continue
+        due = time.monotonic() + min(MAX_PERIOD_S, life_s / LOOKS)
         try:
             renew_due(store, metrics.left, log)
         except IdentityError as error:
             log.error("not_renewed", error=str(error))
-        if stop.wait(min(MAX_PERIOD_S, life_s / LOOKS)):
-            break
     server.close()
     log.info("authority_down")
     return 0
