@@ -36,7 +36,7 @@ DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent n
 	'!perception.kernels._' '!worlds.factory._'
 
 .DEFAULT_GOAL := help
-.PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench train eval-detector eval \
+.PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench chaos train eval-detector eval \
 	pictures docs lock clean
 
 help: ## Show this list
@@ -121,6 +121,9 @@ train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes
 
 eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
 	@$(COADAPT) eval-detector $(ARGS)
+
+chaos: setup ## Play faults on a real swarm (ARGS='--seed 7 --minutes 60'): build/chaos.json
+	@$(PYTHON_ENV) -m research.chaos $(ARGS)
 
 eval: setup ## Compare all policies (DATA=dir: on a recorded world; LIVE=1: in a swarm): build/eval/
 	@$(COADAPT) eval $(if $(LIVE),live,policies $(if $(DATA),--data $(DATA))) $(ARGS)

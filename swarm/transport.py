@@ -279,13 +279,18 @@ def _check_identity(config: dict[str, Any]) -> None:
 
 
 def close_zenoh(session: zenoh.Session, entities: Iterable[Entity] = ()) -> None:
-    """Withdraws the entities and closes; waits no longer than CLOSE_S, and lets it go on."""
+    """Withdraws the entities and closes; waits no longer than CLOSE_S, and lets it go on.
+
+    Queryables go with the session: where two sessions serve one key and one of them withdraws it,
+    a router of Zenoh 1.10 sends the questions to neither until somebody else connects.
+    """
 
     def work() -> None:
         # What is closed already needs no closing.
         with suppress(zenoh.ZError):
             for entity in entities:
-                entity.undeclare()
+                if not isinstance(entity, zenoh.Queryable):
+                    entity.undeclare()
             session.close()  # type: ignore[no-untyped-call]
 
     thread = threading.Thread(target=work, name="close", daemon=True)

@@ -33,6 +33,9 @@ AUTO = "auto"
 SETTING = "COADAPT_DETECTOR_BACKEND"
 ISA_BELOW_AMX = "AVX512_CORE_BF16"
 """oneDNN's name for what it may use at most where AMX may fault."""
+KEPT_KERNELS = 32
+"""oneDNN builds a kernel for every shape, and keeps 1024 where nothing is said; PyTorch keeps as
+many once more. Hardly two clouds have as many pillars: an ego grew by 6 MB a second."""
 _TRIAL_CELLS = 64
 """Side of the map that is decoded to see what it takes: some ten milliseconds."""
 _TRIALS = 3
@@ -165,6 +168,9 @@ def _in_bfloat16(network: Network, config: BevConfig) -> Backend:
         # Virtual machines announce AMX whose first instruction faults. oneDNN reads this before
         # its first layer; a lower limit that somebody has set stays.
         os.environ.setdefault("ONEDNN_MAX_CPU_ISA", ISA_BELOW_AMX)
+    # Of oneDNN itself, and of PyTorch's own layer above it.
+    for cache in ("ONEDNN_PRIMITIVE_CACHE_CAPACITY", "LRU_CACHE_CAPACITY"):
+        os.environ.setdefault(cache, str(KEPT_KERNELS))
     return TorchBackend(network, config, "bfloat16")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import queue
 import threading
 import time
@@ -567,6 +568,29 @@ def test_a_robot_that_two_processes_host_leaves_with_the_second(
     second.close()
     assert {events.next(), events.next()} == {("leave", "R1"), ("leave", "R2")}
     assert events.empty()
+
+
+def test_a_server_goes_on_when_another_of_its_key_closes(
+    own_router: RouterProcess, open_session: SessionMaker
+) -> None:
+    asker = open_session(own_router.address)
+    # A session that lost links and the one that replaces it are such a pair.
+    servers = {payload: open_session(own_router.address) for payload in (b"one", b"other")}
+    for payload, server in servers.items():
+        key = keyspace.observation(asker.swarm, "R1")
+        server.serve(key, ObservationRequest, functools.partial(observation, payload=payload))
+        wait_until_served(asker, key)
+    asked = ask(asker).result().message.payload
+    servers.pop(asked).close()
+    (left,) = servers
+    until(lambda: _payload(asker) == left, "the other one answers")
+
+
+def _payload(asker: Session) -> bytes | None:
+    """Of the answer to one question; None without."""
+    with suppress(TransportError):
+        return ask(asker).result().message.payload
+    return None
 
 
 def test_a_name_that_is_no_name_opens_no_session(shared_router: RouterProcess) -> None:

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -299,6 +300,66 @@ backends.choose(network, config, "torch").decode(torch.rand(FEATURES, 16, 16))
     assert "torch-bfloat16" in done.stdout
     [isa] = [line for line in done.stdout.splitlines() if "cpu,isa" in line]
     assert "SSE4.1" in isa
+
+
+def test_kernels_of_shapes_that_do_not_come_again_are_not_kept() -> None:
+    # Every size is decoded twice: a kernel that is built twice was not kept in between.
+    code = """
+import torch
+from perception.detector import backends
+from perception.detector.grid import bev_config
+from perception.detector.network import FEATURES, Network
+network, config = Network(bev_config("factory")).eval(), bev_config("factory")
+backends.choose(network, config, "torch-bfloat16")
+exact = backends.choose(network, config, "torch")
+for _ in range(2):
+    for size in range(8, 8 + 2 * backends.KEPT_KERNELS, 2):
+        exact.decode(torch.rand(FEATURES, size, size))
+"""
+    environment = {key: value for key, value in os.environ.items() if "ONEDNN" not in key}
+
+    def built_again(**more: str) -> int:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**environment, "ONEDNN_VERBOSE": "2", **more},
+        )
+        built = [line for line in done.stdout.splitlines() if "create:cache_miss" in line]
+        assert built
+        # The last field is how long it took.
+        times = Counter(line.partition("create:cache_miss")[2].rpartition(",")[0] for line in built)
+        return sum(count > 1 for count in times.values())
+
+    assert built_again() > 0
+    assert built_again(ONEDNN_PRIMITIVE_CACHE_CAPACITY="1024") == 0, "what somebody has set stays"
+
+
+def test_memory_does_not_grow_with_clouds_of_ever_other_sizes() -> None:
+    code = """
+import numpy as np, torch
+from pathlib import Path
+from perception.detector import backends
+from perception.detector.grid import bev_config
+from perception.detector.network import Network
+from swarm.memory import keep_freed_memory
+keep_freed_memory()
+torch.set_num_threads(1)
+chance = np.random.default_rng(0)
+backend = backends.choose(
+    Network(bev_config("factory")).eval(), bev_config("factory"), "torch-bfloat16"
+)
+def encode(times):
+    for _ in range(times):
+        backend.encode(chance.uniform(-30, 30, (chance.integers(3000, 9000), 3)).astype("float32"))
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+before = encode(100)
+print(encode(300) - before)
+"""
+    environment = {k: v for k, v in os.environ.items() if "CACHE_CAPACITY" not in k}
+    grown = subprocess.check_output([sys.executable, "-c", code], text=True, env=environment)
+    assert int(grown) < 30_000_000, "some 60 MB where either cache keeps everything"
 
 
 def test_the_setting_forces_a_backend_and_an_unknown_one_is_refused(

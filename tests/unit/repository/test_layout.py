@@ -119,6 +119,7 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.pictures", {"swarm", "perception"}),
         ("options.recordings", SENSES | {"deploy", "options.bags"}),
         ("research.training", SENSES),
+        ("research.chaos", {"swarm", "deploy", "ego_agent", "research.benchmarks"}),
         (
             "research.evaluation",
             (PRODUCT - {"robot_agent", "coadapt"}) | {"research.training", "options.pictures"},

@@ -1,0 +1,1 @@
+"""What is done to a swarm: one file for each part of it that is hit."""
