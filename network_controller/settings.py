@@ -43,6 +43,8 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """Bearer token that clients must show; needed to answer off this host."""
     qod_socket: str = ""
     """Unix socket to answer on instead of the port."""
+    qod_sinks: Annotated[tuple[str, ...], msgspec.Meta(max_length=64)] = ()
+    """Networks, addresses and host names that events may be sent to though they are not public."""
 
     def __repr__(self) -> str:
         return shown(self)

@@ -7,17 +7,19 @@ import os
 import socket as sockets
 import stat
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import uvicorn
 from prometheus_client import CollectorRegistry
 
 from network_controller.qod.app import make_app
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.service import Service
 from swarm.errors import SettingError
-from swarm.http_serving import bind, check_token, is_loopback, server_config
+from swarm.http_serving import bind, check_token, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 100
@@ -41,8 +43,11 @@ class Server:
         log: Logger,
         *,
         socket: str = "",
+        sinks: Sequence[str] = (),
     ) -> None:
+        """`sinks`: see `Destinations`."""
         check_token("COADAPT_QOD_TOKEN", token)
+        destinations = Destinations(sinks)
         self._path = Path(socket) if socket else None
         if self._path is not None:
             self._socket = _bind_path(self._path)
@@ -50,8 +55,7 @@ class Server:
             self._socket = bind("COADAPT_QOD", host, port, token=bool(token))
         self._log = log
         metrics = QodMetrics(registry)
-        near = bool(socket) or is_loopback(host)
-        self._service = Service(network, metrics, log, local_sinks=near)
+        self._service = Service(network, destinations, metrics, log)
         app = make_app(self._service, token, metrics, log)
         config = server_config(app, connections=MAX_CONNECTIONS, grace_s=2)
         self._server = uvicorn.Server(config)
