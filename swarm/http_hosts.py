@@ -7,6 +7,14 @@ from collections.abc import Collection
 from urllib.parse import urlsplit
 
 
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address cannot be reached from elsewhere."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
 class Hosts:
     """The names under which this server may be asked.
 

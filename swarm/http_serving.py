@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
-import ipaddress
 import re
 import socket
+import sys
 from collections.abc import Generator, Mapping
 from typing import Any
 
@@ -16,6 +16,8 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from swarm.errors import SettingError
+from swarm.http_hosts import is_loopback
+from swarm.http_places import may_stay, origin
 
 REQUEST_S = 20.0
 """How long a client may take to send a whole request, from when he may begin it."""
@@ -24,14 +26,6 @@ UNTAKEN_S = 60.0
 _BACKLOG = 128
 # RFC 6750: what may stand behind "Bearer".
 _TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host name or address cannot be reached from elsewhere."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def is_token(text: str) -> bool:
@@ -68,8 +62,15 @@ class HttpServer(uvicorn.Server):
         yield
 
 
+_NO_PLACE = (
+    b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n"
+    b"Retry-After: 1\r\n\r\n"
+)
+
+
 class _Punctual(H11Protocol):
-    """Lets go of a client who does not send a whole request within `REQUEST_S`.
+    """Lets go of a client who does not send a whole request within `REQUEST_S`, and of one whose
+    address has its share of the connections.
 
     uvicorn bounds only the wait between two requests, and each byte ends that wait: connections
     that say nothing, or a body byte by byte, would take all places for good.
@@ -80,7 +81,12 @@ class _Punctual(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Somebody is there, and owes a request."""
         super().connection_made(transport)
-        self._time_client()
+        others = (_origin(other) for other in self.connections if other is not self)
+        if may_stay(_origin(self), others, self.limit_concurrency or sys.maxsize):
+            self._time_client()
+        else:
+            transport.write(_NO_PLACE)
+            transport.close()
 
     def handle_events(self) -> None:
         """After new bytes, and after each answer."""
@@ -103,6 +109,11 @@ class _Punctual(H11Protocol):
         if self._late is not None:
             self._late.cancel()
             self._late = None
+
+
+def _origin(connection: Any) -> str:
+    """Whose a connection is, as places are shared; "" on a Unix socket."""
+    return origin(connection.client[0]) if connection.client else ""
 
 
 def check_token(setting: str, token: str) -> None:
@@ -139,7 +150,8 @@ def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
 
 
 def server_config(app: Any, *, connections: int, grace_s: int) -> uvicorn.Config:
-    """How an ASGI app is served; beyond `connections` uvicorn itself answers 503."""
+    """How an ASGI app is served. There are fewer than `connections` at a time, shared among those
+    who connect as `may_stay` says; what is too much is answered with 503 and closed."""
     return uvicorn.Config(
         app,
         loop="asyncio",
