@@ -59,6 +59,7 @@ def run(settings: GatewaySettings, stop: threading.Event) -> None:
         settings.llm_http_token,
         registry,
         log,
+        names=settings.llm_http_names,
     )
     thread = LoopThread()
     session: Session | None = None

@@ -77,6 +77,7 @@ def run(settings: ControllerSettings, stop: threading.Event) -> None:
         registry,
         log,
         socket=settings.qod_socket,
+        names=settings.qod_names,
         sinks=settings.qod_sinks,
     )
     controller.on_lost = api.lost

@@ -1,11 +1,9 @@
-"""What all HTTP endpoints of the swarm have in common: who may ask, and the socket."""
+"""What all HTTP endpoints of the swarm have in common: the socket, and how it is served."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import hmac
-import re
 import socket
 import sys
 from collections.abc import Generator, Mapping
@@ -24,33 +22,11 @@ REQUEST_S = 20.0
 UNTAKEN_S = 60.0
 """A connection whose other end takes nothing of what was sent is let go after so long."""
 _BACKLOG = 128
-# RFC 6750: what may stand behind "Bearer".
-_TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
-
-
-def is_token(text: str) -> bool:
-    """Whether a text can stand behind "Bearer"."""
-    return _TOKEN.fullmatch(text) is not None
 
 
 def media_type(headers: Mapping[str, str]) -> str:
     """What a body is declared as, without parameters and in small letters; "" where nothing is."""
     return headers.get("content-type", "").split(";")[0].strip().lower()
-
-
-class Bearer:
-    """Lets in requests that show a token (RFC 6750), or all where there is none."""
-
-    def __init__(self, token: str) -> None:
-        self._expected = f"Bearer {token}".encode() if token else None
-
-    def may(self, authorization: str) -> bool:
-        """Whether a request with this `Authorization` header may come in."""
-        if self._expected is None:
-            return True
-        scheme, _, shown = authorization.partition(" ")
-        given = f"{scheme.capitalize()} {shown.strip()}".encode()
-        return hmac.compare_digest(given, self._expected)
 
 
 class HttpServer(uvicorn.Server):
@@ -116,13 +92,6 @@ def _origin(connection: Any) -> str:
     return origin(connection.client[0]) if connection.client else ""
 
 
-def check_token(setting: str, token: str) -> None:
-    """Raises SettingError for a token that no header can carry; "" is none."""
-    if token and not is_token(token):
-        # The value is a secret.
-        raise SettingError(f"{setting} is not valid; it must be letters, digits and . _ ~ + / -")
-
-
 def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
     """A listening socket; port 0 takes a free one, and an open host needs a `token`.
 
@@ -131,7 +100,7 @@ def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
     if not token and not is_loopback(host):
         raise SettingError(
             f"{prefix}_HOST = {host!r} can be reached from elsewhere, and "
-            f"{prefix}_TOKEN is not set; set a token, or use 127.0.0.1"
+            f"{prefix}_TOKEN is not set; set a token, or {prefix}_TOKEN_FILE, or use 127.0.0.1"
         )
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET

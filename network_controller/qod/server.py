@@ -7,7 +7,7 @@ import os
 import socket as sockets
 import stat
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import uvicorn
@@ -19,7 +19,8 @@ from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.service import Service
 from swarm.errors import SettingError
-from swarm.http_serving import bind, check_token, server_config
+from swarm.http_access import Access, check_token
+from swarm.http_serving import bind, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 100
@@ -43,11 +44,13 @@ class Server:
         log: Logger,
         *,
         socket: str = "",
-        sinks: Sequence[str] = (),
+        names: Collection[str] = (),
+        sinks: Collection[str] = (),
     ) -> None:
-        """`sinks`: see `Destinations`."""
+        """`names`: see `Access`; `sinks`: see `Destinations`."""
         check_token("COADAPT_QOD_TOKEN", token)
         destinations = Destinations(sinks)
+        access = Access("localhost" if socket else host, token, names)
         self._path = Path(socket) if socket else None
         if self._path is not None:
             self._socket = _bind_path(self._path)
@@ -56,7 +59,7 @@ class Server:
         self._log = log
         metrics = QodMetrics(registry)
         self._service = Service(network, destinations, metrics, log)
-        app = make_app(self._service, token, metrics, log)
+        app = make_app(self._service, access, metrics, log)
         config = server_config(app, connections=MAX_CONNECTIONS, grace_s=2)
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._run, name="qod", daemon=True)

@@ -7,7 +7,7 @@ import json
 import queue
 import ssl
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator
 from contextlib import closing, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, NamedTuple
@@ -111,11 +111,14 @@ def device(address: str) -> dict[str, Any]:
 
 @contextmanager
 def served(
-    links: Links | None = None, token: str = "", sinks: Sequence[str] = ()
+    links: Links | None = None,
+    token: str = "",
+    names: Collection[str] = (),
+    sinks: Collection[str] = (),
 ) -> Generator[Api]:
     """The API on a free port."""
     links, registry = links or Links(), CollectorRegistry()
-    server = Server(links, "127.0.0.1", 0, token, registry, LOG, sinks=sinks)
+    server = Server(links, "127.0.0.1", 0, token, registry, LOG, names=names, sinks=sinks)
     server.start()
     try:
         yield Api(server, links, registry)

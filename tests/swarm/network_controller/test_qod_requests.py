@@ -284,10 +284,14 @@ def test_this_hosts_own_names_are_answered(api: Api, host: str) -> None:
     assert api.send("GET", PROFILES, headers={"Host": host}).status == 200
 
 
-def test_who_shows_a_token_may_ask_under_any_name() -> None:
+def test_under_another_name_only_that_of_the_list_is_answered_also_with_a_token() -> None:
     headers = {"Authorization": "Bearer right-token", "Host": "qod.plant"}
     with served(token="right-token") as api:
+        reply = api.send("POST", SESSIONS, wish(), headers=headers)
+        assert "COADAPT_QOD_NAMES" in refused(reply, 403, "PERMISSION_DENIED")
+    with served(token="right-token", names=["QoD.plant"]) as api:
         assert api.send("POST", SESSIONS, wish(), headers=headers).status == 201
+        assert api.send("GET", PROFILES, headers={"Host": "qod.plant"}).status == 401
 
 
 def test_with_a_token_only_health_and_the_document_are_open() -> None:
