@@ -48,7 +48,9 @@ SECRETS: Mapping[str, Role] = {
 }
 """Settings, by how their names begin, that only one role may know."""
 API_KEY, API_KEY_FILE = "COADAPT_LLM_API_KEY", "COADAPT_LLM_API_KEY_FILE"
-CONSOLE_TOKEN = "COADAPT_CONSOLE_TOKEN"
+KEPT = (API_KEY, "COADAPT_LLM_HTTP_TOKEN", "COADAPT_QOD_TOKEN", "COADAPT_CONSOLE_TOKEN")
+"""Keys and tokens: no file that the project writes holds one. The same name with `_FILE` behind it
+names a file of the operator's own that does."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,7 @@ def run(settings: GatewaySettings, stop: threading.Event, loops: Loops = unwatch
         settings.llm_http_token,
         registry,
         log,
+        names=settings.llm_http_names,
     )
     thread = LoopThread()
     session: Session | None = None

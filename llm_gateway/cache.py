@@ -60,11 +60,15 @@ class Cache:
         self._complained = False
 
     @staticmethod
-    def scene(model: str, fingerprint: str) -> str:
-        """What answers for equal scenes are found by; empty without a fingerprint."""
+    def scene(model: str, role: str, template: str, fingerprint: str) -> str:
+        """What answers for equal scenes are found by; empty without a fingerprint.
+
+        A fingerprint is what who asks says of the scene. So that nobody leaves an answer for others
+        who are asked something else, it counts within one role and one prompt's template only.
+        """
         if not fingerprint:
             return ""
-        return hashlib.sha256(f"{model}\n{fingerprint}".encode()).hexdigest()
+        return hashlib.sha256("\n".join((model, role, template, fingerprint)).encode()).hexdigest()
 
     async def start(self) -> None:
         """Reads what the disk has; where that fails, the cache begins empty."""

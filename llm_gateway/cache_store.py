@@ -28,9 +28,9 @@ class Entry:
     """One answer that followed its prompt's schema."""
 
     key: str
-    """Hash of prompt and model."""
+    """Hash of prompt, model and the role of who asked."""
     scene: str
-    """Hash of the scene's fingerprint and the model; empty where there was no fingerprint."""
+    """What `Cache.scene` makes of the scene's fingerprint; empty where there was none."""
     model: str
     text: str
     made_at: float

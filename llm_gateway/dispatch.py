@@ -90,6 +90,7 @@ class Dispatcher:
             model,
             job.fingerprint,
             job.client,
+            job.role,
             job.deadline,
             asyncio.get_running_loop().create_future(),
         )

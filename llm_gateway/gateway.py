@@ -96,7 +96,7 @@ class Gateway:
         try:
             self._check(job.prompt)
             job = replace(job, deadline=min(job.deadline, begun + self._deadline_max_s))
-            key = job.prompt.key(self.model)
+            key = job.prompt.key(self.model, job.role)
             done = self._known(job, key, begun) if job.prompt.repeatable else None
             if done is None:
                 self._metrics.misses.inc()
@@ -127,7 +127,7 @@ class Gateway:
         entry = exact
         hit: Literal["exact", "fingerprint"] = "exact"
         if exact is None and job.fingerprint and job.prompt.schema and job.prompt.plain:
-            scene = self._cache.scene(self.model, job.fingerprint)
+            scene = self._cache.scene(self.model, job.role, job.prompt.template, job.fingerprint)
             entry, hit = self._cache.similar(scene), "fingerprint"
         if entry is None or not self._follows(entry, job.prompt):
             return None
@@ -193,5 +193,5 @@ class Gateway:
         if not flight.prompt.repeatable or landed.finish != "stop":
             return
         fingerprint = flight.fingerprint if flight.prompt.plain else ""
-        scene = self._cache.scene(flight.model, fingerprint)
+        scene = self._cache.scene(flight.model, flight.role, flight.prompt.template, fingerprint)
         self._cache.put(flight.key, scene, flight.model, landed.text, landed.tokens)

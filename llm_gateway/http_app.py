@@ -23,14 +23,15 @@ from llm_gateway.http_stream import AnswerStream
 from llm_gateway.model import Completion, Hear, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
+from swarm.http_access import Access
 from swarm.http_events import EventStream
-from swarm.http_hosts import OWN
-from swarm.http_serving import Bearer, media_type
+from swarm.http_serving import media_type
 from swarm.log import Logger
 from swarm.metrics import start_at_zero
 
 ANOTHER_NAME = (
-    "without a token this gateway answers under this host's own addresses and as localhost only"
+    "this gateway answers under this host's own addresses, as localhost, and under the names that "
+    "COADAPT_LLM_HTTP_NAMES lists"
 )
 MAX_BODY_BYTES = 2_000_000
 DRAINED_BYTES = 16_000_000
@@ -53,8 +54,10 @@ class Completer(Protocol):
         ...
 
 
-def make_app(gateway: Completer, token: str, registry: CollectorRegistry, log: Logger) -> ASGIApp:
-    """The application; with a token, clients must show it."""
+def make_app(
+    gateway: Completer, access: Access, registry: CollectorRegistry, log: Logger
+) -> ASGIApp:
+    """The application, for those whom `access` lets in."""
     began = int(time.time())
     schemas = Schemas()
 
@@ -124,7 +127,7 @@ def make_app(gateway: Completer, token: str, registry: CollectorRegistry, log: L
         },
     )
     app.router.redirect_slashes = False
-    return _Gate(app, token, registry, log)
+    return _Gate(app, access, registry, log)
 
 
 def _check(schemas: Schemas, schema: str) -> None:
@@ -198,13 +201,14 @@ async def _unless_gone(request: Request, awaited: Awaitable[T]) -> T:
 
 
 class _Gate:
-    """Around everything: checks the token, and without one the name that was asked for, counts,
-    and logs what fails."""
+    """Around everything: checks the name that was asked for and the token, counts, and logs what
+    fails."""
 
-    def __init__(self, app: ASGIApp, token: str, registry: CollectorRegistry, log: Logger) -> None:
+    def __init__(
+        self, app: ASGIApp, access: Access, registry: CollectorRegistry, log: Logger
+    ) -> None:
         self._app = app
-        self._bearer = Bearer(token)
-        self._hosts = None if token else OWN
+        self._access = access
         self._log = log
         self._requests = Counter(
             "coadapt_llm_http_requests_total",
@@ -221,22 +225,21 @@ class _Gate:
             await send(message)
 
         try:
-            headers = Headers(scope=scope)
-            if self._hosts is not None and not self._hosts.may(headers.get("host", "")):
-                refusal = HttpError(403, ANOTHER_NAME, code="host")
-                await refusal.response()(scope, receive, counted)
-                return
-            shown = headers.get("authorization", "")
-            if scope["path"] == HEALTH_PATH or self._bearer.may(shown):
-                await self._app(scope, receive, counted)
-            else:
-                refusal = HttpError(
+            await (self._refusal(scope) or self._app)(scope, receive, counted)
+        except Exception:
+            path = scope["path"][:200]
+            self._log.error("llm_http_failed", method=scope["method"], path=path, exc_info=True)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        open_path = scope["path"] == HEALTH_PATH
+        match self._access.refusal(Headers(scope=scope), without_token=open_path):
+            case "name":
+                return HttpError(403, ANOTHER_NAME, code="host").response()
+            case "token":
+                return HttpError(
                     401,
                     "this needs the header Authorization: Bearer and the gateway's token",
                     code="invalid_api_key",
                     headers={"WWW-Authenticate": "Bearer"},
-                )
-                await refusal.response()(scope, receive, counted)
-        except Exception:
-            path = scope["path"][:200]
-            self._log.error("llm_http_failed", method=scope["method"], path=path, exc_info=True)
+                ).response()
+        return None

@@ -18,6 +18,8 @@ from swarm.messages.llm import MAX_PROMPT_CHARS
 
 DEFAULT_DEADLINE_S = 60.0
 DEFAULT_TOKENS = 256
+ROLE = "http"
+"""One for all: they show one token, or come from this host. A client's name is its own word."""
 MAX_SCHEMA_CHARS = 50_000
 ANY_OBJECT = '{"type":"object"}'
 _Seconds = Annotated[float, msgspec.Meta(ge=0.05, le=600)]
@@ -124,6 +126,7 @@ def read_request(raw: bytes, headers: Mapping[str, str], address: str, model: st
         client=_header(headers, "X-CoAdapt-Client", r"[A-Za-z0-9_-]{1,32}") or address,
         deadline=now + _deadline_s(headers),
         fingerprint=_header(headers, "X-CoAdapt-Fingerprint", r"[0-9a-f]{16,64}"),
+        role=ROLE,
     )
     usage = chat.stream_options is not None and bool(chat.stream_options.include_usage)
     return Asked(job, bool(chat.stream), usage)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Collection
 
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import Completer, make_app
-from swarm.http_serving import HttpServer, bind, check_token, server_config
+from swarm.http_access import Access, check_token
+from swarm.http_serving import HttpServer, bind, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256
@@ -28,12 +30,15 @@ class HttpEndpoint:
         token: str,
         registry: CollectorRegistry,
         log: Logger,
+        *,
+        names: Collection[str] = (),
     ) -> None:
+        """`names`: see `Access`."""
         check_token("COADAPT_LLM_HTTP_TOKEN", token)
         self._socket = bind("COADAPT_LLM_HTTP", host, port, token=bool(token))
         self.port = int(self._socket.getsockname()[1])
         self._log = log
-        app = make_app(gateway, token, registry, log)
+        app = make_app(gateway, Access(host, token, names), registry, log)
         self._server = HttpServer(server_config(app, connections=MAX_CONNECTIONS, grace_s=1))
         self._serving: asyncio.Task[None] | None = None
 

@@ -46,14 +46,20 @@ class Prompt:
         """Whether the answer is the model's likeliest and whole, as a scene's is."""
         return self.temperature == 0 and not self.stop
 
-    def key(self, model: str) -> str:
-        """SHA-256 of the canonical prompt and the model, hexadecimal; where chance has a part,
-        a key of its own each time."""
+    @property
+    def template(self) -> str:
+        """SHA-256 of what the prompts of one kind have in common, which is what the system says."""
+        fixed = [message.content for message in self.messages if message.role == "system"]
+        return hashlib.sha256(msgspec.json.encode(fixed)).hexdigest()
+
+    def key(self, model: str, role: str = "") -> str:
+        """SHA-256 of the canonical prompt, the model and the role of who asks, hexadecimal; where
+        chance has a part, a key of its own each time."""
         if not self.repeatable:
             return secrets.token_hex(32)
         canonical = msgspec.json.encode(
             [
-                *(model, [[m.role, m.content] for m in self.messages], self.schema),
+                *(model, role, [[m.role, m.content] for m in self.messages], self.schema),
                 *(self.max_tokens, self.stop, self.temperature, self.top_p, self.seed),
             ]
         )
@@ -71,6 +77,9 @@ class Job:
     """`time.monotonic()` seconds; nobody waits for the answer after it."""
     fingerprint: str = ""
     """Of the scene; empty: only an equal prompt's answer may be given from the cache."""
+    role: str = ""
+    """What who asks is, as its endpoint knows and not as it says: who has one role gets no answer
+    that another role's question brought."""
 
 
 @dataclass(frozen=True, slots=True)

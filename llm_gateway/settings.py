@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
 
 from swarm.defaults import LLM_PORT
 from swarm.errors import SettingError
+from swarm.http_access import token_of
+from swarm.http_hosts import HostNames
 from swarm.process import SwarmSettings
+from swarm.secret_files import secret_of
 from swarm.settings import Name, Port, Seconds, Secret, load, shown
 
 _KEY = re.compile(r"[\x21-\x7e]{1,4096}")
@@ -51,6 +53,10 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     """Where the OpenAI-compatible endpoint answers; 0 takes any free port."""
     llm_http_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""
+    llm_http_token_file: str = ""
+    """A file that holds the token instead."""
+    llm_http_names: HostNames = ()
+    """Names, beside localhost and addresses, that clients may ask for."""
     llm_breaker_failures: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 5
     """Failed calls in a row after which the model is left alone ..."""
     llm_breaker_s: Seconds = 10.0
@@ -75,30 +81,13 @@ def load_settings(environment: Mapping[str, str] | None = None) -> GatewaySettin
     allowed.
     """
     settings = load(GatewaySettings, environment)
-    if settings.llm_api_key_file:
-        if settings.llm_api_key:
-            raise SettingError(
-                "COADAPT_LLM_API_KEY and COADAPT_LLM_API_KEY_FILE are both set; set one of them"
-            )
-        settings = msgspec.structs.replace(settings, llm_api_key=_key(settings.llm_api_key_file))
-    elif settings.llm_api_key and not _KEY.fullmatch(settings.llm_api_key):
-        raise SettingError(f"COADAPT_LLM_API_KEY is not valid; {_ALLOWED}")
-    return settings
+    key_file, token_file = settings.llm_api_key_file, settings.llm_http_token_file
+    key = secret_of("COADAPT_LLM_API_KEY", settings.llm_api_key, key_file, kind="key")
+    if key and not _KEY.fullmatch(key):
+        wrong = f"_FILE = {key_file!r} holds no key" if key_file else " is not valid"
+        raise SettingError(f"COADAPT_LLM_API_KEY{wrong}; {_ALLOWED}")
+    token = token_of("COADAPT_LLM_HTTP_TOKEN", settings.llm_http_token, token_file)
+    return msgspec.structs.replace(settings, llm_api_key=key, llm_http_token=token)
 
 
 _ALLOWED = "it must be 1 to 4096 printable ASCII characters without spaces"
-
-
-def _key(path: str) -> str:
-    try:
-        key = Path(path).read_text("ascii").strip()
-    except OSError as error:
-        raise SettingError(
-            f"COADAPT_LLM_API_KEY_FILE = {path!r} cannot be read: {error.strerror}; it must be a "
-            "file that holds the key"
-        ) from None
-    except UnicodeDecodeError:
-        key = ""
-    if not _KEY.fullmatch(key):
-        raise SettingError(f"COADAPT_LLM_API_KEY_FILE = {path!r} holds no key; {_ALLOWED}")
-    return key

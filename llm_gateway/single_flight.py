@@ -31,6 +31,8 @@ class Flight:
     fingerprint: str
     client: str
     """Who asked first: the call is counted as this client's."""
+    role: str
+    """Of all who wait."""
     deadline: float
     """`time.monotonic()` seconds: the latest of those who wait."""
     future: asyncio.Future[Landed]

@@ -17,6 +17,8 @@ from swarm.session import Session
 WORKERS = 256
 """As many as may wait, so that the gateway's order holds and not that of a thread pool."""
 SLACK_S = 1.0
+ROLE = "ego"
+"""Who may ask on the swarm's key."""
 STATE_S = 1.0
 """Between two words of how the model stands."""
 
@@ -58,6 +60,7 @@ class ZenohEndpoint:
             client=request.ego,
             deadline=time.monotonic() + request.deadline_s,
             fingerprint=request.fingerprint,
+            role=ROLE,
         )
         completing = self._gateway.complete(job)
         try:

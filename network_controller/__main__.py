@@ -83,6 +83,8 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
         registry,
         log,
         socket=settings.qod_socket,
+        names=settings.qod_names,
+        sinks=settings.qod_sinks,
     )
     controller.on_lost = api.lost
     controller.start()

@@ -9,6 +9,8 @@ import msgspec
 
 from swarm.defaults import QOD_PORT
 from swarm.errors import SettingError
+from swarm.http_access import token_of
+from swarm.http_hosts import HostNames
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
 from swarm.settings import Name, Port, Secret, load, shown
@@ -44,8 +46,14 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """Where the Quality-on-Demand API answers; 0 takes any free port."""
     qod_token: Secret = ""
     """Bearer token that clients must show; needed to answer off this host."""
+    qod_token_file: str = ""
+    """A file that holds the token instead."""
+    qod_names: HostNames = ()
+    """Names, beside localhost and addresses, that clients may ask for."""
     qod_socket: str = ""
     """Unix socket to answer on instead of the port."""
+    qod_sinks: Annotated[tuple[str, ...], msgspec.Meta(max_length=64)] = ()
+    """Networks, addresses and host names that events may be sent to though they are not public."""
 
     def __repr__(self) -> str:
         return shown(self)
@@ -61,4 +69,5 @@ def load_settings(environment: Mapping[str, str] | None = None) -> ControllerSet
         raise SettingError(
             "COADAPT_LINK_BPS and COADAPT_LINK_RATES_BPS are both set; set one of them"
         )
-    return settings
+    token = token_of("COADAPT_QOD_TOKEN", settings.qod_token, settings.qod_token_file)
+    return msgspec.structs.replace(settings, qod_token=token)

@@ -4,7 +4,22 @@ from __future__ import annotations
 
 import ipaddress
 from collections.abc import Collection
+from typing import Annotated
 from urllib.parse import urlsplit
+
+import msgspec
+
+HostName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9.-]{1,253}(?!\n)$")]
+HostNames = Annotated[tuple[HostName, ...], msgspec.Meta(max_length=16)]
+"""Of a setting: names that an endpoint may be asked for, beside localhost and addresses."""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address cannot be reached from elsewhere."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 class Hosts:
@@ -35,5 +50,4 @@ class Hosts:
 
 
 OWN = Hosts((), loopback=True)
-"""Of an endpoint that asks for no token: a page elsewhere that has its own name lead here is
-refused."""
+"""This host's own addresses, and localhost."""

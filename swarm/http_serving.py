@@ -1,13 +1,11 @@
-"""What all HTTP endpoints of the swarm have in common: who may ask, and the socket."""
+"""What all HTTP endpoints of the swarm have in common: the socket, and how it is served."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import hmac
-import ipaddress
-import re
 import socket
+import sys
 from collections.abc import Generator, Mapping
 from typing import Any
 
@@ -16,47 +14,19 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from swarm.errors import SettingError
+from swarm.http_hosts import is_loopback
+from swarm.http_places import may_stay, origin
 
 REQUEST_S = 20.0
 """How long a client may take to send a whole request, from when he may begin it."""
 UNTAKEN_S = 60.0
 """A connection whose other end takes nothing of what was sent is let go after so long."""
 _BACKLOG = 128
-# RFC 6750: what may stand behind "Bearer".
-_TOKEN = re.compile(r"[A-Za-z0-9._~+/-]+=*")
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host name or address cannot be reached from elsewhere."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def is_token(text: str) -> bool:
-    """Whether a text can stand behind "Bearer"."""
-    return _TOKEN.fullmatch(text) is not None
 
 
 def media_type(headers: Mapping[str, str]) -> str:
     """What a body is declared as, without parameters and in small letters; "" where nothing is."""
     return headers.get("content-type", "").split(";")[0].strip().lower()
-
-
-class Bearer:
-    """Lets in requests that show a token (RFC 6750), or all where there is none."""
-
-    def __init__(self, token: str) -> None:
-        self._expected = f"Bearer {token}".encode() if token else None
-
-    def may(self, authorization: str) -> bool:
-        """Whether a request with this `Authorization` header may come in."""
-        if self._expected is None:
-            return True
-        scheme, _, shown = authorization.partition(" ")
-        given = f"{scheme.capitalize()} {shown.strip()}".encode()
-        return hmac.compare_digest(given, self._expected)
 
 
 class HttpServer(uvicorn.Server):
@@ -68,8 +38,15 @@ class HttpServer(uvicorn.Server):
         yield
 
 
+_NO_PLACE = (
+    b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n"
+    b"Retry-After: 1\r\n\r\n"
+)
+
+
 class _Punctual(H11Protocol):
-    """Lets go of a client who does not send a whole request within `REQUEST_S`.
+    """Lets go of a client who does not send a whole request within `REQUEST_S`, and of one whose
+    address has its share of the connections.
 
     uvicorn bounds only the wait between two requests, and each byte ends that wait: connections
     that say nothing, or a body byte by byte, would take all places for good.
@@ -80,7 +57,12 @@ class _Punctual(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Somebody is there, and owes a request."""
         super().connection_made(transport)
-        self._time_client()
+        others = (_origin(other) for other in self.connections if other is not self)
+        if may_stay(_origin(self), others, self.limit_concurrency or sys.maxsize):
+            self._time_client()
+        else:
+            transport.write(_NO_PLACE)
+            transport.close()
 
     def handle_events(self) -> None:
         """After new bytes, and after each answer."""
@@ -105,11 +87,9 @@ class _Punctual(H11Protocol):
             self._late = None
 
 
-def check_token(setting: str, token: str) -> None:
-    """Raises SettingError for a token that no header can carry; "" is none."""
-    if token and not is_token(token):
-        # The value is a secret.
-        raise SettingError(f"{setting} is not valid; it must be letters, digits and . _ ~ + / -")
+def _origin(connection: Any) -> str:
+    """Whose a connection is, as places are shared; "" on a Unix socket."""
+    return origin(connection.client[0]) if connection.client else ""
 
 
 def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
@@ -120,7 +100,7 @@ def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
     if not token and not is_loopback(host):
         raise SettingError(
             f"{prefix}_HOST = {host!r} can be reached from elsewhere, and "
-            f"{prefix}_TOKEN is not set; set a token, or use 127.0.0.1"
+            f"{prefix}_TOKEN is not set; set a token, or {prefix}_TOKEN_FILE, or use 127.0.0.1"
         )
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -139,7 +119,8 @@ def bind(prefix: str, host: str, port: int, *, token: bool) -> socket.socket:
 
 
 def server_config(app: Any, *, connections: int, grace_s: int) -> uvicorn.Config:
-    """How an ASGI app is served; beyond `connections` uvicorn itself answers 503."""
+    """How an ASGI app is served. There are fewer than `connections` at a time, shared among those
+    who connect as `may_stay` says; what is too much is answered with 503 and closed."""
     return uvicorn.Config(
         app,
         loop="asyncio",

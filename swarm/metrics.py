@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 import shutil
+import threading
 from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 
-from prometheus_client import (
-    CollectorRegistry,
-    Counter,
-    Gauge,
-    Histogram,
-    ProcessCollector,
-    start_http_server,
-)
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
 
 from swarm.errors import SettingError
+from swarm.metrics_http import MetricsHttpServer
 
 
 def start_at_zero(metric: Counter | Histogram, *values: Iterable[str]) -> None:
@@ -55,7 +50,7 @@ class MetricsServer:
 
     def __init__(self, registry: CollectorRegistry, port: int, host: str = "0.0.0.0") -> None:
         try:
-            self._server, self._thread = start_http_server(port, addr=host, registry=registry)
+            self._server = MetricsHttpServer(registry, host, port)
         except OSError as error:
             raise SettingError(
                 f"metrics port {port} on {host} cannot be bound: {error}; choose a free one with "
@@ -63,11 +58,15 @@ class MetricsServer:
             ) from error
         self._registry = registry
         self._process = ProcessCollector(registry=registry)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, name="metrics", daemon=True
+        )
+        self._thread.start()
 
     @property
     def port(self) -> int:
         """The port that is bound."""
-        return self._server.server_port
+        return int(self._server.server_address[1])
 
     def close(self) -> None:
         """Stops serving and frees the port."""

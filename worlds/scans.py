@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from perception.types import clean_points
 from swarm.errors import ScanError, WorldError
 from swarm.geometry import Points
+from worlds.bounded import load_npy, read_whole
 from worlds.clouds.pcd import MAX_POINTS, read_pcd
 from worlds.clouds.ply import read_ply
 
@@ -61,6 +62,8 @@ def xyz(source: ArrayLike) -> Points:
         if names is not None:
             if not {"x", "y", "z"} <= set(names):
                 raise ScanError(f"has fields {list(names)}; x, y and z are needed")
+            if values.size > MAX_POINTS:
+                raise ScanError(f"has {values.size} points; at most {MAX_POINTS} are read")
             values = np.stack([values[name] for name in "xyz"], axis=-1)
         if values.shape == (0,):
             values = values.reshape(0, 3)
@@ -87,8 +90,7 @@ def _read_file(path: Path) -> Points:
 
 def _read_npy(path: Path) -> Points:
     try:
-        # The stored text of a pickle may run code; an array's may not.
-        return xyz(np.load(path, allow_pickle=False))
+        return xyz(load_npy(path))
     except (OSError, ValueError, EOFError) as error:
         raise WorldError(f"point cloud {path} cannot be read: {error}") from error
     except ScanError as error:
@@ -99,7 +101,7 @@ def _read_bin(path: Path) -> Points:
     """float32 numbers without header, little-endian."""
     width = NUSCENES_NUMBERS if path.name.lower().endswith(".pcd.bin") else KITTI_NUMBERS
     try:
-        data = path.read_bytes()
+        data = read_whole(path)
     except OSError as error:
         raise WorldError(f"point cloud {path} cannot be read: {error}") from error
     count, rest = divmod(len(data), 4 * width)

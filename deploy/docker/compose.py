@@ -82,6 +82,10 @@ CACHES: dict[roster.Role, dict[str, str]] = {
     "gateway": {"XDG_CACHE_HOME": f"{PLACE.var_dir}/{roster.LLM}/cache"},
 }
 DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
+SECRETS = {
+    name: KEY if name == roster.API_KEY else f"/run/secrets/{name.lower()}" for name in roster.KEPT
+}
+"""Where a container finds the file that a setting names on the host."""
 _IN_HOST_NETWORK = ("controller", "gateway", "console")
 _NOT_FOR_PROCESSES = frozenset(
     {
@@ -193,11 +197,11 @@ def _settings(service: Service) -> dict[str, str | None]:
         for name, value in roster.inherited(service.role, os.environ).items()
         if name.startswith("COADAPT_") and name not in _NOT_FOR_PROCESSES
     }
-    for secret in (roster.API_KEY, roster.CONSOLE_TOKEN):
+    for secret in roster.KEPT:
         if secret in found:
             found[secret] = None
-    if found.get(roster.API_KEY_FILE):
-        found[roster.API_KEY_FILE] = KEY
+        if found.get(f"{secret}_FILE"):
+            found[f"{secret}_FILE"] = SECRETS[secret]
     return found
 
 
@@ -205,9 +209,10 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     volumes = []
     if service.role == "controller":
         volumes.append(f"{ENGINE_SOCKET}:{ENGINE_SOCKET}")
-    key_file = os.environ.get(roster.API_KEY_FILE)
-    if service.role == "gateway" and key_file:
-        volumes.append(f"{Path(key_file).absolute()}:{KEY}:ro")
+    own = roster.inherited(service.role, os.environ)
+    for secret, place in SECRETS.items():
+        if file := own.get(f"{secret}_FILE"):
+            volumes.append(f"{Path(file).absolute()}:{place}:ro")
     if folder := FOLDERS.get(service.role):
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
     if spec.secure and service.common_name:

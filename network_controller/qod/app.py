@@ -24,8 +24,8 @@ from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIO
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
-from swarm.http_hosts import OWN
-from swarm.http_serving import Bearer, media_type
+from swarm.http_access import Access
+from swarm.http_serving import media_type
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 65_536
@@ -33,9 +33,9 @@ _CORRELATOR = re.compile(CORRELATOR.strip("^$"))
 _CODES = {404: "NOT_FOUND", 405: "METHOD_NOT_ALLOWED"}
 
 
-def make_app(service: Service, token: str, metrics: QodMetrics, log: Logger) -> ASGIApp:
-    """The application; with a token, clients must show it."""
-    described = msgspec.json.encode(document(token=bool(token)))
+def make_app(service: Service, access: Access, metrics: QodMetrics, log: Logger) -> ASGIApp:
+    """The application, for those whom `access` lets in."""
+    described = msgspec.json.encode(document(token=access.needs_token))
 
     async def openapi(request: Request) -> Response:
         return Response(described, media_type="application/json")
@@ -69,7 +69,7 @@ def make_app(service: Service, token: str, metrics: QodMetrics, log: Logger) -> 
         },
     )
     app.router.redirect_slashes = False
-    return _Gate(app, token, metrics, log)
+    return _Gate(app, access, metrics, log)
 
 
 def _routes(service: Service) -> list[Route]:
@@ -127,13 +127,12 @@ def _error(info: ErrorInfo, headers: Mapping[str, str] | None = None) -> Respons
 
 
 class _Gate:
-    """Around everything: checks the token, and without one the name that was asked for, echoes the
-    correlator, counts, and logs failures."""
+    """Around everything: checks the name that was asked for and the token, echoes the correlator,
+    counts, and logs failures."""
 
-    def __init__(self, app: ASGIApp, token: str, metrics: QodMetrics, log: Logger) -> None:
+    def __init__(self, app: ASGIApp, access: Access, metrics: QodMetrics, log: Logger) -> None:
         self._app = app
-        self._bearer = Bearer(token)
-        self._hosts = None if token else OWN
+        self._access = access
         self._metrics = metrics
         self._log = log
 
@@ -150,11 +149,11 @@ class _Gate:
             await send(message)
 
         try:
-            shown = headers.get("authorization", "")
-            if scope["path"] not in OPEN_PATHS and not self._bearer.may(shown):
+            wrong = self._access.refusal(headers, without_token=scope["path"] in OPEN_PATHS)
+            if wrong == "token":
                 refusal = _error(problems.unauthenticated().info, {"www-authenticate": "Bearer"})
                 await refusal(scope, receive, marked)
-            elif self._hosts is not None and not self._hosts.may(headers.get("host", "")):
+            elif wrong == "name":
                 await _error(problems.another_name().info)(scope, receive, marked)
             elif not sound:
                 info = problems.invalid(f"x-correlator must match {_CORRELATOR.pattern}").info

@@ -15,6 +15,7 @@ from datetime import UTC, datetime, timedelta
 from msgspec import UNSET
 
 from network_controller.qod import problems
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.devices import find, identified, link_of
 from network_controller.qod.flows import overlap
 from network_controller.qod.messages import (
@@ -80,17 +81,16 @@ class SessionBook:
         self,
         network: Network,
         on_change: Callable[[Session], None],
+        destinations: Destinations,
         log: Logger,
         *,
-        local_sinks: bool = True,
         keep_s: float = KEEP_S,
     ) -> None:
-        """`local_sinks`: whether events may go to this host's loopback; not where callers are
-        elsewhere, who would reach through it what they cannot reach themselves."""
+        """`destinations`: where sinks may be."""
         self._network = network
         self._on_change = on_change
         self._log = log
-        self._local_sinks = local_sinks
+        self._destinations = destinations
         self._keep_s = keep_s
         self._sessions: dict[str, Session] = {}
         self._changed = threading.Condition(threading.RLock())
@@ -113,7 +113,7 @@ class SessionBook:
                 f"duration {request.duration} must be from {MIN_DURATION_S} to {MAX_DURATION_S} s "
                 f"with {request.qos_profile}"
             )
-        sink = sink_of(request, local=self._local_sinks)
+        sink = sink_of(request, self._destinations)
         device = identified(request.device)
         with self._changed:
             robot, _ = link_of(self._network, device)

@@ -13,13 +13,16 @@ import threading
 import time
 import zlib
 from collections import deque
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import NamedTuple
 
 import msgspec
 
+from network_controller.qod.destinations import Address, Destinations
 from network_controller.qod.messages import StatusEvent
 from network_controller.qod.metrics import QodMetrics
+from network_controller.qod.problems import Problem, invalid_sink
 from network_controller.qod.sinks import Sink
 from swarm.log import Logger
 
@@ -44,9 +47,9 @@ class Notifier:
     """Takes events without waiting. Those for one sink arrive in their order, each at most once
     unless an answer got lost."""
 
-    def __init__(self, metrics: QodMetrics, log: Logger) -> None:
+    def __init__(self, destinations: Destinations, metrics: QodMetrics, log: Logger) -> None:
         self._metrics = metrics
-        self._lanes = [_Lane(f"qod-events-{n}", metrics, log) for n in range(LANES)]
+        self._lanes = [_Lane(f"qod-events-{n}", destinations, metrics, log) for n in range(LANES)]
 
     def start(self) -> None:
         """Begins to deliver."""
@@ -71,8 +74,11 @@ class Notifier:
 
 
 class _Lane(threading.Thread):
-    def __init__(self, name: str, metrics: QodMetrics, log: Logger) -> None:
+    def __init__(
+        self, name: str, destinations: Destinations, metrics: QodMetrics, log: Logger
+    ) -> None:
         super().__init__(name=name, daemon=True)
+        self._destinations = destinations
         self._metrics = metrics
         self._log = log
         self._posts: deque[_Post] = deque()
@@ -111,8 +117,8 @@ class _Lane(threading.Thread):
             return self._posts.popleft() if self._posts else None
 
     def _deliver(self, post: _Post) -> str:
-        """What became of an event: delivered, refused by the sink, failed, or too late for its
-        token."""
+        """What became of an event: delivered, refused by the sink, failed, too late for its
+        token, or forbidden because the sink's name leads elsewhere now."""
         outcome = reason = "failed"
         for attempt in range(ATTEMPTS):
             if attempt and self._closing_within(PAUSE_S * attempt):
@@ -120,7 +126,10 @@ class _Lane(threading.Thread):
             if post.sink.expires is not None and post.sink.expires <= datetime.now(UTC):
                 return "expired"
             try:
-                status = _send(post)
+                status = _send(post, self._destinations)
+            except Problem as problem:
+                outcome, reason = "forbidden", problem.info.message
+                break
             except (OSError, http.client.HTTPException, ValueError) as error:
                 outcome, reason = "failed", str(error) or type(error).__name__
                 continue
@@ -139,8 +148,9 @@ class _Lane(threading.Thread):
             return self._changed.wait_for(lambda: self._last_s is not None, seconds)
 
 
-def _send(post: _Post) -> int:
-    """The sink's status. Redirects are not followed: the token is for this sink only."""
+def _send(post: _Post, destinations: Destinations) -> int:
+    """The sink's status. Redirects are not followed: they might lead anywhere, and the token is for
+    this sink only."""
     sink = post.sink
     headers = {"Content-Type": "application/cloudevents+json"}
     if sink.token is not None:
@@ -148,23 +158,62 @@ def _send(post: _Post) -> int:
     connection: http.client.HTTPConnection
     if sink.secure:
         context = ssl.create_default_context()
-        connection = http.client.HTTPSConnection(
-            sink.host, sink.port, timeout=TIMEOUT_S, context=context
-        )
+        connection = http.client.HTTPSConnection(sink.host, sink.port, context=context)
     else:
-        connection = http.client.HTTPConnection(sink.host, sink.port, timeout=TIMEOUT_S)
+        context = None
+        connection = http.client.HTTPConnection(sink.host, sink.port)
     with contextlib.closing(connection):
-        connection.connect()
+        # Given a socket, it looks up and connects to nothing by itself.
+        sock = connection.sock = _connected(sink, destinations, context)
         # The socket's timeout starts again with every byte; this one does not.
-        limit = threading.Timer(TIMEOUT_S, _cut, (connection.sock,))
+        limit = threading.Timer(TIMEOUT_S, _cut, (sock,))
         limit.daemon = True
         limit.start()
         try:
+            if isinstance(sock, ssl.SSLSocket):
+                sock.do_handshake()
             connection.request("POST", sink.target, msgspec.json.encode(post.event), headers)
             with connection.getresponse() as response:
                 return response.status
         finally:
             limit.cancel()
+
+
+def _connected(
+    sink: Sink, destinations: Destinations, context: ssl.SSLContext | None
+) -> socket.socket:
+    """A connection to an address that has just been checked; TLS has not shaken hands yet.
+
+    Raises Problem where the sink's name leads to what is not allowed, and OSError.
+    """
+    addresses = destinations.checked(sink.host)
+    if context is None and not all(address.is_loopback for address in addresses):
+        raise invalid_sink(f"sink's host {sink.host!r} is not on loopback, and not asked by https")
+    connected = _first(addresses, sink.port)
+    if context is None:
+        return connected
+    try:
+        return context.wrap_socket(
+            connected, server_hostname=sink.host, do_handshake_on_connect=False
+        )
+    except BaseException:
+        connected.close()
+        raise
+
+
+def _first(addresses: Sequence[Address], port: int) -> socket.socket:
+    """A connection to the first address that answers. Raises OSError."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    for address in addresses:
+        try:
+            left_s = max(0.1, deadline_s - time.monotonic())
+            connected = socket.create_connection((str(address), port), left_s)
+        except OSError as error:
+            failure = error
+        else:
+            connected.settimeout(TIMEOUT_S)
+            return connected
+    raise failure
 
 
 def _cut(sock: socket.socket) -> None:

@@ -31,7 +31,8 @@ class QodMetrics:
         )
         for name in LEVELS:
             self.sessions.labels(name).set(0)
-        start_at_zero(self.events, ("delivered", "refused", "failed", "expired", "dropped"))
+        outcomes = ("delivered", "refused", "forbidden", "failed", "expired", "dropped")
+        start_at_zero(self.events, outcomes)
         start_at_zero(self._requests, (*_METHODS, "other"), ("2xx", "4xx", "5xx"))
 
     def request(self, method: str, status: int) -> None:

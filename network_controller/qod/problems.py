@@ -54,7 +54,8 @@ def another_name() -> Problem:
     return Problem(
         403,
         "PERMISSION_DENIED",
-        "without a token this API answers under this host's own addresses and as localhost only",
+        "this API answers under this host's own addresses, as localhost, and under the names that "
+        "COADAPT_QOD_NAMES lists",
     )
 
 

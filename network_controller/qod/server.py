@@ -7,17 +7,20 @@ import os
 import socket as sockets
 import stat
 import threading
+from collections.abc import Collection
 from pathlib import Path
 
 import uvicorn
 from prometheus_client import CollectorRegistry
 
 from network_controller.qod.app import make_app
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.service import Service
 from swarm.errors import SettingError
-from swarm.http_serving import bind, check_token, is_loopback, server_config
+from swarm.http_access import Access, check_token
+from swarm.http_serving import bind, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 100
@@ -41,8 +44,13 @@ class Server:
         log: Logger,
         *,
         socket: str = "",
+        names: Collection[str] = (),
+        sinks: Collection[str] = (),
     ) -> None:
+        """`names`: see `Access`; `sinks`: see `Destinations`."""
         check_token("COADAPT_QOD_TOKEN", token)
+        destinations = Destinations(sinks)
+        access = Access("localhost" if socket else host, token, names)
         self._path = Path(socket) if socket else None
         if self._path is not None:
             self._socket = _bind_path(self._path)
@@ -50,9 +58,8 @@ class Server:
             self._socket = bind("COADAPT_QOD", host, port, token=bool(token))
         self._log = log
         metrics = QodMetrics(registry)
-        near = bool(socket) or is_loopback(host)
-        self._service = Service(network, metrics, log, local_sinks=near)
-        app = make_app(self._service, token, metrics, log)
+        self._service = Service(network, destinations, metrics, log)
+        app = make_app(self._service, access, metrics, log)
         config = server_config(app, connections=MAX_CONNECTIONS, grace_s=2)
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._run, name="qod", daemon=True)

@@ -11,6 +11,7 @@ from msgspec import UNSET
 
 from network_controller.qod import problems, profiles
 from network_controller.qod.book import Session, SessionBook
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.devices import identified, link_of
 from network_controller.qod.events import Notifier
 from network_controller.qod.messages import (
@@ -34,13 +35,13 @@ class Service:
     """The sessions and profiles of one network."""
 
     def __init__(
-        self, network: Network, metrics: QodMetrics, log: Logger, *, local_sinks: bool
+        self, network: Network, destinations: Destinations, metrics: QodMetrics, log: Logger
     ) -> None:
         """See `SessionBook`."""
         self._network = network
         self._metrics = metrics
-        self._events = Notifier(metrics, log)
-        self.book = SessionBook(network, self._changed, log, local_sinks=local_sinks)
+        self._events = Notifier(destinations, metrics, log)
+        self.book = SessionBook(network, self._changed, destinations, log)
         self.operations: Mapping[str, Callable[[Mapping[str, str], Any], Any]] = {
             "createSession": self._create,
             "getSession": self._get,

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 
 from msgspec import UNSET
 
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.messages import CreateSession, SinkCredential
 from network_controller.qod.problems import (
     invalid,
@@ -16,7 +17,7 @@ from network_controller.qod.problems import (
     invalid_sink,
     invalid_token,
 )
-from swarm.http_serving import is_loopback, is_token
+from swarm.http_access import is_token
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +37,8 @@ class Sink:
         return f"Sink({self.host}:{self.port})"
 
 
-def sink_of(request: CreateSession, *, local: bool) -> Sink | None:
-    """The sink that a request names, or None. `local`: whether it may be on this host's loopback.
+def sink_of(request: CreateSession, destinations: Destinations) -> Sink | None:
+    """The sink that a request names, or None. Waits for the addresses of its host.
 
     Raises Problem for one that cannot be used.
     """
@@ -58,9 +59,8 @@ def sink_of(request: CreateSession, *, local: bool) -> Sink | None:
     if "@" in parts.netloc:
         raise invalid_sink("sink must not name a user; give an access token as sinkCredential")
     secure = parts.scheme == "https"
-    if is_loopback(host) and not local:
-        raise invalid_sink("sink must not be on loopback: this API is open to other hosts")
-    if not secure and not is_loopback(host):
+    addresses = destinations.checked_soon(host)
+    if not secure and not all(address.is_loopback for address in addresses):
         raise invalid_sink("sink must be https; http is allowed on this host's loopback only")
     target = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
     return Sink(secure, host, port or (443 if secure else 80), target, token, expires)

@@ -6,6 +6,7 @@ import io
 import os
 import struct
 import weakref
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,10 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Schema
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.stream_reader import StreamReader
 
 from options.bags.storage import Index, Place, make_index
+from options.bags.unpack import MAX_UNPACKED_BYTES, unlz4, unzstd
 from swarm.errors import WorldError
 from worlds.recent import Recent
 
@@ -26,6 +28,10 @@ _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
 _FOOTER_BYTES = _RECORD.size + 20
 _LATEST_NS = 2**63 - 1
+_NO_RECORD = 0
+"""The specification gives this number to no kind of record; a file with a hole is full of it."""
+_MAX_RECORDS = 500_000
+"""Of a chunk: recorders begin a new one after a few megabytes."""
 _COMPRESSIONS = ("", "lz4", "zstd")
 _DAMAGED = (
     McapError,
@@ -163,6 +169,8 @@ class McapFile:
             code, length = _RECORD.unpack(self._bytes(at, _RECORD.size))
             if code in (Opcode.DATA_END, Opcode.FOOTER):
                 return
+            if code == _NO_RECORD:
+                break
             if at + _RECORD.size + length > self._size:
                 if code == Opcode.CHUNK:
                     self._walk_rest(at)
@@ -181,7 +189,8 @@ class McapFile:
         elif code == Opcode.MESSAGE:
             self._note_message(self._bytes(at + _RECORD.size, _MESSAGE.size), 0, at)
         elif code == Opcode.CHUNK:
-            self._walk_content(self._content(at), at)
+            # Not kept: all chunks come by.
+            self._walk_content(self._unpack(at), at)
 
     def _walk_rest(self, chunk: int) -> None:
         """Lists the whole messages of a chunk that is cut off, unless it is compressed."""
@@ -193,12 +202,17 @@ class McapFile:
             return
 
     def _walk_content(self, content: bytes, chunk: int) -> None:
-        at = 0
+        at = records = 0
         while at + _RECORD.size <= len(content):
             code, length = _RECORD.unpack_from(content, at)
             begin = at + _RECORD.size
-            if begin + length > len(content):
+            if code == _NO_RECORD or begin + length > len(content):
                 return
+            if (records := records + 1) > _MAX_RECORDS:
+                raise WorldError(
+                    f"the chunk at byte {chunk} of {self._name} has more records than "
+                    f"{_MAX_RECORDS}"
+                )
             if code == Opcode.MESSAGE:
                 self._note_message(content[begin : begin + _MESSAGE.size], chunk, at)
             elif code in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -261,15 +275,28 @@ class McapFile:
                 raise ValueError(
                     f"it is compressed with {packed.compression!r}; allowed: lz4, zstd and none"
                 )
-            stream, size = get_chunk_data_stream(packed, validate_crc=True)
-            return stream.read(size)
+            match packed.compression:
+                case "zstd":
+                    content = unzstd(packed.data, packed.uncompressed_size)
+                case "lz4":
+                    content = unlz4(packed.data, packed.uncompressed_size)
+                case _:
+                    content = packed.data
+            if packed.uncompressed_crc not in (0, zlib.crc32(content)):
+                raise ValueError("its checksum is another one")
+            return content
         except _DAMAGED as error:
             raise WorldError(
                 f"the chunk at byte {chunk} of {self._name} is damaged: {error!r}"
             ) from error
 
     def _bytes(self, offset: int, size: int, short: bool = False) -> bytes:
-        # A damaged length may ask for more than there is memory for.
+        # A damaged length may ask for more than there is memory for, and the file be sparse.
+        if size > MAX_UNPACKED_BYTES:
+            raise WorldError(
+                f"{self._name} asks for {size} bytes at byte {offset}; allowed: "
+                f"{MAX_UNPACKED_BYTES} at a time"
+            )
         there = min(size, self._size - offset)
         try:
             found = os.pread(self._file, there, offset) if offset >= 0 and there > 0 else b""

@@ -15,6 +15,7 @@ import zstandard
 from options.bags.mcap_file import McapFile
 from options.bags.sqlite import SqliteFile
 from options.bags.storage import Storage
+from options.bags.unpack import unzstd
 from options.ros.cdr import CdrError
 from swarm.errors import WorldError
 from worlds.robot_name import check_robot_name
@@ -154,8 +155,8 @@ class Messages:
         storage = self._storages[self._owners[index]]
         raw = storage.read((first, second), None if self._packed else most)
         try:
-            return read(zstandard.decompress(raw) if self._packed else raw)
-        except (CdrError, struct.error, zstandard.ZstdError, MemoryError) as error:
+            return read(unzstd(raw) if self._packed else raw)
+        except (CdrError, struct.error, zstandard.ZstdError, MemoryError, ValueError) as error:
             # A packed message may say that it unpacks to more than there is memory for.
             why = str(error) or repr(error)
             raise WorldError(f"message {index} of {self._what} is malformed: {why}") from error

@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from options.bags.storage import Index, Place, make_index
+from options.bags.unpack import MAX_UNPACKED_BYTES
 from swarm.errors import WorldError
 
 
@@ -61,7 +62,13 @@ class SqliteFile:
                 self._lock,
                 self._connection.blobopen("messages", "data", place[0], readonly=True) as blob,
             ):
-                return blob.read() if most is None else blob.read(most)
+                size = len(blob) if most is None else min(len(blob), most)
+                if size > MAX_UNPACKED_BYTES:
+                    raise WorldError(
+                        f"message {place[0]} of bag file {self.path} has {size} bytes; allowed: "
+                        f"{MAX_UNPACKED_BYTES}"
+                    )
+                return blob.read(size)
         except sqlite3.Error as error:
             raise WorldError(
                 f"message {place[0]} of bag file {self.path} cannot be read: {error}"
@@ -85,7 +92,7 @@ class SqliteFile:
                 if all(isinstance(value, int) for value in row):
                     yield row
                 else:
-                    self.cut = self.cut or f"one of its messages is {row}"
+                    self.cut = self.cut or f"one of its messages is {row!r:.200}"
         except sqlite3.Error as error:
             self.cut = self.cut or str(error)
 
@@ -111,6 +118,8 @@ def _open(path: Path) -> sqlite3.Connection:
     connection = sqlite3.connect(f"file:{place}?{options}", uri=True, check_same_thread=False)
     # A database whose end is missing opens only so.
     connection.execute("PRAGMA writable_schema=ON")
+    # Of names and types of topics, too: what is longer is refused, not read.
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_UNPACKED_BYTES)
     return connection
 
 

@@ -23,8 +23,7 @@ from options.console.view import View
 from options.console.watch import Watch
 from swarm import transport
 from swarm.errors import CoAdaptError
-from swarm.http_hosts import Hosts
-from swarm.http_serving import is_loopback
+from swarm.http_hosts import Hosts, is_loopback
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
 from swarm.metrics import MetricsServer

@@ -8,10 +8,10 @@ from typing import Annotated
 import msgspec
 
 from swarm.defaults import COMM_RANGE_M, CONSOLE_PORT, CommRange
+from swarm.http_access import token_of
+from swarm.http_hosts import HostNames
 from swarm.process import ProcessSettings
 from swarm.settings import Name, Port, Secret, load, shown
-
-HostName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9.-]{1,253}(?!\n)$")]
 
 _HOST = r"([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?"
 ServerUrl = Annotated[
@@ -41,7 +41,9 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     """0 takes any free port."""
     console_token: Secret = ""
     """What viewers must show; needed to answer off this host."""
-    console_names: Annotated[tuple[HostName, ...], msgspec.Meta(max_length=16)] = ()
+    console_token_file: str = ""
+    """A file that holds the token instead."""
+    console_names: HostNames = ()
     """Names, beside localhost and addresses, that browsers may ask for."""
 
     console_prometheus: ServerUrl = ""
@@ -60,4 +62,6 @@ def load_settings(environment: Mapping[str, str] | None = None) -> ConsoleSettin
 
     Raises SettingError that names the variable, its value (never a token) and what is allowed.
     """
-    return load(ConsoleSettings, environment)
+    settings = load(ConsoleSettings, environment)
+    token = token_of("COADAPT_CONSOLE_TOKEN", settings.console_token, settings.console_token_file)
+    return msgspec.structs.replace(settings, console_token=token)

@@ -8,7 +8,7 @@ import json
 import queue
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Generator
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Generator
 from contextlib import asynccontextmanager, closing, contextmanager
 from typing import Any, NamedTuple
 
@@ -144,12 +144,14 @@ def running(endpoint: Callable[[], AsyncIterator[Client]]) -> Generator[Client]:
 
 
 @contextmanager
-def endpoint_of(gateway: Completer, token: str = "") -> Generator[Client]:
+def endpoint_of(
+    gateway: Completer, token: str = "", names: Collection[str] = ()
+) -> Generator[Client]:
     """An endpoint on a free port."""
 
     async def serve() -> AsyncIterator[Client]:
         registry = CollectorRegistry()
-        endpoint = HttpEndpoint(gateway, "127.0.0.1", 0, token, registry, LOG)
+        endpoint = HttpEndpoint(gateway, "127.0.0.1", 0, token, registry, LOG, names=names)
         await endpoint.start()
         try:
             yield Client(endpoint.port, registry)

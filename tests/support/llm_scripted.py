@@ -115,11 +115,15 @@ def job(
     within_s: float = LONG_S,
     schema: str = SCHEMA,
     fingerprint: str = "",
+    role: str = "",
+    system: str = "",
 ) -> Job:
     """A request whose deadline is `within_s` from now."""
+    said = (ChatMessage("system", system),) if system else ()
     return Job(
-        Prompt((ChatMessage("user", words),), schema),
+        Prompt((*said, ChatMessage("user", words)), schema),
         client,
         time.monotonic() + within_s,
         fingerprint,
+        role,
     )

@@ -7,7 +7,7 @@ import json
 import queue
 import ssl
 import threading
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from contextlib import closing, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, NamedTuple
@@ -22,6 +22,8 @@ SESSIONS = "/quality-on-demand/v1/sessions"
 RETRIEVE = "/quality-on-demand/v1/retrieve-sessions"
 PROFILES = "/qos-profiles/v1/qos-profiles"
 RETRIEVE_PROFILES = "/qos-profiles/v1/retrieve-qos-profiles"
+LOOPBACK = ("127.0.0.0/8",)
+"""Lets tests have their sinks where they run."""
 LOG = make_logger("test", level="critical")
 
 
@@ -108,10 +110,15 @@ def device(address: str) -> dict[str, Any]:
 
 
 @contextmanager
-def served(links: Links | None = None, token: str = "") -> Generator[Api]:
+def served(
+    links: Links | None = None,
+    token: str = "",
+    names: Collection[str] = (),
+    sinks: Collection[str] = (),
+) -> Generator[Api]:
     """The API on a free port."""
     links, registry = links or Links(), CollectorRegistry()
-    server = Server(links, "127.0.0.1", 0, token, registry, LOG)
+    server = Server(links, "127.0.0.1", 0, token, registry, LOG, names=names, sinks=sinks)
     server.start()
     try:
         yield Api(server, links, registry)
@@ -133,6 +140,7 @@ class Sink:
         self.url = url
         self.received: queue.Queue[Received] = queue.Queue()
         self.statuses: list[int] = []
+        self.location = "/elsewhere"
         self.hold = threading.Event()
         self.hold.set()
 
@@ -151,7 +159,7 @@ def listening(context: ssl.SSLContext | None = None) -> Generator[Sink]:
             sink.received.put(Received(self.path, names, json.loads(body)))
             sink.hold.wait(20)
             self.send_response(sink.statuses.pop(0) if sink.statuses else 204)
-            self.send_header("Location", "/elsewhere")
+            self.send_header("Location", sink.location)
             self.send_header("Content-Length", "0")
             self.end_headers()
 

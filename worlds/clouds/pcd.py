@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 
 from swarm.errors import WorldError
 from swarm.geometry import Points
+from worlds.bounded import read_whole
 from worlds.clouds.lzf import decompress
 
 MAX_HEADER_BYTES = 4096
 MAX_POINTS = 12_000_000
+MAX_COMPRESSED_BYTES = 1 << 28
+"""Of the points of a compressed file, unpacked."""
+MAX_TEXT_BYTES = 64
+"""Of a number in an ascii file, with the space around it."""
 _TYPES = {("F", 4): "<f4", ("F", 8): "<f8"} | {
     (kind, size): f"{'<' if size > 1 else '|'}{code}{size}"
     for kind, code in (("I", "i"), ("U", "u"))
@@ -28,7 +33,7 @@ def read_pcd(path: Path) -> Points:
     Raises WorldError that names the file and what is wrong with it.
     """
     try:
-        data = Path(path).read_bytes()
+        data = read_whole(Path(path))
     except OSError as error:
         raise WorldError(f"point cloud {path} cannot be read: {error}") from error
     header, body = _split_header(path, data)
@@ -77,6 +82,11 @@ def _positive(path: Path, header: dict[str, list[str]], name: str) -> int:
 
 
 def _read_ascii(path: Path, body: bytes, fields: list[str], count: int) -> Points:
+    if len(body) > MAX_TEXT_BYTES * (count * len(fields) + 1):
+        raise WorldError(
+            f"point cloud {path} announces {count} points of {len(fields)} numbers, holds "
+            f"{len(body)} bytes"
+        )
     try:
         with np.errstate(over="ignore"):  # a number beyond float32 becomes infinite
             values = np.array(body.split(), dtype=np.float32)
@@ -109,6 +119,8 @@ def _read_compressed(path: Path, body: bytes, header: dict[str, list[str]], coun
         packed, size = struct.unpack_from("<II", body)
         if size != count * layout.itemsize:
             raise ValueError(f"{size} bytes for {count} points of {layout.itemsize} bytes")
+        if size > MAX_COMPRESSED_BYTES:
+            raise ValueError(f"it unpacks to {size} bytes; allowed: {MAX_COMPRESSED_BYTES}")
         data = decompress(body[8 : 8 + packed], size)
     except (struct.error, ValueError) as error:
         raise WorldError(f"point cloud {path} is not well compressed: {error}") from error
@@ -139,7 +151,7 @@ def _layout(path: Path, header: dict[str, list[str]]) -> tuple[np.dtype[np.void]
             raise ValueError("FIELDS, SIZE, TYPE and COUNT differ in length")
         if any(int(counts[column]) < 1 for column in columns):
             raise ValueError("x, y and z need COUNT 1")
-    except (KeyError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         raise WorldError(f"point cloud {path} has a malformed header: {error}") from error
     return layout, columns
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from swarm.errors import WorldError
 from swarm.geometry import Points
+from worlds.bounded import read_whole
 from worlds.clouds.pcd import MAX_POINTS
 
 MAX_HEADER_BYTES = 65_536
@@ -34,7 +35,7 @@ def read_ply(path: Path) -> Points:
     Raises WorldError that names the file and what is wrong with it.
     """
     try:
-        data = Path(path).read_bytes()
+        data = read_whole(Path(path))
     except OSError as error:
         raise WorldError(f"point cloud {path} cannot be read: {error}") from error
     order, elements, body = _header(path, data)

@@ -334,6 +334,18 @@ def test_this_hosts_own_names_are_answered(endpoint: Client, host: str) -> None:
     assert endpoint.send("GET", "/v1/models", headers={"Host": host}).status == 200
 
 
+def test_names_of_the_list_are_answered_also_with_a_token_and_others_never(
+    gateway: Scripted,
+) -> None:
+    shown = {"Authorization": f"Bearer {TOKEN}", "Host": "llm.plant:9106"}
+    with endpoint_of(gateway, TOKEN) as endpoint:
+        answer = endpoint.chat(headers=shown)
+        assert (answer.status, answer.error["code"]) == (403, "host")
+    with endpoint_of(gateway, TOKEN, ["llm.plant"]) as endpoint:
+        assert endpoint.chat(headers=shown).status == 200
+        assert endpoint.chat(headers={"Host": "llm.plant"}).status == 401
+
+
 def test_other_hosts_need_a_token(gateway: Scripted) -> None:
     with pytest.raises(SettingError, match=r"COADAPT_LLM_HTTP_HOST = '0\.0\.0\.0'"):
         HttpEndpoint(gateway, "0.0.0.0", 0, "", CollectorRegistry(), LOG)

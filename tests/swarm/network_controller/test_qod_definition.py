@@ -20,6 +20,7 @@ import pytest
 from tests.support.first_hour import Figure
 from tests.support.paths import REPOSITORY
 from tests.support.qod_client import (
+    LOOPBACK,
     PROFILES,
     RETRIEVE,
     RETRIEVE_PROFILES,
@@ -77,7 +78,7 @@ def hold(found: dict[str, Any], operations: int) -> None:
 
 @pytest.fixture
 def api() -> Iterator[Api]:
-    with served(token=TOKEN) as api:
+    with served(token=TOKEN, sinks=LOOPBACK) as api:
         yield api
 
 
@@ -133,7 +134,7 @@ def test_unknown_fields_change_nothing(api: Api) -> None:
     bodies = {
         SESSIONS: wish(
             devicePorts={"ports": [1], "ranges": [{"from": 1, "to": 2}]},
-            sink="https://example.com/events",
+            sink="https://127.0.0.1:9/events",
             sinkCredential={
                 "credentialType": "ACCESSTOKEN",
                 "accessToken": "opaque",

@@ -15,11 +15,12 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from network_controller.qod import events
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.events import Notifier
 from network_controller.qod.messages import StatusChange, StatusEvent
 from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.sinks import Sink as Address
-from tests.support.qod_client import LOG, SESSIONS, Api, Sink, device, listening, served
+from tests.support.qod_client import LOG, LOOPBACK, SESSIONS, Api, Sink, device, listening, served
 from tests.support.zenoh_fixtures import until
 
 TYPE = "org.camaraproject.quality-on-demand.v1.qos-status-changed"
@@ -34,7 +35,7 @@ def sink() -> Generator[Sink]:
 
 @pytest.fixture
 def api(sink: Sink) -> Generator[Api]:
-    with served() as api:
+    with served(sinks=LOOPBACK) as api:
         yield api
 
 
@@ -172,7 +173,7 @@ def test_a_sink_that_drips_is_cut_off(api: Api, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_closing_the_api_tells_the_sinks(sink: Sink) -> None:
-    with served() as api:
+    with served(sinks=LOOPBACK) as api:
         api.create(sink=sink.url)
         assert sink.next().event["data"]["qosStatus"] == "AVAILABLE"
     assert sink.next().event["data"]["statusInfo"] == "NETWORK_TERMINATED"
@@ -185,7 +186,7 @@ def posted(number: int) -> StatusEvent:
 
 def test_events_for_one_sink_keep_their_order_and_too_many_are_dropped(sink: Sink) -> None:
     registry = CollectorRegistry()
-    notifier = Notifier(QodMetrics(registry), LOG)
+    notifier = Notifier(Destinations(LOOPBACK), QodMetrics(registry), LOG)
     address = Address(False, "127.0.0.1", sink.server.server_port, "/", None, None)
     for number in range(events.WAITING + 5):
         notifier.post(address, posted(number))
@@ -197,7 +198,7 @@ def test_events_for_one_sink_keep_their_order_and_too_many_are_dropped(sink: Sin
 
 def test_nothing_is_sent_after_the_token_has_expired(sink: Sink) -> None:
     registry = CollectorRegistry()
-    notifier = Notifier(QodMetrics(registry), LOG)
+    notifier = Notifier(Destinations(LOOPBACK), QodMetrics(registry), LOG)
     notifier.start()
     over = datetime.now(UTC) - timedelta(seconds=1)
     port = sink.server.server_port
@@ -222,7 +223,7 @@ def test_over_https_the_sink_must_show_a_certificate_that_is_trusted(
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificate, key)
     monkeypatch.setattr(events, "ATTEMPTS", 1)
-    with listening(context) as sink, served() as api:
+    with listening(context) as sink, served(sinks=LOOPBACK) as api:
         session = api.create(sink=sink.url).body
         counted(api, "failed")
         assert sink.received.empty()

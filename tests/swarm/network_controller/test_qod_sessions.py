@@ -12,6 +12,7 @@ import pytest
 
 from network_controller import ladder
 from network_controller.qod.book import Session, SessionBook
+from network_controller.qod.destinations import Destinations
 from network_controller.qod.messages import CreateSession
 from tests.support.qod_client import LOG, RETRIEVE, SESSIONS, Api, Links, device, served, wish
 from tests.support.zenoh_fixtures import until
@@ -219,7 +220,7 @@ REQUEST = _request("10.77.0.2", 1)
 
 def test_a_session_ends_when_its_time_is_over_and_can_still_be_read() -> None:
     links, changes = Links(), Changes()
-    book = SessionBook(links, changes, LOG)
+    book = SessionBook(links, changes, Destinations(), LOG)
     book.start()
     try:
         session = book.create(REQUEST)
@@ -237,7 +238,7 @@ def test_a_session_ends_when_its_time_is_over_and_can_still_be_read() -> None:
 
 def test_an_extension_in_time_keeps_a_session() -> None:
     links, changes = Links(), Changes()
-    book = SessionBook(links, changes, LOG)
+    book = SessionBook(links, changes, Destinations(), LOG)
     book.start()
     try:
         long = book.create(_request("10.77.0.3", 2))
@@ -252,7 +253,7 @@ def test_an_extension_in_time_keeps_a_session() -> None:
 
 def test_a_session_that_ended_is_forgotten_after_a_while() -> None:
     links, changes = Links(), Changes()
-    book = SessionBook(links, changes, LOG, keep_s=0.0)
+    book = SessionBook(links, changes, Destinations(), LOG, keep_s=0.0)
     book.start()
     try:
         session = book.create(REQUEST)

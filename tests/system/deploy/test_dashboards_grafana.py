@@ -33,6 +33,7 @@ from network_controller.metrics import ControllerMetrics
 from network_controller.qod.metrics import QodMetrics
 from robot_agent.metrics import RobotMetrics
 from swarm.errors import DeployError
+from swarm.http_access import Access
 from swarm.log import make_logger
 from swarm.router import serve_metrics
 from tests.support.paths import REPOSITORY
@@ -87,7 +88,8 @@ def metrics() -> dict[str, set[str]]:
     for of_process in (RobotMetrics, EgoMetrics, ControllerMetrics, QodMetrics, GatewayMetrics):
         of_process(registry)
     AuthorityMetrics(registry, life_s=60)
-    make_app(cast("Any", None), "", registry, make_logger("test", level="critical"))
+    log = make_logger("test", level="critical")
+    make_app(cast("Any", None), Access("localhost", ""), registry, log)
     found = dict(OTHERS)
     for collector in set(registry._collector_to_names):
         collected = cast("Any", collector)

@@ -404,15 +404,21 @@ def test_keys_and_tokens_stand_in_no_file_and_reach_only_whom_they_are_for(
     monkeypatch.setenv("COADAPT_LLM_API_KEY", "sk-secret")
     monkeypatch.setenv("COADAPT_LLM_API_KEY_FILE", str(tmp_path / "key"))
     monkeypatch.setenv("COADAPT_QOD_TOKEN", "qod-secret")
+    monkeypatch.setenv("COADAPT_LLM_HTTP_TOKEN_FILE", str(tmp_path / "token"))
     spec = make_spec(swarm="s", robots=("R1", "R2"), runtime="docker", llm="http://h:1/v1")
-    assert "sk-secret" not in compose.compose_file(spec, "image:tag", "llm:tag", "172.17.0.1")
+    text = compose.compose_file(spec, "image:tag", "llm:tag", "172.17.0.1")
+    assert "sk-secret" not in text
+    assert "qod-secret" not in text
     services = composed(spec)
     gateway = services.pop("gateway")
     # Compose takes the value of a variable without one from its own environment.
     assert gateway["environment"]["COADAPT_LLM_API_KEY"] is None
     assert gateway["environment"]["COADAPT_LLM_API_KEY_FILE"] == compose.KEY
     assert f"{tmp_path / 'key'}:{compose.KEY}:ro" in gateway["volumes"]
+    inside = gateway["environment"]["COADAPT_LLM_HTTP_TOKEN_FILE"]
+    assert f"{tmp_path / 'token'}:{inside}:ro" in gateway["volumes"]
     for name, service in services.items():
         names = set(service["environment"])
         assert not any(one.startswith("COADAPT_LLM_API_KEY") for one in names), name
+        assert not any("/run/secrets" in one for one in service.get("volumes", ())), name
         assert ("COADAPT_QOD_TOKEN" in names) == (name == "controller")

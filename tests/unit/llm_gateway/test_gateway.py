@@ -454,6 +454,48 @@ def test_an_equal_scene_gets_a_known_answer_only_if_it_follows_the_present_schem
     run(scenario())
 
 
+def test_nobody_leaves_answers_for_those_of_another_role() -> None:
+    """An HTTP client's answer to an ego's very prompt, or for its scene, is not the ego's."""
+
+    async def scenario() -> None:
+        scene = "0123456789abcdef"
+        async with rig(saying(EARLY, LATE)) as made:
+            complete = made.gateway.complete
+            await complete(job(fingerprint=scene, role="http"))
+            asked = await complete(job(fingerprint=scene, role="ego"))
+            assert (asked.source, asked.text) == ("llm", LATE)
+            again = await complete(job(fingerprint=scene, role="ego", client="E2"))
+            assert (again.source, again.hit, again.text) == ("cache", "exact", LATE)
+            first = await complete(job("otherwise", fingerprint=scene, role="http"))
+            assert (first.source, first.hit, first.text) == ("cache", "fingerprint", EARLY)
+
+    run(scenario())
+
+
+def test_calls_under_way_are_not_shared_with_another_role() -> None:
+    async def scenario() -> None:
+        async with rig(saying(EARLY, LATE)) as made:
+            both = (made.gateway.complete(job(role=role)) for role in ("http", "ego"))
+            done = await asyncio.gather(*both)
+            assert {one.text for one in done} == {EARLY, LATE}
+
+    run(scenario())
+
+
+def test_an_equal_scene_is_one_of_the_same_template() -> None:
+    async def scenario() -> None:
+        scene = "0123456789abcdef"
+        async with rig(saying(EARLY, LATE)) as made:
+            complete = made.gateway.complete
+            await complete(job("20 Mbit/s", fingerprint=scene, system="Say early."))
+            other = await complete(job("21 Mbit/s", fingerprint=scene, system="Choose."))
+            assert (other.source, other.text) == ("llm", LATE)
+            same = await complete(job("22 Mbit/s", fingerprint=scene, system="Choose."))
+            assert (same.hit, same.text) == ("fingerprint", LATE)
+
+    run(scenario())
+
+
 def test_timings_and_tokens_are_told() -> None:
     async def scenario() -> None:
         async with rig(saying(EARLY)) as made:
