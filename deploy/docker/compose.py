@@ -216,10 +216,9 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     if folder := FOLDERS.get(service.role):
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
     if spec.secure and service.common_name:
-        own = (
-            roster.identity_path(at, service.common_name) for at in (spec.var_dir, PLACE.var_dir)
-        )
-        volumes.append(f"{':'.join(own)}:ro")
+        here = roster.identity_path(spec.var_dir, service.common_name)
+        there = roster.identity_path(PLACE.var_dir, service.common_name)
+        volumes.append(f"{here}:{there}:ro")
     if service.role == "console":
         volumes.append(f"{spec.var_dir}/{roster.RECORDINGS}:{PLACE.var_dir}/{roster.RECORDINGS}:ro")
     if service.role == "prometheus":
