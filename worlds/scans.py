@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from perception.types import clean_points
 from swarm.errors import ScanError, WorldError
 from swarm.geometry import Points
+from worlds.clouds.npy import read_npy
 from worlds.clouds.pcd import MAX_POINTS, read_pcd
 from worlds.clouds.ply import read_ply
 
@@ -87,9 +88,8 @@ def _read_file(path: Path) -> Points:
 
 def _read_npy(path: Path) -> Points:
     try:
-        # The stored text of a pickle may run code; an array's may not.
-        return xyz(np.load(path, allow_pickle=False))
-    except (OSError, ValueError, EOFError) as error:
+        return xyz(read_npy(path))
+    except (OSError, ValueError) as error:
         raise WorldError(f"point cloud {path} cannot be read: {error}") from error
     except ScanError as error:
         raise WorldError(f"point cloud {path} {error}") from error
