@@ -35,7 +35,7 @@ DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent n
 
 .DEFAULT_GOAL := help
 .PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench train eval-detector eval \
-	pictures sbom docs lock clean
+	pictures sbom fuzz docs lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -134,6 +134,9 @@ pictures: setup ## Make the documents' pictures anew (DATA=dir: that of OPV2V, t
 
 sbom: setup ## List what is installed, with licences, as CycloneDX: build/sbom.json
 	@$(PYTHON_ENV) -m research.sbom $(ARGS)
+
+fuzz: setup ## Fuzz what reads bytes of others: build/fuzz.json (ARGS='--seconds 600 --target points')
+	@$(PYTHON_ENV) -m research.fuzz $(ARGS)
 
 docs: setup ## Build the API reference from docstrings: build/docs/index.html
 	@$(PYTHON_ENV) -W error::UserWarning -m pdoc --docformat google --no-show-source --output-directory build/docs $(DOCUMENTED)

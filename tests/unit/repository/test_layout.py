@@ -120,6 +120,11 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.recordings", SENSES | {"deploy", "options.bags"}),
         ("research.training", SENSES),
         (
+            "research.fuzz",
+            (PRODUCT - {"coadapt", "deploy", "robot_agent", "sensing"})
+            | {"options.bags", "options.ros", "options.ros2", "options.recordings"},
+        ),
+        (
             "research.evaluation",
             (PRODUCT - {"robot_agent", "coadapt"}) | {"research.training", "options.pictures"},
         ),
