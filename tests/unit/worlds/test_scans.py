@@ -154,6 +154,7 @@ def test_a_cloud_without_x_is_told_with_its_fields_and_what_is_needed(
         ("a.bin", FOUR.tobytes()[:-1], "47 bytes; it must be 16 bytes a point"),
         ("a.bin", np.repeat(POINTS, 4, axis=0).tobytes(), "negative numbers in the place"),
         ("a.pcd.bin", FOUR.tobytes(), "20 bytes a point"),
+        ("a.ply", b"end_header", "no PLY header"),
         ("a.npy", b"nothing", "cannot be read"),
         ("a.npy", npy_header("{'descr': '<f4', 'shape': '''(2, 3), }"), "header is malformed"),
         ("a.npy", npy_header("{'descr': '<f4', 'shape': (2, 3), ("), "header is malformed"),
