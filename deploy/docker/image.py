@@ -153,6 +153,8 @@ def wheelhouse(lock: Path, say: Say) -> Path:
     partial.mkdir(parents=True)
     pip = [sys.executable, "-m", "pip"]
     pinned = ["--quiet", "--no-deps", "--requirement", str(lock)]
+    if "--hash=" in lock.read_text():
+        pinned.append("--require-hashes")
     if f"{sys.version_info.major}.{sys.version_info.minor}" == PYTHON_VERSION:
         command = [*pip, "wheel", *pinned, "--wheel-dir", str(partial)]
     else:
