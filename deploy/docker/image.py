@@ -32,7 +32,11 @@ PACKAGES = (
 )
 LOCKS = (REPOSITORY / "requirements.lock", REPOSITORY / "requirements-torch.lock")
 DOCKERFILE = REPOSITORY / "deploy" / "docker" / "Dockerfile"
-PUBLIC_BASE = "python:3.11-slim-bookworm"
+PUBLIC_BASE = (
+    "python:3.11-slim-bookworm"
+    "@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b"
+)
+"""Python 3.11.16. The digest is the index's, in which each machine finds its own image."""
 PYTHON_VERSION = "3.11"
 PLATFORMS = ("manylinux_2_34", "manylinux_2_28", "manylinux_2_17", "manylinux2014", "manylinux1")
 
@@ -153,6 +157,8 @@ def wheelhouse(lock: Path, say: Say) -> Path:
     partial.mkdir(parents=True)
     pip = [sys.executable, "-m", "pip"]
     pinned = ["--quiet", "--no-deps", "--requirement", str(lock)]
+    if "--hash=" in lock.read_text():
+        pinned.append("--require-hashes")
     if f"{sys.version_info.major}.{sys.version_info.minor}" == PYTHON_VERSION:
         command = [*pip, "wheel", *pinned, "--wheel-dir", str(partial)]
     else:

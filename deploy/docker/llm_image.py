@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,8 +16,8 @@ from swarm.errors import DeployError
 BUILD_S = 1800
 LOCK = REPOSITORY / "requirements-llm.lock"
 DOCKERFILE = REPOSITORY / "deploy" / "docker" / "llm.Dockerfile"
-BUILT_HERE = "llama_cpp_python=="
-"""The one package that is built for this machine's processor."""
+BUILT_HERE = re.compile(r"^llama-cpp-python==.*\n(?: .*\n)*", re.MULTILINE)
+"""The lock's lines of the one package that is built for this machine's processor."""
 
 
 def ensure_llm_image(base: str, say: Say) -> str:
@@ -37,8 +38,7 @@ def ensure_llm_image(base: str, say: Say) -> str:
     wheels = context / "wheels"
     wheels.mkdir(parents=True)
     others = context / "requirements.txt"
-    lines = LOCK.read_text().splitlines(keepends=True)
-    others.write_text("".join(line for line in lines if not line.startswith(BUILT_HERE)))
+    others.write_text(BUILT_HERE.sub("", LOCK.read_text()))
     for folder in (built, wheelhouse(others, say)):
         for wheel in folder.glob("*.whl"):
             shutil.copy(wheel, wheels)

@@ -101,7 +101,7 @@ def _endpoint(operation: Operation, service: Service) -> Callable[[Request], Awa
                 raise problems.unsupported_media(request.headers.get("content-type", ""))
             try:
                 body = read(raw, operation.body)
-            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            except msgspec.DecodeError as error:
                 raise problems.invalid(f"the body is not valid: {error}") from error
         # The network may wait for the kernel; other requests must not.
         result = await run_in_threadpool(carry_out, request.path_params, body)

@@ -240,4 +240,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
 
 def read(raw: bytes, kind: Any) -> Any:
     """A body of the given kind. Raises msgspec.DecodeError with the place and what is allowed."""
-    return msgspec.json.decode(raw, type=kind)
+    try:
+        return msgspec.json.decode(raw, type=kind)
+    except (UnicodeDecodeError, RecursionError) as error:
+        raise msgspec.DecodeError(f"JSON is malformed: {error}") from error

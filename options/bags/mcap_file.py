@@ -143,7 +143,8 @@ class McapFile:
             return False
         stream = io.BytesIO(self._bytes(summary, self._size - summary))
         try:
-            for record in StreamReader(stream, skip_magic=True).records:
+            # Nothing of a summary is packed; a chunk that lies in it all the same is not unpacked.
+            for record in StreamReader(stream, skip_magic=True, emit_chunks=True).records:
                 if isinstance(record, ChunkIndex):
                     self._chunks.append(record)
                 else:

@@ -13,6 +13,9 @@ from options.bags.storage import Index, Place, make_index
 from options.bags.unpack import MAX_UNPACKED_BYTES
 from swarm.errors import WorldError
 
+_DAMAGED = (sqlite3.Error, MemoryError)
+"""What a damaged file may raise: SQLite runs out of memory over some headers."""
+
 
 class SqliteFile:
     """One `.db3` file. What lies beyond a cut is left out."""
@@ -30,8 +33,8 @@ class SqliteFile:
             topics = self._connection.execute(
                 "SELECT id, name, type, serialization_format FROM topics"
             ).fetchall()
-        except sqlite3.Error as error:
-            why = str(error)
+        except _DAMAGED as error:
+            why = str(error) or repr(error)
             code = getattr(error, "sqlite_errorcode", None)
             if code == sqlite3.SQLITE_CANTOPEN and _has_journal(path):
                 why += (
@@ -69,9 +72,9 @@ class SqliteFile:
                         f"{MAX_UNPACKED_BYTES}"
                     )
                 return blob.read(size)
-        except sqlite3.Error as error:
+        except _DAMAGED as error:
             raise WorldError(
-                f"message {place[0]} of bag file {self.path} cannot be read: {error}"
+                f"message {place[0]} of bag file {self.path} cannot be read: {error!r}"
             ) from error
 
     def _check_whole(self) -> None:
@@ -93,8 +96,8 @@ class SqliteFile:
                     yield row
                 else:
                     self.cut = self.cut or f"one of its messages is {row!r:.200}"
-        except sqlite3.Error as error:
-            self.cut = self.cut or str(error)
+        except _DAMAGED as error:
+            self.cut = self.cut or str(error) or repr(error)
 
     def _drop_unreadable(self) -> None:
         """Leaves out the last messages, whose bytes lie beyond the cut."""

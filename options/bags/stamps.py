@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from options.bags.recording import Messages
 from options.ros.messages import STAMP_BYTES, read_stamp
 from swarm.files import write_whole
+from worlds.clouds.npy import read_npy
 
 MANY = 1000
 """Fewer scans' stamps are read as fast as they are looked up."""
@@ -61,8 +62,8 @@ def _place(clouds: Messages) -> Path | None:
 
 def _load(path: Path, count: int) -> NDArray[np.int64] | None:
     try:
-        found: NDArray[np.int64] = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+        found: NDArray[np.int64] = read_npy(path)
+    except (OSError, ValueError):
         return None
     return found if found.dtype == np.int64 and found.shape == (count,) else None
 

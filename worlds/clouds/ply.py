@@ -74,7 +74,7 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], bytes]:
     """The byte order ("" of ascii), the elements, and what follows the header."""
     head, found, body = data[:MAX_HEADER_BYTES].partition(b"end_header")
     lines = head.decode("ascii", errors="replace").splitlines()
-    if not found or lines[0].strip() != "ply":
+    if not found or not lines or lines[0].strip() != "ply":
         raise WorldError(f"point cloud {path} has no PLY header that ends with end_header")
     body = data[len(head) + len(found) :]
     body = body[2 if body.startswith(b"\r\n") else 1 :]

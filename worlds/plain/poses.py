@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarm.errors import WorldError
 from swarm.geometry import Matrix, Pose, are_rotations, invert
-from worlds.bounded import load_npy
+from worlds.clouds.npy import read_npy
 
 NAMES = ("poses.txt", "poses.csv", "poses.npy")
 CALIBRATION = "calib.txt"
@@ -44,10 +44,10 @@ def read_poses(path: Path) -> list[Matrix]:
             case ".txt":
                 matrices = _matrices(np.loadtxt(path, ndmin=2))
             case ".npy":
-                matrices = _matrices(load_npy(path))
+                matrices = _matrices(read_npy(path))
             case _:
                 matrices = _from_csv(path)
-    except (OSError, ValueError, EOFError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise WorldError(f"poses {path} cannot be read: {error}") from error
     if matrices.size == 0:
         raise WorldError(f"poses {path} has none")

@@ -121,6 +121,11 @@ SENSES = {"swarm", "perception", "worlds"}
         ("research.training", SENSES),
         ("research.chaos", {"swarm", "deploy", "ego_agent", "research.benchmarks"}),
         (
+            "research.fuzz",
+            (PRODUCT - {"coadapt", "deploy", "robot_agent", "sensing"})
+            | {"options.bags", "options.ros", "options.ros2", "options.recordings"},
+        ),
+        (
             "research.evaluation",
             (PRODUCT - {"robot_agent", "coadapt"}) | {"research.training", "options.pictures"},
         ),

@@ -37,6 +37,12 @@ def npy(path: Path, array: Any) -> bytes:
     return path.read_bytes()
 
 
+def npy_header(text: str) -> bytes:
+    """A file of the format's first version with that header, and no numbers."""
+    head = text.encode().ljust(118) + b"\n"
+    return b"\x93NUMPY\1\0" + len(head).to_bytes(2, "little") + head
+
+
 TEXT = "\n".join(" ".join(str(v) for v in row) for row in POINTS).encode()
 DOUBLE = "double x,double y,double z,uchar ring"
 RECORDS = np.dtype([("x", ">f8"), ("y", ">f8"), ("z", ">f8"), ("ring", "u1")])
@@ -148,7 +154,15 @@ def test_a_cloud_without_x_is_told_with_its_fields_and_what_is_needed(
         ("a.bin", FOUR.tobytes()[:-1], "47 bytes; it must be 16 bytes a point"),
         ("a.bin", np.repeat(POINTS, 4, axis=0).tobytes(), "negative numbers in the place"),
         ("a.pcd.bin", FOUR.tobytes(), "20 bytes a point"),
+        ("a.ply", b"end_header", "no PLY header"),
         ("a.npy", b"nothing", "cannot be read"),
+        ("a.npy", npy_header("{'descr': '<f4', 'shape': '''(2, 3), }"), "header is malformed"),
+        ("a.npy", npy_header("{'descr': '<f4', 'shape': (2, 3), ("), "header is malformed"),
+        (
+            "a.npy",
+            npy_header("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999, 3), }"),
+            "more than there is memory for",
+        ),
         ("a.txt", b"1 2 3", r"no known kind; allowed: \.pcd, \.bin, \.ply, \.npy"),
         ("a.ply", b"plywood", "no PLY header"),
         ("a.ply", b"", "no PLY header"),
