@@ -8,7 +8,6 @@ from pathlib import Path
 from tokenize import TokenError
 from typing import Any, BinaryIO
 
-import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
