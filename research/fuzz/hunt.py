@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from research.fuzz.limits import scratch
 from research.fuzz.trial import Finding, try_out
 
 _EXECUTED = re.compile(r"^stat::number_of_executed_units:\s*(\d+)", re.M)
@@ -109,14 +110,16 @@ def _words(command: list[str], timeout_s: float) -> str:
     """What a worker says. One that a hanging input holds is killed: it left that input behind, or
     the machine was so busy that it got no further."""
     try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=timeout_s,
-            check=False,
-        )
+        with scratch() as settings:
+            done = subprocess.run(
+                command,
+                env=settings,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=timeout_s,
+                check=False,
+            )
     except subprocess.TimeoutExpired as error:
         said = error.stderr or b""
         return said.decode(errors="replace") if isinstance(said, bytes) else said

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from research.fuzz.limits import HANG_CPU_S, JUMP_MB, forget_peak, held_mb, peak_mb
+from research.fuzz.limits import HANG_CPU_S, JUMP_MB, forget_peak, held_mb, peak_mb, scratch
 from research.fuzz.target import Target, load
 
 Kind = Literal["crash", "hang", "jump"]
@@ -69,13 +69,15 @@ def attempt(target: Target, data: bytes) -> Finding | None:
 
 def try_out(place: str, path: Path) -> Finding | None:
     """What an input does to a target, in a process of its own; None when it may."""
-    done = subprocess.run(
-        [sys.executable, "-m", "research.fuzz.trial", place, str(path)],
-        capture_output=True,
-        text=True,
-        timeout=_GIVE_UP_S,
-        check=False,
-    )
+    with scratch() as settings:
+        done = subprocess.run(
+            [sys.executable, "-m", "research.fuzz.trial", place, str(path)],
+            env=settings,
+            capture_output=True,
+            text=True,
+            timeout=_GIVE_UP_S,
+            check=False,
+        )
     if done.returncode == 0:
         found = json.loads(done.stdout.splitlines()[-1])
         return None if found is None else Finding(found["kind"], found["what"])

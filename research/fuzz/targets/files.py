@@ -1,9 +1,8 @@
-"""Targets: files of others, written into memory where the machine has a place for that."""
+"""Targets: files of others, written where temporary files lie."""
 
 from __future__ import annotations
 
 import atexit
-import os
 import shutil
 import tempfile
 from functools import cache
@@ -29,13 +28,11 @@ MAX_MESSAGES = 20
 SCANS = (".pcd", ".ply", ".npy", ".bin", ".pcd.bin")
 BAGS = (".mcap", ".db3")
 TABLES = ("poses.txt", "poses.csv", "poses.npy", "world.toml", "trace", "scene.json")
-_MEMORY = Path("/dev/shm")
 
 
 @cache
 def _folder() -> Path:
-    place = _MEMORY if os.access(_MEMORY, os.W_OK) else None
-    folder = Path(tempfile.mkdtemp(prefix="coadapt-fuzz-", dir=place))
+    folder = Path(tempfile.mkdtemp(prefix="coadapt-fuzz-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
 
