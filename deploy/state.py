@@ -134,6 +134,8 @@ def make_run_dir(spec: SwarmSpec) -> Path:
             facts = directory.lstat()
             if directory.is_symlink() or facts.st_uid != os.getuid():
                 raise DeployError(f"run directory {directory} belongs to someone else; remove it")
+            # Where it was there before: who may enter it may steer the swarm.
+            directory.chmod(0o700)
     except OSError as error:
         raise DeployError(
             f"run directory {path} cannot be made: {error}; set COADAPT_RUN_DIR to another place"

@@ -120,9 +120,13 @@ class Connection:
     def _watch(self) -> None:
         grace_s = GRACE_S
         short_since: float | None = None
+        renew_at, renew_s = 0.0, POLL_S
         while not self._closing.wait(POLL_S):
             up = self.links()
-            if self._renewed() and up and not self._replace(0):
+            if up and self._renewed() and time.monotonic() >= renew_at:
+                done = self._replace(up, "identity_renewed")
+                renew_s = POLL_S if done else min(2 * renew_s, MAX_GRACE_S)
+                renew_at = time.monotonic() + renew_s
                 continue
             # Without any link Zenoh itself goes on trying until the router is back.
             if up == 0 or up >= self._expected:
@@ -133,25 +137,30 @@ class Connection:
             short_since = now if short_since is None else short_since
             if now - short_since < grace_s:
                 continue
-            grace_s = GRACE_S if self._replace(up) else min(2 * grace_s, MAX_GRACE_S)
+            grace_s = (
+                GRACE_S
+                if self._replace(up + 1, "links_restored")
+                else min(2 * grace_s, MAX_GRACE_S)
+            )
             short_since = None
 
     def _renewed(self) -> bool:
         """Whether the certificate that the session shows has been replaced by a newer one."""
         return self._identity is not None and self._identity.version() not in (self._shown, ())
 
-    def _replace(self, up: int) -> bool:
-        """Moves everything to a new session; False when that would have no more links than `up`."""
-        shown = self._identity.version() if self._identity else ()
+    def _replace(self, least: int, what: str) -> bool:
+        """Moves everything to a new session; False when that would have less links than `least`.
+        `what` is logged where it is done."""
+        up, shown = self.links(), self._identity.version() if self._identity else ()
         try:
             fresh = transport.open_zenoh(self._config, timeout_s=OPEN_S, stop=self._closing)
         except (TransportError, IdentityError) as error:
-            self._log.warning("links_missing", links=up, error=str(error)[:300])
+            self._log.warning("not_replaced", links=up, error=str(error)[:300])
             return False
         settled = time.monotonic() + SETTLE_S
         while (found := _links(fresh)) < self._expected and time.monotonic() < settled:
             self._closing.wait(POLL_S / 10)
-        if found <= up:
+        if found < least:
             self._log.warning("links_missing", links=up, expected=self._expected)
             close_zenoh(fresh)
             return False
@@ -162,14 +171,14 @@ class Connection:
             try:
                 entities = [make(fresh) for make in self._declarations]
             except zenoh.ZError as error:
-                self._log.warning("links_missing", links=up, error=str(error)[:300])
+                self._log.warning("not_replaced", links=up, error=str(error)[:300])
                 close_zenoh(fresh)
                 return False
             old, self._zenoh = self._zenoh, fresh
             self._shown = shown
             withdrawn, self._entities = self._entities, entities
             self.reopened += 1
-        self._log.info("links_restored", before=up, links=found)
+        self._log.info(what, before=up, links=found)
         self._closing.wait(LINGER_S)
         close_zenoh(old, withdrawn)
         return True

@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -33,6 +34,9 @@ RUNTIME = "(rx: (worker_threads: 16))"
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
 
 
+REOPEN_S = 10.0
+"""How long a router that opens anew may take to close and to have its ports back; less than what it
+is watched for."""
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1", "[::1]")
 
 
@@ -74,11 +78,22 @@ class Router:
         self._open(configure())
 
     def reopen(self) -> None:
-        """Closes and opens with what `configure` gives now; raises as `__init__`. Nothing is
-        closed where it raises something."""
+        """Closes and opens with what `configure` gives now. Raises what that raises, with nothing
+        closed then, and TransportError."""
         config = self._configure()
-        self.close()
-        self._open(config)
+        if self._reporter is not None:
+            self._reporter.close()
+        transport.close_zenoh(self.session, patience_s=REOPEN_S)
+        deadline = time.monotonic() + REOPEN_S
+        while True:
+            try:
+                self._open(config)
+                return
+            except TransportError:
+                # Its ports may be free a moment later than it has said.
+                if time.monotonic() >= deadline:
+                    raise
+                time.sleep(0.1)
 
     def connected(self) -> tuple[int, int]:
         """How many sessions and links it has."""
@@ -127,6 +142,8 @@ def main() -> int:
     log = make_logger("router")
     stop = stop_on_signals()
     identity = Identity(args.identity.absolute()) if args.identity else None
+    if args.config and identity is not None:
+        parser.error("--config and --identity do not go together: the file says all")
 
     def configure() -> dict[str, object]:
         if args.config:
@@ -165,7 +182,7 @@ def main() -> int:
         seen = now
         try:
             router.reopen()
-        except IdentityError as error:
+        except (IdentityError, SettingError) as error:
             log.error("trust_not_renewed", error=str(error))
         except TransportError as error:
             print(f"swarm.router: {error}", file=sys.stderr)

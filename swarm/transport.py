@@ -24,9 +24,9 @@ from swarm.trust.members import Trust
 
 _TCP = re.compile(
     r"(?P<protocol>tcp|tls)/(?P<host>\[[^\]]+\]|[^:/\s]+):(?P<port>\d{1,5})"
-    r"(#identity=(?P<identity>/\S+))?"
+    r"(#identity=(?P<identity>/.+))?"
 )
-_UNIX = re.compile(r"(?P<locator>unixsock-stream/[^\s#]+)(#identity=(?P<identity>/\S+))?")
+_UNIX = re.compile(r"(?P<locator>unixsock-stream/[^\s#]+)(#identity=(?P<identity>/.+))?")
 MAX_UNIX_PATH = 100
 RETRY_S = 0.5
 POLL_S = 0.1
@@ -205,10 +205,12 @@ def open_zenoh(
 
     Raises:
         TransportError: the session could not be opened in time, or `stop` was set first.
+        IdentityError: this process has no certificate that it could show.
     """
     stop = stop or threading.Event()
     deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
     where = config.get("connect/endpoints") or config.get("listen/endpoints")
+    failure: zenoh.ZError | None = None
     while True:
         attempt: Future[zenoh.Session] = Future()
         # On a thread of its own: where packets vanish, an attempt lasts as long as TCP tries.
@@ -217,11 +219,13 @@ def open_zenoh(
             return _wait(attempt, deadline, stop)
         except zenoh.ZError as error:
             _check_identity(config)
+            failure = error
             if config["mode"] != "client" or time.monotonic() >= deadline:
-                raise TransportError(
-                    f"cannot open a Zenoh session at {where}: {error}{_hint(config)}"
-                ) from error
+                raise _cannot(where, failure, config) from error
         except TimeoutError as error:
+            if not stop.is_set() and failure is not None:
+                # How an earlier attempt ended says more than that this one has not.
+                raise _cannot(where, failure, config) from failure
             if not stop.is_set():
                 raise TransportError(f"no answer from {where} within {timeout_s} s") from error
         if stop.wait(RETRY_S):
@@ -248,6 +252,10 @@ def _check(identity: Identity) -> None:
     from swarm.trust.certificates import check
 
     check(identity)
+
+
+def _cannot(where: object, failure: zenoh.ZError, config: dict[str, Any]) -> TransportError:
+    return TransportError(f"cannot open a Zenoh session at {where}: {failure}{_hint(config)}")
 
 
 def _hint(config: dict[str, Any]) -> str:
@@ -278,8 +286,10 @@ def _check_identity(config: dict[str, Any]) -> None:
         _check(identity)
 
 
-def close_zenoh(session: zenoh.Session, entities: Iterable[Entity] = ()) -> None:
-    """Withdraws the entities and closes; waits no longer than CLOSE_S, and lets it go on.
+def close_zenoh(
+    session: zenoh.Session, entities: Iterable[Entity] = (), patience_s: float = CLOSE_S
+) -> None:
+    """Withdraws the entities and closes; waits no longer than `patience_s`, and lets it go on.
 
     Queryables go with the session: where two sessions serve one key and one of them withdraws it,
     a router of Zenoh 1.10 sends the questions to neither until somebody else connects.
@@ -295,7 +305,7 @@ def close_zenoh(session: zenoh.Session, entities: Iterable[Entity] = ()) -> None
 
     thread = threading.Thread(target=work, name="close", daemon=True)
     thread.start()
-    thread.join(CLOSE_S)
+    thread.join(patience_s)
 
 
 def _open(config: dict[str, Any], attempt: Future[zenoh.Session]) -> None:

@@ -10,10 +10,12 @@ import msgspec
 
 from coadapt.arguments import add_swarm
 from coadapt.commands.status import columns
+from deploy.progress import typed
 from deploy.spec import var_dir_of
 from deploy.state import read_state
+from swarm.errors import DeployError
 from swarm.keyspace import check_name
-from swarm.trust.roles import RULE
+from swarm.trust.roles import RULE, role_of
 
 if TYPE_CHECKING:
     from deploy.trust.keystore import Keystore
@@ -37,7 +39,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         action="append",
         default=[],
         metavar="HOST",
-        help="a name or IP address under which others reach it (of the router; repeatable)",
+        help="one more name or IP address under which others reach it (the router; repeatable)",
+    )
+    issue.add_argument(
+        "--again", action="store_true", help="also where it was revoked a short while ago"
     )
     issue.set_defaults(run=_issue)
     listed = commands.add_parser("list", help="who has one, and until when")
@@ -59,6 +64,11 @@ def _keystore(args: argparse.Namespace) -> Keystore:
 
 
 def _init(args: argparse.Namespace) -> int:
+    if args.again and read_state(args.swarm) is not None:
+        raise DeployError(
+            f"swarm {args.swarm!r} runs with the authority that it has; "
+            f"`{typed('down', args.swarm)}` first"
+        )
     store = _keystore(args)
     made = store.init(args.swarm, again=args.again)
     print(f"{store.folder}: {'a new authority' if made else 'has an authority already'}")
@@ -66,7 +76,7 @@ def _init(args: argparse.Namespace) -> int:
 
 
 def _issue(args: argparse.Namespace) -> int:
-    identity = _keystore(args).issue(args.name, args.address)
+    identity = _keystore(args).issue(args.name, args.address, again=args.again)
     print(f"{identity.folder}: of {args.name}")
     print(f"use         COADAPT_ROUTER=tls/HOST:PORT#identity={identity.folder}")
     return 0
@@ -94,5 +104,7 @@ def _revoke(args: argparse.Namespace) -> int:
         f"{args.name} has no rights any more: the router takes the new rules within some seconds, "
         "and all who are connected come anew"
     )
-    print(f"back        coadapt certs issue {args.name} --swarm {args.swarm}")
+    if role_of(args.name).kind == "robot":
+        print(f"its ego     coadapt certs revoke ego-{args.name}, where it had one")
+    print(f"back        coadapt certs issue {args.name} --again, where nobody has the old one")
     return 0

@@ -34,20 +34,29 @@ class AuthoritySettings(LifeSettings, frozen=True, kw_only=True):
     metrics_port: Port = 9108
 
 
-def renew_due(store: Keystore, left: Gauge, log: Logger) -> None:
-    """Renews what is due, and tells how long each certificate still holds."""
+def renew_due(store: Keystore, told: set[str], left: Gauge, log: Logger) -> set[str]:
+    """Renews what is due, and tells how long each certificate still holds. `told` are the names of
+    which that was told before; returns those of which it is now."""
     now = datetime.now(UTC)
-    left.clear()
-    for issued in store.issued():
-        end = issued.end
-        if store.due(issued, now):
+    issued = {one.name: one for one in store.issued()}
+    names = set(store.names()) - {name for name, one in issued.items() if one.revoked}
+    for name in told - names:
+        left.remove(name)
+    for name in sorted(names):
+        one = issued.get(name)
+        if one is None:
+            log.error("not_renewed", name=name, error="its certificate cannot be read")
+            left.labels(name).set(0)
+            continue
+        end = one.end
+        if store.due(one, now):
             try:
-                end = store.renew(issued.name)
-                log.info("renewed", name=issued.name, until=end.isoformat())
+                end = store.renew(name)
+                log.info("renewed", name=name, until=end.isoformat())
             except IdentityError as error:
-                log.error("not_renewed", name=issued.name, error=str(error))
-        if not issued.revoked:
-            left.labels(issued.name).set((end - now).total_seconds())
+                log.error("not_renewed", name=name, error=str(error))
+        left.labels(name).set((end - now).total_seconds())
+    return names
 
 
 def main() -> int:
@@ -67,13 +76,14 @@ def main() -> int:
     log.info("authority_up", keystore=settings.keystore, life_s=life_s)
     turned = LoopWatch(log).loop("authority")
     due = 0.0
+    told: set[str] = set()
     while not stop.wait(LOOK_S):
         turned()
         if time.monotonic() < due:
             continue
         due = time.monotonic() + min(MAX_PERIOD_S, life_s / LOOKS)
         try:
-            renew_due(store, metrics.left, log)
+            told = renew_due(store, told, metrics.left, log)
         except IdentityError as error:
             log.error("not_renewed", error=str(error))
     server.close()

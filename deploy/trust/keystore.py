@@ -3,7 +3,9 @@
     KEYSTORE/
     ├── ca/            ca.pem, and key.pem: who has that may issue
     ├── issued/NAME/   one role's identity (`swarm.trust.identity`)
-    └── revoked        the common names that the router lets do nothing any more
+    ├── revoked        the common names that the router lets do nothing any more, and until when
+    │                  the certificate holds that each had
+    └── lock           held by who changes something
 
 What SROS2 calls a keystore, with its enclaves. Keys are of elliptic curve P-256, mode 0600.
 """
@@ -11,10 +13,11 @@ What SROS2 calls a keystore, with its enclaves. Keys are of elliptic curve P-256
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import ipaddress
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -28,14 +31,16 @@ from swarm.errors import IdentityError
 from swarm.files import write_whole
 from swarm.trust import certificates, members
 from swarm.trust.identity import CA, CERTIFICATE, ISSUED, KEY, Identity
-from swarm.trust.roles import SITE, role_of
+from swarm.trust.roles import LOCAL, SITE, role_of
 
-AUTHORITY, REVOKED = "ca", "revoked"
+AUTHORITY, REVOKED, LOCK = "ca", "revoked", "lock"
 LIFE = timedelta(hours=24)
 AUTHORITY_LIFE = timedelta(days=3650)
 EARLY = timedelta(minutes=5)
 """Clocks of a swarm may be apart by so much: certificates hold from that long ago on (those that
 live less than ten times as long, from a tenth of it)."""
+NEEDED = ("router", "controller", LOCAL.common_name)
+"""What cannot be revoked: a swarm does not run without it, or needs no certificate."""
 JOINING = 100
 """R1 to R100 may join a swarm while it runs: Zenoh reads its rules only when a router opens, which
 costs everybody's links a moment, and so these have theirs from the start."""
@@ -60,52 +65,65 @@ class Keystore:
         self._life = life
 
     def init(self, swarm: str, *, again: bool = False) -> bool:
-        """Makes the authority; False where there is one. `again` makes a new one in its place: what
-        the old one issued is worth nothing then, and goes."""
-        ca = self.folder / AUTHORITY
-        if (ca / KEY).exists() and (ca / CA).exists() and not again:
-            return False
-        if not again and ((ca / KEY).exists() or (ca / CA).exists()):
-            lost = KEY if (ca / CA).exists() else CA
-            raise IdentityError(
-                f"{ca / lost} of the authority is lost: `coadapt certs init --again` makes a new "
-                "authority, and all certificates anew"
+        """Makes the authority; False where there is one. `again` makes a new one in its place, and
+        removes what the old one issued: to be done while the swarm does not run."""
+        with self._alone():
+            ca = self.folder / AUTHORITY
+            if (ca / KEY).exists() and (ca / CA).exists() and not again:
+                return False
+            if not again and ((ca / KEY).exists() or (ca / CA).exists()):
+                lost = KEY if (ca / CA).exists() else CA
+                raise IdentityError(
+                    f"{ca / lost} of the authority is lost: "
+                    f"{certificates.remedy(certificates.AUTHORITY)}"
+                )
+            key = ec.generate_private_key(ec.SECP256R1())
+            title = f"CoAdapt Edge swarm {swarm}"
+            name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, title)])
+            made = (
+                _begun(name, name, key, AUTHORITY_LIFE)
+                .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+                .add_extension(_usage(signs=True), critical=True)
+                .sign(key, hashes.SHA256())
             )
-        key = ec.generate_private_key(ec.SECP256R1())
-        name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"CoAdapt Edge swarm {swarm}")])
-        made = (
-            _begun(name, name, key, AUTHORITY_LIFE)
-            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-            .add_extension(_usage(signs=True), critical=True)
-            .sign(key, hashes.SHA256())
-        )
-        with _written(self.folder):
             shutil.rmtree(self.folder / ISSUED, ignore_errors=True)
+            (self.folder / REVOKED).unlink(missing_ok=True)
             _put(ca, {CA: _pem(made), KEY: _key_pem(key)})
         return True
 
-    def issue(self, name: str, addresses: Sequence[str] = ()) -> Identity:
-        """A new key and certificate for a role, in place of an older one; revoked no more.
+    def issue(self, name: str, addresses: Sequence[str] = (), *, again: bool = False) -> Identity:
+        """A new key and certificate for a role, in place of an older one.
 
-        `addresses`: the host names and IP addresses under which others reach it.
+        `addresses`: the host names and IP addresses under which others reach it, beside those of
+        the older one. `again`: also for a name that was revoked, while the certificate that was
+        taken from it still holds.
         """
-        self._issue(name, ec.generate_private_key(ec.SECP256R1()), addresses)
-        self._write_revoked(self.revoked() - {name})
+        role = role_of(name)
+        with self._alone():
+            revoked = self._revoked()
+            until = revoked.pop(name, None)
+            if until is not None and until > datetime.now(UTC) and not again:
+                raise IdentityError(
+                    f"{name} was revoked, and its certificate holds until {until:%F %T} UTC: who "
+                    "has that would have its rights back; use another name, or `coadapt certs "
+                    f"issue {name} --again` where nobody has it"
+                )
+            known = dict.fromkeys([*self._addresses(name), *addresses])
+            if role.kind == "router" and not known:
+                raise IdentityError(
+                    "the router's certificate needs the addresses under which others reach it: "
+                    "`coadapt certs issue router --address HOST`"
+                )
+            self._issue(name, ec.generate_private_key(ec.SECP256R1()), list(known))
+            self._write_revoked(revoked)
         return self.identity(name)
 
     def renew(self, name: str) -> datetime:
         """A new certificate for the key that a role has, and for the same addresses: whoever reads
         the two files while this is done finds a pair. Returns when it ends."""
-        held = self.identity(name)
-        names = certificates.read_certificate(held.certificate, name).extensions
-        try:
-            alternative = names.get_extension_for_class(x509.SubjectAlternativeName).value
-        except x509.ExtensionNotFound:
-            addresses = []
-        else:
-            addresses = [str(general.value) for general in alternative]
-        made = self._issue(name, certificates.read_key(held.key, name), addresses)
-        return made.not_valid_after_utc
+        with self._alone():
+            key = certificates.read_key(self.identity(name).key, name)
+            return self._issue(name, key, self._addresses(name)).not_valid_after_utc
 
     def _issue(
         self, name: str, key: ec.EllipticCurvePrivateKey, addresses: Sequence[str]
@@ -125,12 +143,10 @@ class Keystore:
             names = x509.SubjectAlternativeName([_general(address) for address in addresses])
             builder = builder.add_extension(names, critical=False)
         made = builder.sign(ca_key, hashes.SHA256())
-        identity = self.identity(name)
-        with _written(self.folder):
-            _put(
-                identity.folder,
-                {CA: _pem(ca), KEY: _key_pem(key), CERTIFICATE: _pem(made)},
-            )
+        _put(
+            self.identity(name).folder,
+            {CA: _pem(ca), KEY: _key_pem(key), CERTIFICATE: _pem(made)},
+        )
         return made
 
     def identity(self, name: str) -> Identity:
@@ -138,42 +154,45 @@ class Keystore:
         return Identity(self.folder / ISSUED / role_of(name).common_name)
 
     def revoke(self, name: str) -> None:
-        """Takes a role's rights away: at once in the network, for the router reads the list, and
-        for good, for nothing is issued to it before `issue` is called by hand."""
-        if name not in {issued.name for issued in self.issued()}:
-            raise IdentityError(
-                f"no certificate was issued to {name!r}; there are "
-                f"{', '.join(issued.name for issued in self.issued()) or 'none'}"
-            )
-        if role_of(name).kind in SITE:
-            raise IdentityError(
-                f"{name} is a part of the site, and nothing runs without it: "
-                "`coadapt certs init --again` makes all certificates anew"
-            )
-        self._write_revoked(self.revoked() | {name})
+        """Takes a role's rights away: in the network, for the router reads the list, and nothing is
+        issued to it as long as its certificate holds."""
+        with self._alone():
+            issued = {one.name: one for one in self.issued()}
+            if name not in issued and not (self.folder / ISSUED / name).exists():
+                raise IdentityError(
+                    f"no certificate was issued to {name!r}; there are "
+                    f"{', '.join(issued) or 'none'}"
+                )
+            if name in NEEDED:
+                raise IdentityError(
+                    f"{name} is a part of the swarm that it does not run without: take the swarm "
+                    "down, and `coadapt certs init --again` makes a new authority"
+                )
+            end = issued[name].end if name in issued else datetime.now(UTC) + self._life
+            self._write_revoked(self._revoked() | {name: end})
 
     def revoked(self) -> set[str]:
         """The common names that have been revoked."""
-        path = self.folder / REVOKED
-        try:
-            return set(path.read_text().split())
-        except FileNotFoundError:
-            return set()
-        except (OSError, UnicodeDecodeError) as error:
-            raise IdentityError(
-                f"{path}, the list of the revoked, cannot be read: {error}"
-            ) from error
+        return set(self._revoked())
 
     def issued(self) -> list[Issued]:
-        """What has been issued, by name; what cannot be read is left out."""
+        """What has been issued, by name; what cannot be read, or is of no role, is left out."""
         revoked = self.revoked()
         found = []
-        for path in sorted((self.folder / ISSUED).glob(f"*/{CERTIFICATE}")):
+        for name in self.names():
             with contextlib.suppress(IdentityError):
-                name = path.parent.name
-                held = certificates.read_certificate(path, name)
-                end = held.not_valid_after_utc
-                found.append(Issued(name, held.serial_number, end, name in revoked))
+                held = certificates.read_certificate(self.identity(name).certificate, name)
+                if certificates.common_name(held) == name:
+                    end = held.not_valid_after_utc
+                    found.append(Issued(name, held.serial_number, end, name in revoked))
+        return found
+
+    def names(self) -> list[str]:
+        """The roles that have a folder, sorted, whether its files can be read or not."""
+        found = []
+        for path in sorted((self.folder / ISSUED).glob("*")):
+            with contextlib.suppress(IdentityError):
+                found.append(role_of(path.name).common_name)
         return found
 
     def due(self, issued: Issued, now: datetime) -> bool:
@@ -189,25 +208,64 @@ class Keystore:
         identity = Identity(folder)
         ca = certificates.read_certificate(identity.ca)
         certificates.check_time(identity.ca, ca, certificates.AUTHORITY, datetime.now(UTC))
-        return ca, certificates.read_key(identity.key, certificates.AUTHORITY)
+        key = certificates.read_key(identity.key, certificates.AUTHORITY)
+        if key.public_key() != ca.public_key():
+            raise IdentityError(
+                f"{identity.key} is not the key of the certificate beside it, of the authority; "
+                f"{certificates.remedy(certificates.AUTHORITY)}"
+            )
+        return ca, key
 
-    def _write_revoked(self, names: set[str]) -> None:
-        with _written(self.folder):
-            write_whole(self.folder / REVOKED, "".join(f"{name}\n" for name in sorted(names)))
-        self._write_members()
+    def _addresses(self, name: str) -> list[str]:
+        """Those in the certificate that a role has; none where it has none that can be read."""
+        try:
+            held = certificates.read_certificate(self.identity(name).certificate, name)
+            found = held.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+        except (IdentityError, x509.ExtensionNotFound):
+            return []
+        return [str(general.value) for general in found.value]
 
-    def _write_members(self) -> None:
+    def _revoked(self) -> dict[str, datetime]:
+        """The revoked, and when the certificate ends that each had."""
+        path = self.folder / REVOKED
+        try:
+            lines = [line.split() for line in path.read_text().splitlines()]
+            return {name: datetime.fromisoformat(end) for name, end in lines}
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError) as error:
+            raise IdentityError(
+                f"{path}, the list of the revoked, cannot be read: {error}"
+            ) from error
+
+    def _write_revoked(self, revoked: Mapping[str, datetime]) -> None:
+        # First the router: who is said to be revoked has no rights.
+        self._write_members(set(revoked))
+        lines = [f"{name} {end.isoformat()}\n" for name, end in sorted(revoked.items())]
+        write_whole(self.folder / REVOKED, "".join(lines))
+
+    def _write_members(self, revoked: set[str]) -> None:
         """Tells the router who has rights, where that is not what it was told before."""
         router = self.identity("router")
         if not router.folder.exists():
             return
         robots = [f"R{number}" for number in range(1, JOINING + 1)]
-        names = {*SITE, *robots, *(issued.name for issued in self.issued())}
+        names = {*SITE, *robots, *self.names()}
         # Any robot may be the host of an ego.
         names |= {f"ego-{name}" for name in names if role_of(name).kind == "robot"}
-        names -= self.revoked()
-        with _written(self.folder):
-            members.write_members(router, names)
+        members.write_members(router, names - revoked)
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keeps other processes that change this keystore waiting."""
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            os.chmod(self.folder, 0o700)
+            with open(self.folder / LOCK, "a") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                yield
+        except OSError as error:
+            raise IdentityError(f"keystore {self.folder} cannot be written: {error}") from error
 
 
 def _begun(
@@ -243,7 +301,13 @@ def _general(address: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ipaddress.ip_address(address))
     except ValueError:
+        pass
+    try:
         return x509.DNSName(address)
+    except ValueError as error:
+        raise IdentityError(
+            f"address {address!r} cannot stand in a certificate: {error}"
+        ) from error
 
 
 def _pem(certificate: x509.Certificate) -> bytes:
@@ -263,13 +327,3 @@ def _put(folder: Path, files: dict[str, bytes]) -> None:
         place.mkdir(mode=0o700, exist_ok=True)
     for name, text in files.items():
         write_whole(folder / name, text, mode=0o600 if name == KEY else 0o644)
-
-
-@contextlib.contextmanager
-def _written(folder: Path) -> Iterator[None]:
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        os.chmod(folder, 0o700)
-        yield
-    except OSError as error:
-        raise IdentityError(f"keystore {folder} cannot be written: {error}") from error

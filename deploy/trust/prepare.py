@@ -45,8 +45,8 @@ def prepare(spec: SwarmSpec, place: Place, operator: Role) -> None:
     if revoked:
         name = min(revoked)
         raise IdentityError(
-            f"{name} was revoked in {store.folder}; `coadapt certs issue {name}` gives it its "
-            "rights again"
+            f"{name} was revoked in {store.folder}; `coadapt certs issue {name} --again` gives it "
+            "its rights back"
         )
     for name in [*names, operator.common_name]:
         own = (place.router_host, "127.0.0.1", "localhost") if name == "router" else ()

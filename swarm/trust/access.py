@@ -21,6 +21,9 @@ class _Passage:
     """By whose name: of questions, that of the one who asks."""
 
 
+UNIX = "unix:local"
+"""The subject that comes over the Unix socket; no common name has a colon."""
+
 _PASSAGES: dict[Act, tuple[_Passage, ...]] = {
     "put": (_Passage("ingress", ("put",)),),
     "listen": (
@@ -54,7 +57,7 @@ def access_control(swarm: str, roles: Iterable[Role], local: Role) -> dict[str, 
     subjects: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
     members = [(role.common_name, role, "tls") for role in roles]
-    members.append(("local", local, "unixsock-stream"))
+    members.append((UNIX, local, "unixsock-stream"))
     for subject, role, protocol in members:
         named = {} if protocol != "tls" else {"cert_common_names": [subject]}
         subjects.append({"id": subject, "link_protocols": [protocol], **named})

@@ -37,15 +37,14 @@ def check(identity: Identity, now: datetime | None = None) -> x509.Certificate:
     key = read_key(identity.key, name)
     if key.public_key() != own.public_key():
         raise IdentityError(
-            f"{identity.key} is not the key of the certificate beside it, of {name}; "
-            f"{_remedy(name)}"
+            f"{identity.key} is not the key of the certificate beside it, of {name}; {remedy(name)}"
         )
     try:
         own.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature) as error:
         raise IdentityError(
             f"{identity.certificate} of {name} was not issued by the authority in {identity.ca}: "
-            f"one of the two is another swarm's; {_remedy(name)}"
+            f"one of the two is another swarm's; {remedy(name)}"
         ) from error
     for path, held, whose in (
         (identity.ca, authority, AUTHORITY),
@@ -66,7 +65,7 @@ def check_time(path: Path, held: x509.Certificate, whose: str, now: datetime) ->
     if now >= end:
         raise IdentityError(
             f"{path} of {whose} ended at {end:%F %T} UTC, and this machine's clock says "
-            f"{now:%F %T}; {_remedy(whose)}"
+            f"{now:%F %T}; {remedy(whose)}"
         )
 
 
@@ -76,7 +75,7 @@ def read_certificate(path: Path, whose: str = AUTHORITY) -> x509.Certificate:
         return x509.load_pem_x509_certificate(_read(path, f"the certificate of {whose}", whose))
     except ValueError as error:
         raise IdentityError(
-            f"{path} holds no certificate in PEM: {error}; {_remedy(whose)}"
+            f"{path} holds no certificate in PEM: {error}; {remedy(whose)}"
         ) from error
 
 
@@ -92,11 +91,11 @@ def read_key(path: Path, whose: str) -> ec.EllipticCurvePrivateKey:
         key = load_pem_private_key(_read(path, f"the key of {whose}", whose), None)
     except (ValueError, TypeError) as error:
         raise IdentityError(
-            f"{path}, the key of {whose}, holds no private key in PEM; {_remedy(whose)}"
+            f"{path}, the key of {whose}, holds no private key in PEM; {remedy(whose)}"
         ) from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise IdentityError(
-            f"{path}, the key of {whose}, is not of an elliptic curve; {_remedy(whose)}"
+            f"{path}, the key of {whose}, is not of an elliptic curve; {remedy(whose)}"
         )
     return key
 
@@ -106,11 +105,12 @@ def _read(path: Path, what: str, whose: str) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise IdentityError(
-            f"{path}, {what}, cannot be read: {error.strerror}; {_remedy(whose)}"
+            f"{path}, {what}, cannot be read: {error.strerror}; {remedy(whose)}"
         ) from error
 
 
-def _remedy(whose: str) -> str:
+def remedy(whose: str) -> str:
+    """What to type where a role's files are of no use."""
     if whose == AUTHORITY:
-        return "`coadapt certs init --again` makes a new one, and all certificates anew"
+        return "take the swarm down, and `coadapt certs init --again` makes a new one"
     return f"`coadapt certs issue {whose}` makes a new one"

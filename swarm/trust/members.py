@@ -30,7 +30,7 @@ def write_members(router: Identity, names: Iterable[str]) -> None:
     """Writes who has rights, unless it is written there already. Raises OSError."""
     path = router.folder / MEMBERS
     text = "".join(f"{name}\n" for name in sorted(set(names)))
-    if not path.exists() or path.read_text() != text:
+    if not path.exists() or path.read_bytes() != text.encode():
         write_whole(path, text)
 
 

@@ -116,7 +116,19 @@ def test_an_impostor_that_came_first_answers_nothing(
         asked.append(request.request)
         return sample(Observation)
 
+    impostor.serve(keyspace.observation(ego.swarm, "R1"), ObservationRequest, answer)
     impostor.serve(key, ObservationRequest, answer)
+    own = ObservationRequest(ego="R1", request=0, algorithm="late", capture_ns=0)
+
+    def its_own_is_answered() -> bool:
+        try:
+            ego.ask(keyspace.observation(ego.swarm, "R1"), own, Observation, timeout_s=1.0).result()
+        except TransportError:
+            return False
+        return True
+
+    until(its_own_is_answered, "what it may serve")
+    asked.clear()
     for number in range(40):
         request = ObservationRequest(ego="R1", request=number, algorithm="late", capture_ns=0)
         with pytest.raises(TransportError, match="no answer"):
@@ -233,7 +245,7 @@ def test_the_revoked_lose_what_they_had(
     until(both, "both are heard")
     store.revoke("R3")
     until(only_the_other, "only R1 is heard", 2 * WAIT_S)
-    store.issue("R3")
+    store.issue("R3", again=True)
     until(both, "both are heard again", 2 * WAIT_S)
 
 
@@ -241,9 +253,8 @@ def test_a_certificate_that_ends_ends_the_connection(
     tmp_path: Path, swarm_name: str, open_session: SessionMaker
 ) -> None:
     store = made_keystore(tmp_path / "keystore", swarm_name)
-    short = Keystore(store.folder, timedelta(seconds=8))
-    short.issue("R1")
     with secure_router(store, swarm_name) as router:
+        Keystore(store.folder, timedelta(seconds=10)).issue("R1")
         robot = open_session(router.of("R1"))
         assert robot.links() > 0
         until(lambda: robot.links() == 0, "the links are cut", 60.0)
@@ -267,10 +278,10 @@ def test_both_sides_say_why_a_session_is_refused(
     with secure_router(store, swarm_name) as router:
         other = f"tls/127.0.0.1:{router.port}#identity={foreign.identity('R3').folder}"
         with pytest.raises(TransportError, match=r"ca.pem may be another swarm's authority"):
-            Session(other, swarm_name, timeout_s=1.0)
+            Session(other, swarm_name, timeout_s=5.0)
         until(lambda: says("received fatal alert"), "the router says that it was not believed")
         with pytest.raises(TransportError, match=r"a secure one wants tls/HOST:PORT#identity="):
-            Session(router.address, swarm_name, timeout_s=1.0)
+            Session(router.address, swarm_name, timeout_s=5.0)
         until(lambda: says("received corrupt message"), "the router says that this is no TLS")
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 import stat
+import time
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -104,21 +106,75 @@ def test_robots_may_join_that_nobody_has_named_yet(store: Keystore) -> None:
     assert {"arm-7", "ego-arm-7"} <= members(store)
 
 
-def test_the_revoked_have_no_rights_until_issued_again(store: Keystore) -> None:
+def test_the_revoked_have_no_rights_while_their_certificate_may_be_elsewhere(
+    store: Keystore,
+) -> None:
     store.revoke("R3")
     assert "R3" not in members(store)
     (issued,) = [one for one in store.issued() if one.name == "R3"]
     assert issued.revoked
     assert not store.due(issued, issued.end)
-    store.issue("R3")
+    with pytest.raises(IdentityError, match=r"R3 was revoked, and its certificate holds until"):
+        store.issue("R3")
+    assert "R3" not in members(store)
+    store.issue("R3", again=True)
     assert "R3" in members(store)
 
 
-def test_only_what_was_issued_can_be_revoked_and_the_site_cannot(store: Keystore) -> None:
+def test_a_revoked_name_is_free_once_its_certificate_is_over(tmp_path: Path) -> None:
+    store = Keystore(tmp_path, timedelta(seconds=1))
+    store.init("qa")
+    store.issue("router", ("127.0.0.1",))
+    end = certificates.check(store.issue("R3")).not_valid_after_utc
+    store.revoke("R3")
+    while datetime.now(UTC) <= end:
+        time.sleep(0.05)
+    store.issue("R3")
+    assert store.revoked() == set()
+
+
+def test_only_what_was_issued_can_be_revoked_and_what_a_swarm_needs_cannot(store: Keystore) -> None:
     with pytest.raises(IdentityError, match="was issued to 'R9'; there are R3, router"):
         store.revoke("R9")
-    with pytest.raises(IdentityError, match="router is a part of the site"):
-        store.revoke("router")
+    store.issue("console")
+    store.revoke("console")
+    assert "console" not in members(store)
+    store.issue("operator-local")
+    for name in ("router", "operator-local"):
+        with pytest.raises(IdentityError, match=f"{name} is a part of the swarm that it does not"):
+            store.revoke(name)
+
+
+def test_the_router_keeps_its_addresses_and_is_not_issued_without_one(
+    store: Keystore, tmp_path: Path
+) -> None:
+    held = certificates.check(store.issue("router", ("edge.plant",)))
+    names = held.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert [str(name.value) for name in names] == ["127.0.0.1", "router", "edge.plant"]
+    store.renew("router")
+    other = Keystore(tmp_path / "other")
+    other.init("qa")
+    with pytest.raises(IdentityError, match="issue router --address HOST"):
+        other.issue("router")
+    with pytest.raises(IdentityError, match="address 'ä' cannot stand in a certificate"):
+        other.issue("router", ("ä",))
+
+
+def test_a_folder_that_is_no_roles_does_no_harm(store: Keystore) -> None:
+    shutil.copytree(store.identity("R3").folder, store.folder / "issued" / "R3.bak")
+    shutil.copytree(store.identity("R3").folder, store.folder / "issued" / "R4")
+    assert [one.name for one in store.issued()] == ["R3", "router"]
+    store.revoke("R3")
+    assert "R3" not in members(store)
+
+
+def test_processes_that_change_a_keystore_take_turns(store: Keystore) -> None:
+    names = [f"arm-{number}" for number in range(6)]
+    for name in names:
+        store.issue(name)
+    with ThreadPoolExecutor(len(names)) as pool:
+        list(pool.map(lambda name: Keystore(store.folder).revoke(name), names))
+    assert store.revoked() == set(names)
 
 
 def break_key(identity: Identity) -> None:
@@ -181,7 +237,7 @@ def test_an_identity_that_is_of_no_use_says_which_file_whose_and_what_helps(
             timedelta(days=-2),
             "holds from .* UTC on, and this machine's clock .*: set the clock",
         ),
-        (timedelta(days=4000), "of the authority ended at .*; `coadapt certs init --again`"),
+        (timedelta(days=4000), "of the authority ended at .*, and `coadapt certs init --again`"),
     ],
 )
 def test_a_clock_that_is_off_is_told(store: Keystore, away: timedelta, told: str) -> None:
@@ -190,6 +246,12 @@ def test_a_clock_that_is_off_is_told(store: Keystore, away: timedelta, told: str
 
 
 def test_a_lost_authority_is_told(store: Keystore, tmp_path: Path) -> None:
+    own = (store.folder / "ca" / KEY).read_bytes()
+    shutil.copy(store.identity("R3").key, store.folder / "ca" / KEY)
+    with pytest.raises(IdentityError, match=r"ca/key.pem is not the key of the certificate beside"):
+        store.issue("R5")
+    (store.folder / "ca" / KEY).write_bytes(own)
+    store.issue("R5")
     (store.folder / "ca" / KEY).unlink()
     with pytest.raises(IdentityError, match=r"ca/key.pem, the key of the authority, cannot"):
         store.issue("R5")

@@ -9,7 +9,7 @@ import pytest
 
 from swarm import keyspace, transport
 from swarm.errors import IdentityError, SettingError
-from swarm.trust.access import access_control
+from swarm.trust.access import UNIX, access_control
 from swarm.trust.rights import rights_of
 from swarm.trust.roles import LOCAL, SITE, Role, operator_of, role_of
 
@@ -111,6 +111,13 @@ def test_the_access_control_denies_what_no_rule_allows() -> None:
         assert subject["link_protocols"] == (["tls"] if names else ["unixsock-stream"])
 
 
+def test_no_role_is_taken_for_who_comes_over_the_unix_socket() -> None:
+    access = access_control(SWARM, [*EVERYBODY, Role("robot", "local")], LOCAL)
+    for kind in ("rules", "subjects"):
+        ids = [one["id"] for one in access[kind]]
+        assert len(ids) == len(set(ids))
+
+
 def test_each_asks_by_its_own_name_only() -> None:
     access = access_control(SWARM, EVERYBODY, LOCAL)
     asked = {
@@ -118,9 +125,9 @@ def test_each_asks_by_its_own_name_only() -> None:
         for rule in access["rules"]
         if rule["messages"] == ["query"] and rule["flows"] == ["ingress"]
     }
-    assert set(asked) == {"console", "ego-R1", "operator-ann", "local"}
+    assert set(asked) == {"console", "ego-R1", "operator-ann", UNIX}
     for name, keys in asked.items():
-        own = LOCAL.common_name if name == "local" else name
+        own = LOCAL.common_name if name == UNIX else name
         assert {keyspace.asker_of(key) for key in keys} == {own}
 
 
