@@ -170,9 +170,9 @@ def main() -> int:
     except CoAdaptError as error:
         print(f"swarm.router: {error}", file=sys.stderr)
         return 1
+    log.info("router_up", zid=str(router.session.info.zid()), port=args.port)
     if identity is None and args.host not in LOCAL_HOSTS and not args.config:
         log.warning("plain", host=args.host, means="whoever reaches this address is believed")
-    log.info("router_up", zid=str(router.session.info.zid()), port=args.port)
     turned = LoopWatch(log).loop("router")
     while not stop.wait(LOOK_S):
         router.connected()  # does not return while Zenoh hangs

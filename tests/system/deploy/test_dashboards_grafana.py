@@ -35,6 +35,7 @@ from robot_agent.metrics import RobotMetrics
 from swarm.errors import DeployError
 from swarm.http_access import Access
 from swarm.log import make_logger
+from swarm.metrics import show_free_disk
 from swarm.router import serve_metrics
 from tests.support.paths import REPOSITORY
 
@@ -88,6 +89,7 @@ def metrics() -> dict[str, set[str]]:
     for of_process in (RobotMetrics, EgoMetrics, ControllerMetrics, QodMetrics, GatewayMetrics):
         of_process(registry)
     AuthorityMetrics(registry, life_s=60)
+    show_free_disk(registry, Path("journal.jsonl"))
     log = make_logger("test", level="critical")
     make_app(cast("Any", None), Access("localhost", ""), registry, log)
     found = dict(OTHERS)
@@ -273,7 +275,7 @@ def test_grafana_is_there_only_where_it_is_asked_for(tmp_path: Path) -> None:
     assert "grafana" not in yaml.safe_load(composed(spec_of(tmp_path)))["services"]
     spec = spec_of(tmp_path, grafana=True, grafana_port=3456)
     one = yaml.safe_load(composed(spec))["services"]["grafana"]
-    assert re.fullmatch(r"grafana/grafana:\d+\.\d+\.\d+", one["image"])
+    assert re.fullmatch(r"grafana/grafana:\d+\.\d+\.\d+@sha256:[0-9a-f]{64}", one["image"])
     assert one["ports"] == ["127.0.0.1:3456:3000"]
     assert one["networks"] == ["swarm"]
     assert one["cap_drop"] == ["ALL"]
