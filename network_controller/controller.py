@@ -10,7 +10,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
@@ -71,9 +71,10 @@ class Controller:
         log: Logger,
         *,
         ego: str,
-        standby: str | None = None,
+        others: Sequence[str] = (),
         clock: Clock | None = None,
     ) -> None:
+        """`others`: robots whose links are shaped as the ego's is, by requests that name nobody."""
         clock = clock or Clock()
         self._driver = driver
         self._wishes = wishes
@@ -97,7 +98,7 @@ class Controller:
             self._notes,
             clock,
             ego=ego,
-            standby=standby,
+            others=others,
             on_unshaped=self._unshaped,
         )
         self._robots: Mapping[str, str] = {}

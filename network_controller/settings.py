@@ -24,6 +24,9 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     driver: Name = "netns"
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
+    egos: tuple[Name, ...] = ()
+    """All egos, where there are several: their links are shaped alike, from the start and by such
+    requests."""
     ego_standby: Name | None = None
     """The ego that stands in for it: its link is shaped alike, from the start and by such requests.
     """
@@ -54,6 +57,12 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """Unix socket to answer on instead of the port."""
     qod_sinks: Annotated[tuple[str, ...], msgspec.Meta(max_length=64)] = ()
     """Networks, addresses and host names that events may be sent to though they are not public."""
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The robots towards which the cells are, the first ego's first."""
+        others = (*self.egos, *((self.ego_standby,) if self.ego_standby else ()))
+        return tuple(dict.fromkeys((self.ego, *others)))
 
     def __repr__(self) -> str:
         return shown(self)
