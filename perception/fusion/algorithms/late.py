@@ -30,6 +30,7 @@ class LateFusion(Fusion):
     """Boxes of all participants, merged where they overlap."""
 
     name = "late"
+    shareable = True
 
     def __init__(self, finder: Finder) -> None:
         self._finder = finder
