@@ -3,8 +3,8 @@ than answering each.
 
 An ego that asks says whether it would share (`ObservationRequest.shares`); asking is also how it
 renews its interest. Once several egos have asked for the same algorithm, answers promise for a
-while that frames are published (`Observation.shared_s`), and egos that receive them ask once a
-second in place of once a frame. Nobody depends on another one's asking: an ego that ends is
+while that frames are published (`Observation.shared_s`), and egos that receive them ask every
+two seconds in place of once a frame. Nobody depends on another one's asking: an ego that ends is
 forgotten, and the last one left is answered again.
 """
 
@@ -18,7 +18,7 @@ from perception.fusion.base import EncodeOptions
 from swarm.geometry import Pose
 from swarm.messages import ObservationRequest
 
-PROMISE_S = 2.0
+PROMISE_S = 4.0
 """How long an answer promises frames; egos renew it in half of that."""
 INTEREST_S = 1.5 * PROMISE_S
 """An ego that has not asked for so long wants nothing any more."""

@@ -1,9 +1,9 @@
 """What robots publish once for several egos, and whether this ego relies on it.
 
 A robot that publishes says so in its answers (`Observation.shared_s`). The ego then listens, and
-goes on asking until something has come that way; from then on it asks that robot once a second, so
-that the robot knows that it still wants it. Where nothing comes for a few frames it asks again as
-if nobody else did, for a while.
+goes on asking until something has come that way; from then on it asks that robot every two seconds,
+so that the robot knows that it still wants it. Where nothing comes for a few frames it asks again
+as if nobody else did, for a while.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ would hold up the frame of everybody."""
 
 MARGIN_M = 1.0
 """Beyond the detector's area that points are sent."""
-DRIVEN_M = 3.0
+DRIVEN_M = 5.0
 """How far an ego may have driven since it said where it was, to those who share a payload."""
 
 
