@@ -32,8 +32,6 @@ from swarm.trust.members import Trust
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
-
-
 REOPEN_S = 10.0
 """How long a router that opens anew may take to close and to have its ports back; less than what it
 is watched for."""
