@@ -288,6 +288,7 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
         **_site_environment(spec, place, "controller", spec.controller_metrics_port),
         "COADAPT_DRIVER": place.driver,
         **_egos_environment(spec),
+        "COADAPT_CELL": spec.cell,
         **_standby_environment(spec),
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
         "COADAPT_STATE_FILE": f"{place.var_dir}/{NET}/shapes-{_begun(spec)}.json",

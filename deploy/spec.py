@@ -6,7 +6,7 @@ import math
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 import msgspec
@@ -90,6 +90,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """How far from the ego a robot may take part; None leaves it to the ego and its world."""
     link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
+    cell: Literal["own", "shared"] = "own"
+    """Whether each ego has a cell of its own, or all egos share one of that rate."""
     llm: Annotated[str, msgspec.Meta(pattern=_LLM, description=_LLM_RULE)] = ""
     """Where language models answer: `embedded`, or the URL of a server; empty runs no gateway."""
     llm_model: Annotated[str, msgspec.Meta(max_length=200)] = ""

@@ -73,6 +73,7 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
         log,
         ego=settings.ego,
         others=settings.cells[1:],
+        cell=settings.egos if settings.cell == "shared" else (),
         clock=clock,
     )
     api = Server(

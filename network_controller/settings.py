@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -27,6 +27,9 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     egos: tuple[Name, ...] = ()
     """All egos, where there are several: their links are shaped alike, from the start and by such
     requests."""
+    cell: Literal["own", "shared"] = "own"
+    """Whether each ego's link is a cell of its own, or all together are one medium: a capacity is
+    then that of all of them, and each has its part."""
     ego_standby: Name | None = None
     """The ego that stands in for it: its link is shaped alike, from the start and by such requests.
     """

@@ -58,6 +58,7 @@ OPTIONS = {
     ),
     "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
     "--llm-model": ("llm_model", "which model"),
+    "--cell": ("cell", "of several egos: each has its own, or all share one medium"),
     "--period": ("period_s", "seconds between decisions"),
     "--q-min": ("q_min", "least quality, 0 to 1"),
     "--rings": ("rings", "of the LiDARs"),
