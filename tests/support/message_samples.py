@@ -69,6 +69,7 @@ SAMPLES: tuple[Message, ...] = (
         body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
         steady_ns=55_000_000_123,
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
+        shared=("early",),
     ),
     SceneDescription(
         robot="R1",
@@ -96,6 +97,7 @@ SAMPLES: tuple[Message, ...] = (
         shares=True,
         listens=True,
         rate_hz=5.0,
+        deadline_s=0.25,
     ),
     Observation(
         robot="R1",
