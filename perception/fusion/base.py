@@ -50,6 +50,8 @@ class Contribution:
     world_from_sensor: Matrix
     age_s: float = 0.0
     """How long before the ego's scan of the frame it was captured; negative: after it."""
+    form: str = ""
+    """The algorithm whose form the payload has; empty: that of the frame's fusion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,10 @@ class Gathering(ABC):
     def ask(self) -> Ask:
         """What robots must be told before they encode."""
         return Ask()
+
+    def ask_for(self, form: str) -> Ask:
+        """The same for robots that send this form, where a frame has several."""
+        return self.ask()
 
     def prepare(self) -> None:
         """Does what needs no contribution, while those who were asked encode theirs. May be left

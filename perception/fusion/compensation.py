@@ -83,6 +83,9 @@ class _Compensated(Gathering):
     def ask(self) -> Ask:
         return self._now.ask()
 
+    def ask_for(self, form: str) -> Ask:
+        return self._now.ask_for(form)
+
     def prepare(self) -> None:
         self._now.prepare()
 
