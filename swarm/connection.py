@@ -50,8 +50,8 @@ class Connection:
     ) -> None:
         """Connects to the router, trying again until it is there.
 
-        Raises SettingError for a malformed router and TransportError when `timeout_s` has passed
-        or `stop` was set first.
+        Raises SettingError for a malformed router, IdentityError for a certificate that cannot be
+        shown, and TransportError when `timeout_s` has passed or `stop` was set first.
         """
         self._config = transport.client_config(router)
         self._identity = transport.shown_identity(self._config)
@@ -63,7 +63,7 @@ class Connection:
         self._declarations: list[Declaration] = []
         self._entities: list[Entity] = []
         self.reopened = 0
-        """How often a session with too few links was replaced."""
+        """How often a session was replaced, for its links or its certificate."""
         self._zenoh = transport.open_zenoh(self._config, timeout_s=timeout_s, stop=stop)
         self._watcher = threading.Thread(target=self._watch, name="links", daemon=True)
         self._watcher.start()

@@ -49,8 +49,9 @@ class Session:
     ) -> None:
         """Connects to the router, trying again until it is there.
 
-        Raises SettingError for a malformed router, KeyspaceError for a malformed swarm name, and
-        TransportError when `timeout_s` has passed or `stop` was set first.
+        Raises SettingError for a malformed router, KeyspaceError for a malformed swarm name,
+        IdentityError for a certificate that cannot be shown, and TransportError when `timeout_s`
+        has passed or `stop` was set first.
         """
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
+from urllib.request import urlopen
 
 import msgspec
 import pytest
@@ -25,8 +27,9 @@ from swarm.messages import (
     encode,
 )
 from swarm.session import Session
+from tests.support.free_ports import free_port
 from tests.support.message_samples import SAMPLES
-from tests.support.secure_swarm import SecureRouter, made_keystore, secure_router
+from tests.support.secure_swarm import HOST, SecureRouter, made_keystore, secure_router
 from tests.support.zenoh_fixtures import WAIT_S, Inbox, SessionMaker, until
 
 NAMES = ("R1", "R3", "ego-R1", "ego-R2", "console", "operator-ann")
@@ -265,24 +268,21 @@ def test_a_certificate_that_ends_ends_the_connection(
 
 
 def test_both_sides_say_why_a_session_is_refused(
-    capfd: pytest.CaptureFixture[str], store: Keystore, swarm_name: str, tmp_path: Path
+    store: Keystore, swarm_name: str, tmp_path: Path
 ) -> None:
-    told = ""
-
-    def says(words: str) -> bool:
-        nonlocal told
-        told += capfd.readouterr().out
-        return words in told
-
     foreign = made_keystore(tmp_path / "foreign", swarm_name, "R3")
-    with secure_router(store, swarm_name) as router:
+    port = free_port()
+    with secure_router(store, swarm_name, "--metrics-port", str(port)) as router:
         other = f"tls/127.0.0.1:{router.port}#identity={foreign.identity('R3').folder}"
         with pytest.raises(TransportError, match=r"ca.pem may be another swarm's authority"):
             Session(other, swarm_name, timeout_s=5.0)
-        until(lambda: says("received fatal alert"), "the router says that it was not believed")
+        router.says("received fatal alert")
         with pytest.raises(TransportError, match=r"a secure one wants tls/HOST:PORT#identity="):
             Session(router.address, swarm_name, timeout_s=5.0)
-        until(lambda: says("received corrupt message"), "the router says that this is no TLS")
+        router.says("received corrupt message")
+        told = urlopen(f"http://{HOST}:{port}/metrics", timeout=WAIT_S).read().decode()
+        (refused,) = re.findall(r"^coadapt_router_refused_links_total (\S+)$", told, re.M)
+        assert float(refused) > 1
 
 
 def started(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:
