@@ -98,6 +98,11 @@ class Gathering(ABC):
         shows them, 4 x 4 in the world frame, by robot. Of those that are not corrected, none."""
         return {}
 
+    def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
+        """After `finish`: the points that were sent, float32 (N, 3) in their sensors' frames, and
+        the sensors in the world frame, corrected, by robot. Of those that sent none, none."""
+        return {}
+
 
 class Fusion(ABC):
     """A fusion algorithm; instances hold no state between frames."""

@@ -132,6 +132,10 @@ class _Compensated(Gathering):
             found |= gathering.corrections()
         return found
 
+    def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
+        # What is older shows another moment.
+        return self._now.sent_points()
+
     def _begin_at(self, scan: OwnScan) -> Gathering:
         """As if the ego had stood then where it stands now: that is the frame it asked for."""
         here = self._own.world_from_own

@@ -152,10 +152,7 @@ class OnePass(Gathering):
 
     def finish(self) -> Boxes:
         """See `Gathering.finish`."""
-        by = [np.eye(4) for _ in self._senders]
-        if self._aligner is not None:
-            by = self._aligner.corrections()
-        senders = [turn @ sender for turn, sender in zip(by, self._senders, strict=True)]
+        senders, by = self._corrected()
         found = self._decoded(senders, by)
         if self._sent or self._boxes_only:
             others = [boxes.transformed(senders[number]) for number, boxes in self._sent.items()]
@@ -166,6 +163,21 @@ class OnePass(Gathering):
     def corrections(self) -> dict[str, Matrix]:
         """See `Gathering.corrections`."""
         return in_world(self._aligner, self._robots, self._world_from_own)
+
+    def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
+        """See `Gathering.sent_points`."""
+        senders, _ = self._corrected()
+        return {
+            self._robots[number]: (points, self._world_from_own @ senders[number])
+            for number, points in self._clouds.items()
+        }
+
+    def _corrected(self) -> tuple[list[Matrix], list[Matrix]]:
+        """Senders in the ego's frame, and by what they are corrected there."""
+        by = [np.eye(4) for _ in self._senders]
+        if self._aligner is not None:
+            by = self._aligner.corrections()
+        return [turn @ sender for turn, sender in zip(by, self._senders, strict=True)], by
 
     def _align(self, places: NDArray[np.float64], sender: Matrix) -> None:
         if self._aligner is not None:

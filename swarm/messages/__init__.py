@@ -27,6 +27,7 @@ from swarm.messages.ego import (
     Detections,
     KnownRobot,
     Probe,
+    Tracks,
 )
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
@@ -107,6 +108,7 @@ __all__ = [
     "ShapeRequest",
     "Source",
     "TcpState",
+    "Tracks",
     "decode",
     "encode",
 ]
