@@ -217,6 +217,9 @@ SAMPLES: tuple[Message, ...] = (
                 grants={"R2": 15_000_000},
             ),
         ),
+        name="hall-2",
+        robots=("R2", "R7"),
+        unshaped=("R7 down: tc refuses to shape eth1",),
     ),
     TcpState(
         router=281_474_976_710_655,
