@@ -59,9 +59,11 @@ def settled(args: argparse.Namespace) -> dict[str, object]:
 
 
 def certify(spec: SwarmSpec, cluster: Cluster) -> None:
-    """Issues what certificates the processes lack. Raises IdentityError."""
+    """Issues what certificates the processes lack, and whoever types this. Raises DeployError, and
+    IdentityError."""
     from deploy.trust.prepare import keep
 
-    issued = keep(spec, plan.place_of(spec, cluster), operator_of(getpass.getuser()))
+    names = [*plan.roles(spec, cluster), operator_of(getpass.getuser()).common_name]
+    issued = keep(spec, plan.place_of(spec, cluster), names)
     if issued:
         say(f"new certificates for {', '.join(issued)}: what runs with an older one starts anew")

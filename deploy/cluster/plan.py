@@ -131,6 +131,12 @@ def containers(spec: SwarmSpec, cluster: Cluster) -> tuple[Container, ...]:
     )
 
 
+def roles(spec: SwarmSpec, cluster: Cluster) -> list[str]:
+    """The common names of those who need a certificate there."""
+    names = [one.service.common_name for one in containers(spec, cluster)]
+    return [name for name in names if name]
+
+
 def identity_files(var_dir: str, common_name: str) -> dict[str, Path]:
     """A role's identity: the place in a container of each file, and where it lies here."""
     identity = Identity(Path(roster.identity_path(var_dir, common_name)))

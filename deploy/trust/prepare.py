@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
@@ -43,13 +44,14 @@ def prepare(spec: SwarmSpec, place: Place, operator: Role) -> None:
     """
     store = keystore_of(spec.var_dir)
     store.init(spec.swarm)
-    for name in _names(spec, place, operator, store):
+    members = [member.common_name for member in services(spec, place) if member.common_name]
+    for name in _allowed([*members, operator.common_name], store):
         store.issue(name, _addresses(name, place))
 
 
-def keep(spec: SwarmSpec, place: Place, operator: Role) -> tuple[str, ...]:
-    """Issues certificates as `prepare` does, but only to those that have none, or whose it is time
-    to renew: for processes on other machines, which start anew with what is new. Returns whose.
+def keep(spec: SwarmSpec, place: Place, names: Iterable[str]) -> tuple[str, ...]:
+    """Issues certificates to those of these roles that have none, or whose it is time to renew: for
+    processes on other machines, which start anew with what is new. Returns whose.
 
     Raises IdentityError, also for a robot that was revoked.
     """
@@ -58,7 +60,7 @@ def keep(spec: SwarmSpec, place: Place, operator: Role) -> tuple[str, ...]:
     now = datetime.now(UTC)
     issued = {one.name: one for one in store.issued() if one.end > now}
     new = []
-    for name in _names(spec, place, operator, store):
+    for name in _allowed(names, store):
         if name not in issued or set(_addresses(name, place)) - set(store.addresses(name)):
             store.issue(name, _addresses(name, place))
         elif store.due(issued[name], now):
@@ -79,18 +81,17 @@ def begun(var_dir: str, swarm: str) -> int:
     return int(begin.timestamp()) * 1_000_000_000
 
 
-def _names(spec: SwarmSpec, place: Place, operator: Role, store: Keystore) -> list[str]:
-    """Who needs a certificate. Raises IdentityError for one that was revoked."""
-    members = [member.common_name for member in services(spec, place) if member.common_name]
-    names = [*members, operator.common_name]
-    revoked = store.revoked() & set(names)
+def _allowed(names: Iterable[str], store: Keystore) -> list[str]:
+    """The names. Raises IdentityError for one that was revoked."""
+    wanted = list(names)
+    revoked = store.revoked() & set(wanted)
     if revoked:
         name = min(revoked)
         raise IdentityError(
             f"{name} was revoked in {store.folder}; `coadapt certs issue {name} --again` gives it "
             "its rights back"
         )
-    return names
+    return wanted
 
 
 def _addresses(name: str, place: Place) -> tuple[str, ...]:

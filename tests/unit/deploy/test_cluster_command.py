@@ -29,7 +29,7 @@ def test_a_stack_is_printed_and_the_same_whenever_it_is_asked_for(
 ) -> None:
     assert main(STACK) == 0
     first = capsys.readouterr()
-    assert "new certificates for router, controller, R1, R2, R3, ego-R1, console" in first.err
+    assert "new certificates for router, R1, R2, R3, ego-R1, console, operator-" in first.err
     document: dict[str, Any] = yaml.safe_load(first.out)
     assert list(document["services"]) == [
         *("router", "robot-R1", "robot-R2", "robot-R3", "ego-R1", "console")

@@ -19,7 +19,6 @@ from deploy.docker import compose
 from deploy.spec import SwarmSpec, make_spec
 from deploy.trust.prepare import keep
 from swarm.errors import DeployError
-from swarm.trust.roles import Role
 
 kubernetes_validate = pytest.importorskip("kubernetes_validate")
 
@@ -29,7 +28,13 @@ FOREIGN = "monitoring.coreos.com"
 """Kinds of Prometheus' operator, which are not the API's own."""
 ROBOTS = ("R1", "arm_2", "R3")
 HOST = make_cluster("registry:5000/coadapt-edge:1", kubernetes.ROUTER)
+MODEL = make_cluster("registry:5000/edge:1", kubernetes.ROUTER, llm_image="registry:5000/llm:1")
 Object = dict[str, Any]
+
+
+def kept(spec: SwarmSpec) -> tuple[str, ...]:
+    """Whose certificates were issued so that all have one."""
+    return keep(spec, plan.place_of(spec, HOST), plan.roles(spec, MODEL))
 
 
 @pytest.fixture(params=["server", "embedded"])
@@ -55,7 +60,7 @@ def spec(
         llm="http://models:8000" if request.param == "server" else "embedded",
         var_dir=str(tmp_path),
     )
-    keep(made, plan.place_of(made, HOST), Role("operator", "ann"))
+    kept(made)
     return made
 
 

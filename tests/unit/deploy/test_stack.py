@@ -15,11 +15,16 @@ from deploy.docker import compose
 from deploy.spec import SwarmSpec, make_spec
 from deploy.trust.prepare import keep
 from swarm.errors import DeployError
-from swarm.trust.roles import Role
 
 ROBOTS = ("R1", "R2", "R3")
 HOST = make_cluster("registry:5000/coadapt-edge:1", "10.0.0.1")
+MODEL = make_cluster("registry:5000/coadapt-edge:1", "10.0.0.1", llm_image="llm:1")
 OVERLAY = make_cluster("registry:5000/coadapt-edge:1", "router", "overlay")
+
+
+def kept(spec: SwarmSpec) -> tuple[str, ...]:
+    """Whose certificates were issued so that all have one."""
+    return keep(spec, plan.place_of(spec, HOST), plan.roles(spec, MODEL))
 
 
 @pytest.fixture
@@ -36,7 +41,7 @@ def spec(tmp_path: Path) -> SwarmSpec:
         llm="http://models:8000",
         var_dir=str(tmp_path),
     )
-    keep(made, plan.place_of(made, HOST), Role("operator", "ann"))
+    kept(made)
     return made
 
 
@@ -105,11 +110,11 @@ def test_a_task_gets_its_own_certificate_only(spec: SwarmSpec) -> None:
 
 def test_what_is_renewed_is_another_secret_and_what_is_not_is_the_same(spec: SwarmSpec) -> None:
     before = stacked(spec)
-    assert keep(spec, plan.place_of(spec, HOST), Role("operator", "ann")) == ()
+    assert kept(spec) == ()
     assert stacked(spec) == before
     cert = Path(before["secrets"]["R2-cert.pem"]["file"])
     cert.unlink()
-    assert keep(spec, plan.place_of(spec, HOST), Role("operator", "ann")) == ("R2",)
+    assert kept(spec) == ("R2",)
     after = stacked(spec)["secrets"]
     changed = {key for key in after if after[key]["name"] != before["secrets"][key]["name"]}
     assert changed == {"R2-cert.pem", "R2-key.pem"}
@@ -121,7 +126,7 @@ def test_names_of_secrets_fit_the_engine(tmp_path: Path) -> None:
         swarm=long, robots=("a" * 28, "b" * 28), secure=True, prometheus=False,
         runtime="swarm", var_dir=str(tmp_path),
     )  # fmt: skip
-    keep(spec, plan.place_of(spec, HOST), Role("operator", "ann"))
+    kept(spec)
     document = stacked(spec)
     names = [one["name"] for one in document["secrets"].values()]
     assert all(len(name) <= stack.MAX_NAME for name in names)
