@@ -58,9 +58,6 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Prints the stack file, after issuing what certificates it needs."""
     cluster = chosen_cluster(args)
-    if args.prometheus and cluster.network == "host":
-        args.prometheus = False
-        say(stack.NO_PROMETHEUS)
     spec = wished(args, "swarm", **settled(args))
     certify(spec, cluster)
     if args.list:
@@ -74,10 +71,12 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if told := stack.loses(cluster):
         say(told)
-    text = stack.stack_file(spec, cluster, args.pin, args.only)
+    prometheus = ""
     if spec.prometheus:
+        known = nodes.addresses(spec, args.pin) if cluster.network == "host" else {}
+        prometheus = stack.prometheus_file(spec, cluster, known)
         path = stack.config_path(spec)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(stack.prometheus_file(spec, cluster))
-    print(text, end="")
+        path.write_text(prometheus)
+    print(stack.stack_file(spec, cluster, args.pin, args.only, prometheus), end="")
     return 0

@@ -19,8 +19,7 @@ ASK_S = 60.0
 def problems(spec: SwarmSpec, names: Iterable[str], pin: Pin) -> list[str]:
     """What keeps a swarm from running, a sentence each. Raises DeployError where no manager of a
     swarm of Docker's answers."""
-    ids = _docker("node", "ls", "--quiet").split()
-    found = node_problems(spec, json.loads(_docker("node", "inspect", *ids)), pin)
+    found = node_problems(spec, _nodes(), pin)
     label = f"{compose.LABEL}={spec.swarm}"
     listed = _docker("service", "ls", "--filter", f"label={label}", "--quiet").split()
     if not listed:
@@ -36,6 +35,21 @@ def problems(spec: SwarmSpec, names: Iterable[str], pin: Pin) -> list[str]:
     tasks = [json.loads(line) for line in lines.splitlines()]
     full = {short[one["ID"]]: one["Spec"]["Name"] for one in services}
     return found + task_problems({name: full.get(name, "") for name in names}, tasks)
+
+
+def addresses(spec: SwarmSpec, pin: Pin) -> dict[str, str]:
+    """The address of each robot's node. Raises DeployError where a robot has none, or two."""
+    nodes = _nodes()
+    found = {}
+    for robot in spec.robots:
+        own = [node for node in nodes if robot == _robot(node, pin)]
+        if len(own) != 1:
+            raise DeployError(
+                f"Prometheus has to know robot {robot}'s node, and it has {len(own)}: "
+                "`coadapt stack --check` says more; or leave it out by --no-prometheus"
+            )
+        found[robot] = _address(own[0])
+    return found
 
 
 def node_problems(spec: SwarmSpec, nodes: Sequence[Mapping[str, Any]], pin: Pin) -> list[str]:
@@ -87,6 +101,20 @@ def task_problems(services: Mapping[str, str], tasks: Sequence[Mapping[str, str]
         else:
             found.append(f"{name} has no task" if service else f"{name} is not deployed")
     return found
+
+
+def _nodes() -> list[dict[str, Any]]:
+    ids = _docker("node", "ls", "--quiet").split()
+    found: list[dict[str, Any]] = json.loads(_docker("node", "inspect", *ids))
+    return found
+
+
+def _address(node: Mapping[str, Any]) -> str:
+    """A manager may not know its own by that name."""
+    known = str(node["Status"].get("Addr") or "0.0.0.0")
+    if known != "0.0.0.0":
+        return known
+    return str(node["ManagerStatus"]["Addr"]).rpartition(":")[0]
 
 
 def _host(node: Mapping[str, Any]) -> str:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from deploy import services as roster
 from deploy.docker import compose
+from deploy.ports import LOCALHOST
 from deploy.services import Place, Service
 from deploy.spec import EMBEDDED, SwarmSpec
 from swarm.errors import DeployError
@@ -146,6 +147,10 @@ def identity_files(var_dir: str, common_name: str) -> dict[str, Path]:
 
 
 def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container:
+    if service.role == "prometheus" and cluster.network == "host":
+        # It asks nobody who it is: for whoever is on its node.
+        local = (word.replace("=0.0.0.0:", f"={LOCALHOST}:") for word in service.argv)
+        service = replace(service, argv=tuple(local))
     own, files = _settings(service)
     if spec.secure and service.common_name:
         files |= identity_files(spec.var_dir, service.common_name)

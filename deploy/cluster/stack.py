@@ -13,6 +13,7 @@ from deploy import services as roster
 from deploy.cluster import plan
 from deploy.cluster.plan import Cluster, Container
 from deploy.docker import compose
+from deploy.services import Service
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 
@@ -32,10 +33,6 @@ _UPDATE: dict[str, Any] = {
     "parallelism": 1,
     "monitor": "20s",
 }
-NO_PROMETHEUS = (
-    "Prometheus is left out: on the nodes' own network a process has no name by which it could be "
-    "found; point a Prometheus of your own at the nodes, or use --network overlay"
-)
 _LOSES = (
     "an overlay loses the packets' marks (DSCP), so that nothing on the way tells traffic classes "
     "apart, and no controller can shape a host's interface for it; --network host keeps them"
@@ -43,12 +40,18 @@ _LOSES = (
 
 
 def stack_file(
-    spec: SwarmSpec, cluster: Cluster, pin: Pin = "label", only: Iterable[str] = ()
+    spec: SwarmSpec,
+    cluster: Cluster,
+    pin: Pin = "label",
+    only: Iterable[str] = (),
+    prometheus: str = "",
 ) -> str:
     """The stack file (YAML) of a swarm.
 
     `only`: names of services; the others are left out, and `docker stack deploy` leaves them as
-    they are. Raises DeployError for what a stack cannot have, and for files that cannot be read.
+    they are. `prometheus`: its configuration, which lies at `config_path` by then.
+
+    Raises DeployError for what a stack cannot have, and for files that cannot be read.
     """
     wanted = plan.containers(spec, cluster)
     only = tuple(only)
@@ -75,7 +78,7 @@ def stack_file(
             else {"external": True, "name": "host"}
         },
         **({"secrets": secrets} if secrets else {}),
-        **_configs(spec, cluster, wanted),
+        **_configs(spec, wanted, prometheus),
         "volumes": {one.folder: {} for one in wanted if one.folder},
     }
     text: str = yaml.safe_dump(_escaped(document), sort_keys=False)
@@ -92,10 +95,17 @@ def loses(cluster: Cluster) -> str:
     return _LOSES if cluster.network == "overlay" else ""
 
 
-def prometheus_file(spec: SwarmSpec, cluster: Cluster) -> str:
-    """Prometheus' configuration: on an overlay every service has its name."""
+def prometheus_file(spec: SwarmSpec, cluster: Cluster, addresses: Mapping[str, str]) -> str:
+    """Prometheus' configuration: on an overlay every service has its name; on the nodes' own
+    network a robot's node has one of `addresses`, and the site's that of the router."""
+
+    def address(service: Service) -> str:
+        if cluster.network == "overlay":
+            return service.name
+        return addresses[service.robot] if service.robot else cluster.router
+
     members = [one.service for one in plan.containers(spec, cluster)]
-    return roster.prometheus_config(members, lambda service: service.name, compose.ALERTS)
+    return roster.prometheus_config(members, address, compose.ALERTS)
 
 
 def config_path(spec: SwarmSpec) -> Path:
@@ -162,7 +172,11 @@ def _off_loopback(one: Container) -> dict[str, str]:
             "on an overlay the console answers off its node, and needs a token: name a file that "
             f"holds one by {CONSOLE_TOKEN}_FILE, or leave it out by --no-console"
         )
-    return {"COADAPT_CONSOLE_HOST": "0.0.0.0"}
+    found = {"COADAPT_CONSOLE_HOST": "0.0.0.0"}
+    if "COADAPT_CONSOLE_PROMETHEUS" in one.env:
+        found["COADAPT_CONSOLE_PROMETHEUS"] = f"http://prometheus:{roster.PROMETHEUS_PORT}"
+        found["COADAPT_CONSOLE_PROMETHEUS_LINK"] = ""
+    return found
 
 
 def _deploy(pin: Pin, one: Container, overlay: bool) -> dict[str, Any]:
@@ -205,10 +219,10 @@ def _published(spec: SwarmSpec, one: Container) -> Mapping[int, int]:
     return {}
 
 
-def _configs(spec: SwarmSpec, cluster: Cluster, wanted: Iterable[Container]) -> dict[str, Any]:
+def _configs(spec: SwarmSpec, wanted: Iterable[Container], prometheus: str) -> dict[str, Any]:
     if not any(one.service.role == "prometheus" for one in wanted):
         return {}
-    digest = hashlib.sha256(prometheus_file(spec, cluster).encode()).hexdigest()[:12]
+    digest = hashlib.sha256(prometheus.encode()).hexdigest()[:12]
     name = _named(spec.swarm, "prometheus", digest)
     return {"configs": {"prometheus": {"file": str(config_path(spec)), "name": name}}}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import yaml
 
@@ -161,6 +162,31 @@ def test_an_overlay_has_no_virtual_addresses_and_says_what_it_loses(
     assert "DSCP" in stack.loses(OVERLAY)
 
 
+def test_prometheus_finds_every_process_and_answers_its_own_node_only(spec: SwarmSpec) -> None:
+    watched = msgspec.structs.replace(spec, prometheus=True)
+    homes = {"R1": "10.0.0.1", "R2": "10.0.0.2", "R3": "10.0.0.3"}
+    for cluster, known in ((HOST, homes), (OVERLAY, {})):
+        config = yaml.safe_load(stack.prometheus_file(watched, cluster, known))
+        found = {
+            target["labels"]["instance"]: target["targets"][0]
+            for job in config["scrape_configs"]
+            for target in job["static_configs"]
+        }
+        assert set(found) == set(stack.names(watched, cluster))
+        on_host = cluster is HOST
+        assert found["robot-R3"] == ("10.0.0.3:9101" if on_host else "robot-R3:9101")
+        assert found["ego-R2"] == ("10.0.0.2:9102" if on_host else "ego-R2:9102")
+        assert found["router"] == ("10.0.0.1:9100" if on_host else "router:9100")
+    text = stack.stack_file(watched, HOST, prometheus="a: 1")
+    again = stack.stack_file(watched, HOST, prometheus="a: 2")
+    document = yaml.safe_load(text)
+    assert document["configs"]["prometheus"]["file"] == str(stack.config_path(watched))
+    assert document["configs"] != yaml.safe_load(again)["configs"]
+    prometheus = document["services"]["prometheus"]
+    assert "--web.listen-address=127.0.0.1:9090" in prometheus["command"]
+    assert [one["source"] for one in prometheus["configs"]] == ["prometheus"]
+
+
 def test_a_console_that_answers_off_its_node_needs_a_token(spec: SwarmSpec) -> None:
     with pytest.raises(DeployError, match="COADAPT_CONSOLE_TOKEN_FILE"):
         stack.stack_file(spec, OVERLAY)
@@ -262,6 +288,22 @@ def test_robots_without_a_node_or_with_two_are_named(spec: SwarmSpec) -> None:
     ]
     named = [node(robot, site=str(robot == "R1").lower()) for robot in ROBOTS]
     assert nodes.node_problems(spec, named, "name") == []
+
+
+def test_a_managers_own_address_is_where_managers_meet(
+    spec: SwarmSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [node("n1", robot="R1"), node("n2", robot="R2"), node("n3", robot="R3")]
+    for number, one in enumerate(found, 1):
+        one["Status"]["Addr"] = f"10.0.0.{number}"
+    found[0]["Status"]["Addr"] = "0.0.0.0"
+    found[0]["ManagerStatus"] = {"Addr": "10.0.0.1:2377"}
+    monkeypatch.setattr(nodes, "_nodes", lambda: found)
+    known = {"R1": "10.0.0.1", "R2": "10.0.0.2", "R3": "10.0.0.3"}
+    assert nodes.addresses(spec, "label") == known
+    del found[2]
+    with pytest.raises(DeployError, match="robot R3's node, and it has 0"):
+        nodes.addresses(spec, "label")
 
 
 def test_a_task_that_does_not_run_is_told_with_the_engines_reason() -> None:
