@@ -125,6 +125,7 @@ def render(
         ]
     )
     lines += ["", *_decision(view)]
+    lines += [f"links      {why}; C(t) is only measured there" for why in view.unshaped]
     if len(view.egos) > 1:
         lines += ["", *_egos(view.egos)]
     if view.model_trouble:

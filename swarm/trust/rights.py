@@ -63,7 +63,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                     keyspace.scene(swarm, ANY),
                     keyspace.shared(swarm, ANY, ANY),
                     keyspace.decision(swarm, ANY),
-                    keyspace.net_state(swarm),
+                    keyspace.net_state(swarm, ANY),
                     keyspace.net_tcp(swarm),
                 ),
                 "watch": (
@@ -87,9 +87,9 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             return {"serve": (keyspace.trust_certificate(swarm),)}
         case "controller":
             return {
-                "put": (keyspace.net_state(swarm),),
+                "put": (keyspace.net_state(swarm, own),),
                 "listen": (keyspace.net_demand(swarm),),
-                "serve": (keyspace.net_shape(swarm),),
+                "serve": (keyspace.net_shape(swarm, own),),
             }
         case "gateway":
             return {
@@ -101,7 +101,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             return {
                 **_reading(swarm),
                 "ask": (
-                    keyspace.net_shape(swarm),
+                    keyspace.net_shape(swarm, ANY),
                     keyspace.ego_steering(swarm, ANY),
                     keyspace.robot_steering(swarm, ANY),
                 ),
@@ -118,7 +118,7 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
-            keyspace.net_state(swarm),
+            keyspace.net_state(swarm, ANY),
             keyspace.net_tcp(swarm),
             keyspace.llm_state(swarm),
         ),
