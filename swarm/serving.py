@@ -53,9 +53,10 @@ class Server(Generic[M]):
         on_invalid: Callable[[MessageError], None],
     ) -> None:
         """At most `waiting` queries are taken at a time, which are answered in the order in which
-        they came, or the newest first; then the oldest one gives way to one more. Who asks (the
-        request's `ego`) has a share of them, and never all of several workers. `on_invalid` hears
-        of a request that does not validate."""
+        they came, or the newest first; then the oldest one gives way to one more. With
+        `newest_first` a request that would wait beyond its own `deadline_s` is refused. Who asks
+        (the request's `ego`) has a share of them, and never all of several workers. `on_invalid`
+        hears of a request that does not validate."""
         self._key = key
         self._kind = kind
         self._handler = handler
@@ -69,6 +70,7 @@ class Server(Generic[M]):
         )
         self._credits = Credits()
         self._workers = workers
+        self._newest_first = newest_first
         self._handling_s = 0.0
         """What a handler takes, smoothed."""
         self._woken = 0
@@ -95,7 +97,7 @@ class Server(Generic[M]):
         # By this process's own clock, from now: the asker's may show another time.
         now = time.monotonic()
         until = math.inf if asked is None else now + asked.timeout_s
-        due = now + (float(getattr(request, "deadline_s", 0.0)) or math.inf)
+        due = now + self._deadline_s(request)
         if (wait_s := self._wait_s()) > due - now:
             with query:
                 why = f"busy: this would wait for {wait_s:.2f} s"
@@ -109,6 +111,11 @@ class Server(Generic[M]):
                 self._refuse(loser.query, why, code="busy")
         if loser is not taken:
             self._wake()
+
+    def _deadline_s(self, request: M) -> float:
+        """How soon an answer is of use, where old ones are worth less; infinity: any time."""
+        told = getattr(request, "deadline_s", 0.0) if self._newest_first else 0.0
+        return float(told) or math.inf
 
     def _wait_s(self) -> float:
         """How long one more query would wait until it is handled, while others are ahead of it; 0
