@@ -108,8 +108,11 @@ class Session:
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {error}") from error
 
-    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M], object]) -> None:
-        """Calls `on_message(message)` for every valid message on a key expression.
+    def subscribe(
+        self, key: str, kind: type[M], on_message: Callable[[M], object]
+    ) -> Callable[[], None]:
+        """Calls `on_message(message)` for every valid message on a key expression, until what is
+        returned is called.
 
         Messages that do not validate are counted, logged once a sender, and dropped. While a
         session that lost links is replaced, a message may come twice.
@@ -140,7 +143,7 @@ class Session:
                 self._log.error("handler_failed", key=sender, exc_info=True)
 
         start_at_zero(self._invalid, (kind.__name__,))
-        self._connection.declare(lambda session: session.declare_subscriber(key, receive))
+        return self._connection.declare(lambda session: session.declare_subscriber(key, receive))
 
     def serve(
         self,

@@ -7,10 +7,10 @@ import time
 from importlib import resources
 from pathlib import Path
 
-from coadapt.arguments import add_swarm
+from coadapt.arguments import add_ego, add_swarm
 from deploy.progress import say
 from deploy.services import RECORDINGS
-from deploy.state import State, need_state, read_state
+from deploy.state import State, need_state, read_state, seen_by
 from swarm.errors import CoAdaptError, RecordingError
 from swarm.process import stop_on_signals
 
@@ -27,6 +27,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="FILE.mcap",
         help="a new file (default: var/<swarm>/recordings/<time>.mcap)",
     )
+    add_ego(parser)
     add_swarm(parser)
     parser.add_argument("--seconds", type=float, help="how long (default: until Ctrl-C)")
     parser.add_argument(
@@ -80,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
             "the package foxglove-sdk is missing: run `make setup`, or "
             "pip install 'coadapt-edge[recordings]'"
         ) from error
-    state = need_state(args.swarm)
+    state = seen_by(need_state(args.swarm), args.ego)
     output = None if args.no_file else (args.output or _default(state))
     stop = stop_on_signals()
     where = "no file" if output is None else str(output)
