@@ -96,11 +96,18 @@ class Session:
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {error}") from error
 
-    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M], object]) -> None:
+    def subscribe(
+        self,
+        key: str,
+        kind: type[M],
+        on_message: Callable[[M], object],
+        on_invalid: Callable[[str, CoAdaptError], object] | None = None,
+    ) -> None:
         """Calls `on_message(message)` for every valid message on a key expression.
 
-        Messages that do not validate are counted, logged once a sender, and dropped. While a
-        session that lost links is replaced, a message may come twice.
+        Messages that do not validate are counted, logged once a sender, and dropped;
+        `on_invalid(key, error)` hears of each. While a session that lost links is replaced, a
+        message may come twice.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -116,6 +123,8 @@ class Session:
                     raise MessageError(f"{kind.__name__} of {named!r} came on {sender}")
             except (MessageError, KeyspaceError) as error:
                 self._drop(kind, sender, error)
+                if on_invalid is not None:
+                    on_invalid(sender, error)
                 return
             try:
                 on_message(message)
