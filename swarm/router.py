@@ -136,6 +136,14 @@ def main() -> int:
         metavar="FOLDER",
         help="let in only who has a certificate of this router's authority (docs/security.md)",
     )
+    parser.add_argument(
+        "--peer",
+        action="append",
+        default=[],
+        metavar="ROUTER",
+        help="another machine's router, tls/HOST:PORT (plain: tcp/HOST:PORT); repeatable. Of two "
+        "routers one names the other",
+    )
     args = parser.parse_args()
     log = make_logger("router")
     stop = stop_on_signals()
@@ -147,7 +155,7 @@ def main() -> int:
         if args.config:
             return read_config(args.config)
         trust = _trust(identity, args.swarm) if identity is not None else None
-        return transport.router_config(args.host, args.port, args.unix_socket, trust)
+        return transport.router_config(args.host, args.port, args.unix_socket, trust, args.peer)
 
     try:
         if args.print_config:

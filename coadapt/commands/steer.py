@@ -12,9 +12,9 @@ import msgspec
 
 from coadapt.arguments import add_swarm
 from coadapt.asking import ask_patiently
+from coadapt.elsewhere import add_router, state_of
 from coadapt.operator import operator
 from deploy.progress import typed
-from deploy.state import need_state
 from swarm import keyspace
 from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
 from swarm.messages import EgoSteered, EgoSteering, EgoWish, Message, RobotSteered, RobotSteering
@@ -39,6 +39,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--yes", action="store_true", help="stop the ego's own robot, too: it sees nothing then"
     )
     add_swarm(parser)
+    add_router(parser)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.set_defaults(run=run)
 
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 
     Nothing is changed unless all that are named answer.
     """
-    state = need_state(args.swarm)
+    state = state_of(args)
     wishes = _wishes(args, state.spec.swarm, state.spec.ego, state.spec.ego_standby)
     try:
         session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)

@@ -49,5 +49,5 @@ def prepare(spec: SwarmSpec, place: Place, operator: Role) -> None:
             "its rights back"
         )
     for name in [*names, operator.common_name]:
-        own = (place.router_host, "127.0.0.1", "localhost") if name == "router" else ()
-        store.issue(name, tuple(dict.fromkeys(own)))
+        own = (place.router_host, "127.0.0.1", "localhost", spec.listen) if name == "router" else ()
+        store.issue(name, tuple(dict.fromkeys(filter(None, own))))

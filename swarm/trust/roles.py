@@ -11,8 +11,14 @@ from swarm.keyspace import check_name
 
 Kind = Literal["robot", "ego", "router", "controller", "gateway", "console", "operator", "reader"]
 SITE = ("router", "controller", "gateway", "console")
-"""Roles of which a swarm has one: the common name is the role's."""
-PREFIXES: dict[Kind, str] = {"ego": "ego-", "operator": "operator-", "reader": "reader-"}
+"""Roles of which a swarm has one: the common name is the role's. Other machines have routers of
+their own, `router-NAME`."""
+PREFIXES: dict[Kind, str] = {
+    "ego": "ego-",
+    "router": "router-",
+    "operator": "operator-",
+    "reader": "reader-",
+}
 RULE = f"a robot's id, {', '.join(SITE)}, or {', '.join(p + 'NAME' for p in PREFIXES.values())}"
 
 
@@ -30,7 +36,7 @@ class Role:
         >>> Role("ego", "R1").common_name
         'ego-R1'
         """
-        if self.kind in SITE:
+        if self.kind in SITE and not self.name:
             return self.kind
         return f"{PREFIXES.get(self.kind, '')}{self.name}"
 
