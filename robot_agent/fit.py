@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from swarm.fitting import other_world
 from swarm.log import Logger
 from swarm.messages import NetDemand
+from swarm.tcp_stuck import Way, stuck
 
 UNHEARD_S = 10.0
 """An ego speaks every second or five; a robot that hears none for so long says so."""
@@ -31,15 +32,17 @@ class Fit:
         log: Logger,
         on_moved: Callable[[str], object] | None = None,
         now: Callable[[], float] = time.monotonic,
+        stuck: Callable[[], str] = stuck,
     ) -> None:
         """`mark`: of this process's world. `where`: swarm and router, in words. `on_moved`: hears,
-        in words, that an ego lives in another world now."""
+        in words, that an ego lives in another world now. `stuck` tells why nothing gets through."""
         self._robots = tuple(robots)
         self._mark = mark
         self._where = where
         self._log = log
         self._on_moved = on_moved
         self._now = now
+        self._way = Way(log, stuck, now)
         self._lock = threading.Lock()
         self._told: dict[tuple[str, str], str] = {}
         self._quiet_since = now()
@@ -70,9 +73,10 @@ class Fit:
                     self._tell(demand.ego, robot, why)
 
     def look(self) -> None:
-        """Says that no ego is heard, where that is so."""
+        """Says that no ego is heard, or that what is sent does not get through."""
         with self._lock:
             now = self._now()
+            self._way.look()
             if now - self._quiet_since >= UNHEARD_S and now - self._said_at >= AGAIN_S:
                 self._said_at = now
                 why = f"no ego is heard in {self._where}: the swarm may have another name"

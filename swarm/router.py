@@ -23,8 +23,10 @@ from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportErr
 from swarm.log import make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.metrics import MetricsServer
+from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.tcp_reporter import TcpReporter
+from swarm.tcp_stuck import Way
 from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
@@ -100,6 +102,13 @@ class Router:
             return len(list(info.transports())), len(list(info.links()))
         except zenoh.ZError:
             return 0, 0  # It is opening anew.
+
+    def ends(self) -> list[str]:
+        """The far ends of its links."""
+        try:
+            return [str(link.dst) for link in self.session.info.links()]
+        except zenoh.ZError:
+            return []  # It is opening anew.
 
     def close(self) -> None:
         """Lets go of all."""
@@ -180,9 +189,13 @@ def main() -> int:
     if identity is None and args.host not in LOCAL_HOSTS and not args.config:
         log.warning("plain", host=args.host, means="whoever reaches this address is believed")
     turned = LoopWatch(log).loop("router")
+    peers = Peers(args.peer, identity, log)
+    way = Way(log)
     while not stop.wait(LOOK_S):
         router.connected()  # does not return while Zenoh hangs
         turned()
+        peers.look(router.ends() if args.peer else ())
+        way.look()
         if identity is None or (now := members.version(identity)) == seen:
             continue
         seen = now

@@ -5,6 +5,7 @@ from __future__ import annotations
 import configparser
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -93,7 +94,7 @@ def test_what_is_typed_goes_before_what_was_learnt() -> None:
     ],
 )
 def test_a_robot_that_could_not_live_in_its_world_is_not_started(
-    settings: dict[str, object], told: str
+    settings: dict[str, Any], told: str
 ) -> None:
     with pytest.raises(SettingError, match=told):
         environment_of(wish("tcp/h", **settings), "tcp/h:7447", "floor", LEARNT, {})

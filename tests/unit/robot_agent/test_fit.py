@@ -8,6 +8,7 @@ import structlog.testing
 
 from robot_agent.fit import AGAIN_S, MOVED_WORDS, UNHEARD_S, Fit
 from swarm.messages import NetDemand
+from swarm.tcp_stuck import LOOK_S
 from tests.support.message_samples import SAMPLES
 
 MARK = "factory seed=1"
@@ -25,6 +26,7 @@ class Robot:
     def __init__(self, mark: str = MARK) -> None:
         self.now_s = 100.0
         self.moved: list[str] = []
+        self.stuck = ""
         log = structlog.wrap_logger(structlog.PrintLogger())
         self.fit = Fit(
             ("R1", "R2"),
@@ -33,6 +35,7 @@ class Robot:
             log,
             self.moved.append,
             lambda: self.now_s,
+            lambda: self.stuck,
         )
 
     def hears(self, **changes: object) -> list[tuple[str, str]]:
@@ -93,3 +96,16 @@ def test_many_egos_cost_no_more_than_so_many_lines(count: int) -> None:
     robot = Robot("factory seed=2")
     said = [robot.hears(ego=f"E{i}") for i in range(count)]
     assert sum(map(len, said)) <= 256
+
+
+def test_a_way_that_takes_no_full_packets_is_told_now_and_then() -> None:
+    robot = Robot()
+    robot.hears()
+    robot.now_s += LOOK_S
+    assert robot.looks() == []
+    robot.stuck = "packets of 1448 bytes do not get through"
+    robot.now_s += LOOK_S
+    robot.hears()
+    assert robot.looks() == [robot.stuck]
+    robot.now_s += LOOK_S
+    assert robot.looks() == []
