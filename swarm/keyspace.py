@@ -126,6 +126,12 @@ def llm_alive(swarm: str) -> str:
     return _llm_key(swarm, "alive")
 
 
+def trust_certificate(swarm: str) -> str:
+    """Queryable of a secure swarm's authority: `messages.CertificateRequest` ->
+    `messages.RenewedCertificate`."""
+    return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
+
+
 def everything(name: str) -> str:
     """All keys of the swarm of that name: what its routers pass on to each other.
 

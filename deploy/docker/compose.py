@@ -215,7 +215,8 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
             volumes.append(f"{Path(file).absolute()}:{place}:ro")
     if folder := FOLDERS.get(service.role):
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
-    if spec.secure and service.common_name:
+    # The authority has the whole keystore, its own identity in it.
+    if spec.secure and service.common_name and service.role != "authority":
         here = roster.identity_path(spec.var_dir, service.common_name)
         there = roster.identity_path(PLACE.var_dir, service.common_name)
         volumes.append(f"{here}:{there}:ro")

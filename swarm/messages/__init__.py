@@ -56,6 +56,7 @@ from swarm.messages.net import (
 )
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
+from swarm.messages.trust import CertificateRequest, RenewedCertificate
 from swarm.messages.wire import decode, encode
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "AnswerReport",
     "Backlog",
     "Beacon",
+    "CertificateRequest",
     "ChatMessage",
     "ClassName",
     "Count",
@@ -98,6 +100,7 @@ __all__ = [
     "Probe",
     "Profile",
     "Refusal",
+    "RenewedCertificate",
     "RobotId",
     "RobotSteered",
     "RobotSteering",

@@ -17,6 +17,7 @@ from swarm.messages import (
     AnswerReport,
     Backlog,
     Beacon,
+    CertificateRequest,
     ChatMessage,
     DecideAnswer,
     DecideRequest,
@@ -38,6 +39,7 @@ from swarm.messages import (
     ObservationRequest,
     Probe,
     Refusal,
+    RenewedCertificate,
     RobotSteered,
     RobotSteering,
     SceneDescription,
@@ -252,6 +254,8 @@ SAMPLES: tuple[Message, ...] = (
     EgoSteered(
         request=12, ego="R1", policy="static-late", q_min=0.6, policies=("coverage", "static-late")
     ),
+    CertificateRequest(request=14, role="R7", operator="R7"),
+    RenewedCertificate(request=14, certificate="-----BEGIN CERTIFICATE-----"),
     RobotSteering(request=13, operator="ann@floor", duty="off"),
     RobotSteered(request=13, robot="R3", on_duty=False, operator="ann@floor", since_ns=NOW),
     ShapeReply(
