@@ -8,6 +8,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robot_agent.settings import RobotSettings, load_settings
 from swarm import transport
@@ -20,7 +21,9 @@ from swarm.log import make_logger
 from swarm.messages import NetDemand
 from swarm.settings import PREFIX
 from swarm.trust.identity import CERTIFICATE, Identity
-from worlds.registry import world_kind
+
+if TYPE_CHECKING:
+    from worlds.kinds import WorldKind
 
 TELL_S = 10.0
 _PLACE = re.compile(r"(tcp|tls)/(\[[^\]]+\]|[^:/\s#]+)(:\d+)?")
@@ -113,7 +116,14 @@ def needs_ego(given: Mapping[str, object]) -> bool:
     """Whether only the ego can tell in which world, and since when, the robot is to live."""
     if "world" not in given:
         return True
-    return "epoch_ns" not in given and world_kind(str(given["world"])).data != "address"
+    return "epoch_ns" not in given and _kind(str(given["world"])).data != "address"
+
+
+def _kind(world: str) -> WorldKind:
+    # Only where a world is named: its libraries take half a second.
+    from worlds.registry import world_kind
+
+    return world_kind(world)
 
 
 def learn(router: str, swarm: str, stop: threading.Event) -> dict[str, object]:
@@ -173,7 +183,7 @@ def environment_of(
     values = {**learnt, **given, **own, "world_learnt": bool(learnt)}
     made = {**_CALM, **environment}
     made |= {PREFIX + name.upper(): str(value) for name, value in values.items()}
-    _check(load_settings(made))
+    _check(load_settings(made), simulated="world_robots" in learnt)
     return made
 
 
@@ -185,18 +195,21 @@ _CALM = {
 }
 
 
-def _check(settings: RobotSettings) -> None:
-    """Raises SettingError where the robot cannot live in its world."""
-    kind = world_kind(settings.world)
+def _check(settings: RobotSettings, *, simulated: bool) -> None:
+    """Raises SettingError where the robot cannot live in its world. `simulated`: as the ego told,
+    which says for how many robots there is room."""
     (robot,) = settings.robots
+    kind = None if simulated else _kind(settings.world)
     names = [f"R{number}" for number in range(1, settings.world_robots + 1)]
-    if kind.numbered and robot not in names:
+    if (kind is None or kind.numbered) and robot not in names:
         raise SettingError(
             f"--robot {robot} is not one of R1 to {names[-1]}, for which the world has room: start "
             "the swarm with `coadapt up --world-robots N`"
         )
+    if kind is None or not kind.data:
+        return
     path = Path(settings.world_data)
-    if kind.data and not settings.world_data:
+    if not settings.world_data:
         raise SettingError(f"world {kind.name} needs --data {kind.word}, {kind.needs}")
     if (kind.data == "file" and not path.is_file()) or (
         kind.data == "directory" and not path.is_dir()

@@ -12,29 +12,36 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
-from swarm import transport
+from swarm import keyspace, transport
+from swarm.asking import Question
+from swarm.credit import Window
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
+from swarm.messages import CertificateRequest, RenewedCertificate
 from swarm.metrics import MetricsServer
 from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
 from swarm.tcp_reporter import TcpReporter
 from swarm.tcp_stuck import Way
+from swarm.traffic import TrafficClass
 from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
+from swarm.trust.renewal import Renewal
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
+CERTIFICATE_S = 5.0
 REOPEN_S = 10.0
 """How long a router that opens anew may take to close and to have its ports back; less than what it
 is watched for."""
@@ -116,6 +123,16 @@ class Router:
         except zenoh.ZError:
             return []  # It is opening anew.
 
+    def certificate(self, name: str) -> str:
+        """What the authority, at another machine's router, issued last to this one. Raises
+        TransportError, and RefusedError."""
+        key = keyspace.by(keyspace.trust_certificate(self._swarm or ""), name)
+        asked: Question[RenewedCertificate] = Question(
+            key, RenewedCertificate, CERTIFICATE_S, Window(), lambda error: None
+        )
+        asked.send(self.session, CertificateRequest(role=name), TrafficClass.CONTROL)
+        return asked.future.result().message.certificate
+
     def close(self) -> None:
         """Lets go of all."""
         if self._reporter is not None:
@@ -195,6 +212,11 @@ def main() -> int:
     turned = LoopWatch(log).loop("router")
     peers = Peers(args.peer, identity, log)
     way = Way(log)
+    renewal = (
+        Renewal(identity, partial(router.certificate, identity.name), log)
+        if identity is not None and args.peer
+        else None
+    )
     while not stop.wait(LOOK_S):
         router.connected()  # does not return while Zenoh hangs
         turned()
@@ -214,6 +236,8 @@ def main() -> int:
             log.info("trust_renewed")
     if metrics is not None:
         metrics.close()
+    if renewal is not None:
+        renewal.close()
     router.close()
     if refusals is not None:
         refusals.close()

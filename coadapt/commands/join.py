@@ -22,7 +22,6 @@ from swarm.errors import SettingError, TransportError
 from swarm.keyspace import check_name
 from swarm.process import stop_on_signals
 from swarm.trust.identity import KEY
-from worlds.registry import world_kinds
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -42,7 +41,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--swarm", help="name of the swarm (default: the certificate's; of a plain one, local)"
     )
     world = parser.add_argument_group("world", "what is not given, the ego tells")
-    world.add_argument("--world", choices=world_kinds(), help="where the robot's scans come from")
+    world.add_argument("--world", help="where the robot's scans come from: `coadapt worlds`")
     world.add_argument("--data", metavar="PATH", help="recorded data, or a live robot's address")
     world.add_argument("--world-robots", type=int, metavar="N", help="of a simulated world")
     world.add_argument("--seed", type=int, help="of a simulated world")
