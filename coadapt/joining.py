@@ -19,6 +19,7 @@ from swarm.keyspace import check_name
 from swarm.listening import listen
 from swarm.log import make_logger
 from swarm.messages import NetDemand
+from swarm.scouting import find_router
 from swarm.settings import PREFIX
 from swarm.trust.identity import CERTIFICATE, Identity
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from worlds.kinds import WorldKind
 
 TELL_S = 10.0
+SCOUT = "scout"
 _PLACE = re.compile(r"(tcp|tls)/(\[[^\]]+\]|[^:/\s#]+)(:\d+)?")
 LEARNT = {
     KIND: "world",
@@ -42,7 +44,7 @@ class Wish:
     """What is typed. None, or empty, leaves it to the certificate or the ego."""
 
     place: str
-    """`tcp/HOST[:PORT]` or `tls/HOST[:PORT]`."""
+    """`tcp/HOST[:PORT]` or `tls/HOST[:PORT]`, or SCOUT."""
     robot: str
     cert: Path | None
     swarm: str | None
@@ -60,12 +62,16 @@ def router_of(wish: Wish) -> str:
     Raises SettingError for a malformed address or a certificate where none belongs, IdentityError
     for one that could not be shown.
     """
-    found = _PLACE.fullmatch(wish.place)
+    place = wish.place
+    if place == SCOUT:
+        place = find_router("tcp" if wish.cert is None else "tls")
+    found = _PLACE.fullmatch(place)
     if found is None:
         raise SettingError(
-            f"router {wish.place!r} is not valid; it must be tls/HOST[:PORT] or tcp/HOST[:PORT]"
+            f"router {wish.place!r} is not valid; it must be tls/HOST[:PORT] or tcp/HOST[:PORT], "
+            f"or {SCOUT} to look for one by multicast"
         )
-    router = transport.with_port(wish.place)
+    router = transport.with_port(place)
     if found[1] == "tcp":
         if wish.cert is not None:
             raise SettingError(

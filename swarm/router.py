@@ -169,6 +169,9 @@ def main() -> int:
         help="let in only who has a certificate of this router's authority (docs/security.md)",
     )
     parser.add_argument(
+        "--scouting", action="store_true", help="answer who looks for a router by multicast"
+    )
+    parser.add_argument(
         "--peer",
         action="append",
         default=[],
@@ -187,7 +190,9 @@ def main() -> int:
         if args.config:
             return read_config(args.config)
         trust = _trust(identity, args.swarm) if identity is not None else None
-        return transport.router_config(args.host, args.port, args.unix_socket, trust, args.peer)
+        return transport.router_config(
+            args.host, args.port, args.unix_socket, trust, args.peer, scouting=args.scouting
+        )
 
     try:
         if args.print_config:

@@ -79,18 +79,28 @@ _COMMON: dict[str, Any] = {
 }
 
 
+_FOUND: dict[str, Any] = {
+    "scouting/multicast/enabled": True,
+    # It answers, and connects to nobody whom it finds itself.
+    "scouting/multicast/autoconnect": {"router": [], "peer": [], "client": []},
+}
+
+
 def router_config(
     host: str,
     port: int,
     unix_socket: str | None = None,
     trust: Trust | None = None,
     peers: Sequence[str] = (),
+    *,
+    scouting: bool = False,
 ) -> dict[str, Any]:
     """Settings of a router that listens with one port a traffic class from `port` on.
 
     With `trust` it shows its certificate, lets in nobody without one, and everybody may do only
     what `trust` allows. `peers` are routers of other machines, `tls/HOST:PORT` (without `trust`
-    `tcp/HOST:PORT`), which it goes on to connect to. Keys are Zenoh's configuration paths;
+    `tcp/HOST:PORT`), which it goes on to connect to. With `scouting` it answers who looks for a
+    router by multicast. Keys are Zenoh's configuration paths;
     `router_json5` writes them as `zenohd` reads them. Raises SettingError.
     """
     small = {TrafficClass.CONTROL: f";so_sndbuf={CONTROL_BUFFER_BYTES}"}
@@ -120,6 +130,7 @@ def router_config(
         **(_trusting(trust) if trust is not None else {}),
         **(_meshed(peers, protocol) if peers else {}),
         **_COMMON,
+        **(_FOUND if scouting else {}),
     }
 
 

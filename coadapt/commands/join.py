@@ -28,7 +28,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     """Adds `join` to the command line."""
     parser = subparsers.add_parser("join", help="run a robot on this machine", description=__doc__)
     parser.add_argument(
-        "router", metavar="ROUTER", help="tls/HOST[:PORT], or tcp/HOST[:PORT] of a plain swarm"
+        "router",
+        metavar="ROUTER",
+        help="tls/HOST[:PORT], or tcp/HOST[:PORT] of a plain swarm; scout: find it by multicast",
     )
     parser.add_argument("--robot", required=True, help="which robot this is, like R7")
     parser.add_argument(

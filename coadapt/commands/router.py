@@ -35,6 +35,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "names the other: a new machine names those that were there before",
     )
     parser.add_argument(
+        "--scouting",
+        action="store_true",
+        help="answer who looks for a router on this network by multicast (`coadapt join scout`)",
+    )
+    parser.add_argument(
         "--cert",
         type=Path,
         metavar="FOLDER",
@@ -61,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     argv = ["--host", args.listen, "--port", str(args.port), "--swarm", swarm]
     argv += [word for peer in peers for word in ("--peer", peer)]
     argv += ["--identity", str(folder)] if folder is not None else []
+    argv += ["--scouting"] if args.scouting else []
     argv += ["--metrics-port", str(args.metrics_port)] if args.metrics_port is not None else []
     if args.systemd:
         what, key = f"router of swarm {swarm}", folder / KEY if folder is not None else None

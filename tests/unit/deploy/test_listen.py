@@ -28,15 +28,17 @@ def spec_of(**values: Any) -> SwarmSpec:
 
 
 def test_a_swarm_that_others_reach_is_secure_without_being_asked() -> None:
-    assert spec_of(listen="192.0.2.7").secure
+    assert spec_of(listen="198.51.100.7").secure
     assert not spec_of(listen="127.0.0.1").secure
     assert not spec_of().secure
 
 
 def test_a_plain_swarm_listens_on_the_loopback_only() -> None:
     assert spec_of(listen="127.0.0.1", secure=False).listen == "127.0.0.1"
-    with pytest.raises(DeployError, match=r"listen = '192.0.2.7'.*loopback.*whoever reaches its"):
-        spec_of(listen="192.0.2.7", secure=False)
+    with pytest.raises(
+        DeployError, match=r"listen = '198.51.100.7'.*loopback.*whoever reaches its"
+    ):
+        spec_of(listen="198.51.100.7", secure=False)
 
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "224.0.0.1", "host", "10.0.0.1/8", "::1", "1.2.3"])
@@ -56,28 +58,28 @@ def test_in_namespaces_the_routers_ports_are_taken_at_that_address() -> None:
 
 def test_an_address_of_another_machine_is_named() -> None:
     with (
-        pytest.raises(DeployError, match=r"on 192.0.2.7, for the router \(--router-port\)"),
-        listen_endpoints(spec_of(listen="192.0.2.7")),
+        pytest.raises(DeployError, match=r"on 198.51.100.7, for the router \(--router-port\)"),
+        listen_endpoints(spec_of(listen="198.51.100.7")),
     ):
         pass
 
 
 def test_containers_publish_the_router_there_beside_the_loopback() -> None:
-    spec = spec_of(listen="192.0.2.7", runtime="docker")
+    spec = spec_of(listen="198.51.100.7", runtime="docker")
     project = yaml.safe_load(compose.compose_file(spec, "image", "image", "172.17.0.1"))
     hosts = {port.partition(":")[0] for port in project["services"]["router"]["ports"]}
-    assert hosts == {"127.0.0.1", "192.0.2.7"}
+    assert hosts == {"127.0.0.1", "198.51.100.7"}
     assert len(project["services"]["router"]["ports"]) == 6
 
 
 def test_the_routers_certificate_is_for_that_address(tmp_path: Path) -> None:
-    spec = spec_of(listen="192.0.2.7", var_dir=str(tmp_path))
+    spec = spec_of(listen="198.51.100.7", var_dir=str(tmp_path))
     prepare(spec, compose.place_of(spec), LOCAL)
     identity = Identity(tmp_path / "keystore" / "issued" / "router")
     names = read_certificate(identity.certificate).extensions.get_extension_for_class(
         x509.SubjectAlternativeName
     )
-    assert "192.0.2.7" in {str(name.value) for name in names.value}
+    assert "198.51.100.7" in {str(name.value) for name in names.value}
 
 
 def test_a_simulated_world_may_have_room_for_robots_that_join() -> None:
