@@ -382,7 +382,7 @@ class Watch:
             return f"by {duty.operator or 'an operator'}"
         if decision is None:
             return ""
-        told = (decision.silent, decision.excluded, decision.doubted)
+        told = (decision.silent, decision.excluded, decision.doubted, decision.remarks)
         return next((reasons[robot] for reasons in told if robot in reasons), "")
 
     def _on_join(self, robot: str) -> None:
