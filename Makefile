@@ -14,6 +14,8 @@ LLM ?=
 MODEL ?=
 GRAFANA ?=
 SECURE ?=
+LISTEN ?=
+WORLD_ROBOTS ?=
 EXTRA ?= $(if $(filter embedded,$(LLM)),llm)
 SWARM ?= local
 LINK ?=
@@ -45,6 +47,7 @@ help: ## Show this list
 	@echo "  variables: ROBOTS=number WORLD=factory|road|opv2v|bag|scans|recording DATA=path RUNTIME=auto|docker|netns"
 	@echo "             POLICY=coverage|llm|... LINK=20mbit EGOS=R1,R4|all EGO_STANDBY=R2 SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
+	@echo "             LISTEN=address of this machine, for robots elsewhere; WORLD_ROBOTS=room for so many"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
 	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s;"
 	@echo "             of train: CONFIG=factory|road; of data: DATA_URL=repository DATA_COMMIT= DATA_TREE="
@@ -61,7 +64,8 @@ up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prome
 		$(if $(RUNTIME),--runtime $(RUNTIME)) $(if $(EGOS),--egos $(EGOS)) $(if $(EGO_STANDBY),--ego-standby $(EGO_STANDBY)) \
 		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
 		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) \
-		$(if $(GRAFANA),--grafana) $(if $(filter 0,$(SECURE)),--no-secure,$(if $(SECURE),--secure)) $(ARGS)
+		$(if $(GRAFANA),--grafana) $(if $(filter 0,$(SECURE)),--no-secure,$(if $(SECURE),--secure)) \
+		$(if $(LISTEN),--listen $(LISTEN)) $(if $(WORLD_ROBOTS),--world-robots $(WORLD_ROBOTS)) $(ARGS)
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)

@@ -114,10 +114,10 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why the LLM gateway's model does not answer."""
     stands_in_for: str | None = None
     """The ego in whose stead `ego` decides; None: in its own."""
-    egos: tuple[EgoRow, ...] = ()
-    """Every ego of the swarm, the one that is shown among them."""
     unshaped: tuple[str, ...] = ()
     """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
+    egos: tuple[EgoRow, ...] = ()
+    """Every ego of the swarm, the one that is shown among them."""
 
 
 @dataclass(slots=True)
@@ -281,8 +281,8 @@ class Watch:
                 blind=decision.blind if decision else "",
                 model_trouble=heard.gateway.trouble if heard.gateway else "",
                 stands_in_for=decision.stands_in_for if decision else None,
-                egos=self._egos(now),
                 unshaped=heard.controllers.unshaped(now),
+                egos=self._egos(now),
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
@@ -382,7 +382,7 @@ class Watch:
             return f"by {duty.operator or 'an operator'}"
         if decision is None:
             return ""
-        told = (decision.silent, decision.excluded, decision.doubted)
+        told = (decision.silent, decision.excluded, decision.doubted, decision.remarks)
         return next((reasons[robot] for reasons in told if robot in reasons), "")
 
     def _on_join(self, robot: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import math
 import os
 import time
@@ -86,6 +87,15 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the Quality-on-Demand API answers on the host's 127.0.0.1."""
     controller_metrics_port: HostPort = 9103
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
+    listen: str = ""
+    """IPv4 address of this machine on which robots and tools elsewhere reach the router; empty:
+    only this machine does."""
+    world_robots: (
+        Annotated[int, msgspec.Meta(ge=MIN_ROBOTS, le=MAX_ROBOTS, description="a number of robots")]
+        | None
+    ) = None
+    """For how many robots a simulated world has room, as others may join those that `up` starts;
+    None: for no others."""
     comm_range_m: CommRange | None = None
     """How far from the ego a robot may take part; None leaves it to the ego and its world."""
     link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
@@ -131,6 +141,10 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
             for name in PROPERTIES
             if name != "epoch_ns" and getattr(self, name) != getattr(other, name)
         )
+
+    def room(self) -> int:
+        """For how many robots a simulated world has room."""
+        return self.world_robots or len(self.robots)
 
     def llm_server(self) -> tuple[str, int] | None:
         """Host and port of the model server; None without one."""
@@ -183,8 +197,17 @@ def make_spec(**values: Any) -> SwarmSpec:
     swarm = values.get("swarm", _PROCESS.swarm)
     egos = tuple(values.get("egos", ()))
     values.setdefault("ego", (egos or robots)[0])
+    near = _is_near(values.get("listen", ""))
     # Containers hear of each other over a network that others may share.
-    values.setdefault("secure", values.get("runtime") == "docker")
+    values.setdefault("secure", values.get("runtime") == "docker" or not near)
+    if not (near or values["secure"]):
+        raise _invalid(
+            "listen",
+            values["listen"],
+            "an address of the loopback (127.0.0.1) in a plain swarm, as whoever reaches its "
+            "router is believed; leave out --no-secure (SECURE=0) for another one",
+        )
+    _check_room(world, robots, values.get("world_robots"))
     if values.get("comm_range_m") is None:
         values["comm_range_m"] = world.comm_range_m
     values.setdefault("epoch_ns", time.time_ns())
@@ -226,6 +249,31 @@ def _egos(egos: tuple[str, ...], first: str, robots: tuple[str, ...]) -> tuple[s
         rule = f"different ones of the robots {', '.join(robots)}, with the ego {first}"
         raise _invalid("egos", egos, rule)
     return (first, *(ego for ego in egos if ego != first)) if len(egos) > 1 else ()
+
+
+def _is_near(listen: str) -> bool:
+    """Whether only this machine reaches an address. Raises DeployError for no IPv4 address."""
+    if not listen:
+        return True
+    rule = "an IPv4 address of this machine, like 192.168.1.10"
+    try:
+        address = ipaddress.IPv4Address(listen)
+    except ValueError as error:
+        raise _invalid("listen", listen, rule) from error
+    # A certificate is for an address, and others need one that they can type.
+    if address.is_unspecified or address.is_multicast:
+        raise _invalid("listen", listen, rule)
+    return address.is_loopback
+
+
+def _check_room(world: WorldKind, robots: tuple[str, ...], room: int | None) -> None:
+    """Raises DeployError for a world that cannot have room for others, or has too little."""
+    if room is None:
+        return
+    if not world.numbered:
+        raise _invalid("world_robots", room, f"left out: world {world.name} has the robots it has")
+    if room < len(robots):
+        raise _invalid("world_robots", room, f"{len(robots)} at least, as that many are started")
 
 
 def _check_names(robots: tuple[str, ...]) -> None:

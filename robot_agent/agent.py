@@ -47,10 +47,11 @@ class RobotAgent:
         log: Logger,
         ring_frames: int = 10,
         size_period_s: float = 20.0,
+        mark: str = "",
     ) -> None:
-        """`size_period_s`: how old an announced size may be."""
+        """`size_period_s`: how old an announced size may be. `mark`: of the robot's world."""
         self.robot = robot
-        self._teller = Teller(world, robot, instance, clock.now_ns)
+        self._teller = Teller(world, robot, instance, clock.now_ns, mark)
         self._encoder = encoder
         self._clock = clock
         self._metrics = metrics

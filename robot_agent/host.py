@@ -11,13 +11,16 @@ import msgspec
 
 from robot_agent.agent import RobotAgent
 from robot_agent.duty import Duty
+from robot_agent.fit import Fit
 from robot_agent.metrics import RobotMetrics
 from robot_agent.pace import Pace
 from robot_agent.thinning import Thinner
 from swarm import keyspace
 from swarm.errors import CoAdaptError
+from swarm.listening import hear
 from swarm.log import Logger
 from swarm.loop_watch import Loops, unwatched
+from swarm.messages import NetDemand
 from swarm.session import Session
 from swarm.tcp_watch import TcpWatch
 from swarm.traffic import TrafficClass
@@ -44,6 +47,7 @@ class RobotHost:
         workers: int,
         metrics: RobotMetrics,
         log: Logger,
+        fit: Fit,
         loops: Loops = unwatched,
     ) -> None:
         self._session = session
@@ -57,7 +61,8 @@ class RobotHost:
         self._thinners = {agent.robot: Thinner() for agent in agents}
         self._sensed = threading.Event()
         self._pace = Pace()
-        self._pace.attach(session)
+        self._fit = fit
+        hear(session, {NetDemand: self._on_demand})
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
@@ -82,6 +87,10 @@ class RobotHost:
         deadline = time.monotonic() + JOIN_S
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
+
+    def _on_demand(self, demand: NetDemand) -> None:
+        self._pace.on_demand(demand)
+        self._fit.on_demand(demand)
 
     def _thread(
         self,
@@ -149,6 +158,7 @@ class RobotHost:
             self._session.put(keyspace.scene(self._session.swarm, agent.robot), scene)
 
     def _measure(self, agent: RobotAgent) -> None:
+        self._fit.look()
         agent.measure()
 
     def _guarded(self, loop: str, work: Callable[[RobotAgent], object], agent: RobotAgent) -> None:

@@ -155,6 +155,15 @@ def trust_certificate(swarm: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
 
 
+def everything(name: str) -> str:
+    """All keys of the swarm of that name: what its routers pass on to each other.
+
+    >>> everything("local")
+    'coadapt/local/**'
+    """
+    return f"coadapt/{check_name('swarm name', name)}/**"
+
+
 def by(key: str, asker: str) -> str:
     """Where a role asks what is served on a key, in a secure swarm: the router lets each ask by its
     own name only, so that who serves knows who asks. Served is `by(key, ANY)`.

@@ -10,11 +10,12 @@ from datetime import UTC, datetime
 import msgspec
 
 from coadapt.arguments import add_ego, add_swarm
+from coadapt.elsewhere import ELSEWHERE, add_router, state_of
 from deploy import runtimes
 from deploy.observe import EgoRow, SwarmView, Watch
 from deploy.rates import format_rate
 from deploy.runtime import ProcessStatus
-from deploy.state import State, need_state, seen_by
+from deploy.state import State
 from swarm.errors import DeployError, TransportError
 from swarm.messages import AdviceReport
 
@@ -30,14 +31,14 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--watch", action="store_true", help="draw again every second")
     add_ego(parser)
     add_swarm(parser)
+    add_router(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Listens for a moment and prints what came; with `--watch` until interrupted."""
-    state = seen_by(need_state(args.swarm), args.ego)
-    runtime = runtimes.get(state.runtime)
-    processes = runtime.status(args.swarm)
+    state = state_of(args)
+    processes = _processes(state)
     try:
         connected = Watch(state)
     except TransportError as error:
@@ -58,7 +59,14 @@ def run(args: argparse.Namespace) -> int:
             if not args.watch:
                 return 0
             time.sleep(REDRAW_S)
-            processes = runtime.status(args.swarm)
+            processes = _processes(state)
+
+
+def _processes(state: State) -> tuple[ProcessStatus, ...]:
+    """What runs on this machine; of a swarm elsewhere nothing."""
+    if state.runtime == ELSEWHERE:
+        return ()
+    return runtimes.get(state.runtime).status(state.spec.swarm)
 
 
 def _listen(watch: Watch, state: State) -> None:
@@ -79,8 +87,9 @@ class Trusted(msgspec.Struct, frozen=True):
 
 
 def trusted(state: State) -> list[Trusted] | None:
-    """Who has a certificate; None in a plain swarm. Raises IdentityError."""
-    if not state.spec.secure:
+    """Who has a certificate; None in a plain swarm, and of one elsewhere, as its keystore is there.
+    Raises IdentityError."""
+    if not state.spec.secure or state.runtime == ELSEWHERE:
         return None
     # Only here: a plain swarm's status need not wait for the library.
     from deploy.trust.prepare import keystore_of
@@ -132,6 +141,8 @@ def render(
         lines.append(f"model      does not answer: {view.model_trouble}")
     if trust is not None:
         lines.append(f"trust      {_trust(trust)}")
+    if not processes:
+        return "\n".join(lines)
     lines.append("")
     lines += columns(
         [("process", "state", "restarts", "up", "")]

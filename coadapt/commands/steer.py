@@ -12,10 +12,10 @@ import msgspec
 
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.asking import ask_patiently
+from coadapt.elsewhere import add_router, state_of
 from coadapt.operator import operator
 from deploy.progress import typed
 from deploy.spec import SwarmSpec
-from deploy.state import need_state, seen_by
 from swarm import keyspace
 from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
 from swarm.messages import EgoSteered, EgoSteering, EgoWish, Message, RobotSteered, RobotSteering
@@ -41,6 +41,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     add_ego(parser)
     add_swarm(parser)
+    add_router(parser)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.set_defaults(run=run)
 
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
     Nothing is changed unless all that are named answer.
     """
-    state = seen_by(need_state(args.swarm), args.ego)
+    state = state_of(args)
     wishes = _wishes(args, state.spec)
     try:
         session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)

@@ -59,6 +59,10 @@ OPTIONS = {
     "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
     "--llm-model": ("llm_model", "which model"),
     "--cell": ("cell", "of several egos: each has its own, or all share one medium"),
+    "--listen": (
+        "listen",
+        "IPv4 address of this machine at which robots and tools elsewhere reach the router; secure",
+    ),
     "--period": ("period_s", "seconds between decisions"),
     "--q-min": ("q_min", "least quality, 0 to 1"),
     "--rings": ("rings", "of the LiDARs"),
@@ -83,6 +87,7 @@ _OPTION_OF = {name: option for option, (name, _) in OPTIONS.items()} | {
     "egos": "--egos",
     "ego_standby": "--ego-standby",
     "link_bps": "--link",
+    "world_robots": "--world-robots",
 }
 """How a property is named on the command line, where the words are not the same."""
 
@@ -118,6 +123,12 @@ def add_roster(parser: argparse.ArgumentParser) -> None:
         "--robots",
         type=int,
         help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
+    )
+    parser.add_argument(
+        "--world-robots",
+        type=int,
+        metavar="N",
+        help="for how many a simulated world has room; others may join (default: --robots)",
     )
     parser.add_argument(
         "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
@@ -315,6 +326,10 @@ def _print_where(state: State) -> None:
     if state.llm_url:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
+    if spec.listen:
+        place = f"{'tls' if spec.secure else 'tcp'}/{spec.listen}:{spec.router_port}"
+        join = f"coadapt join {place} --robot NAME{' --cert FOLDER' if spec.secure else ''}"
+        print(f"join        {join}")
     if spec.secure:
         print(f"keystore    {spec.var_dir}/{KEYSTORE} (`coadapt certs list --swarm {spec.swarm}`)")
     print(f"journal     {journal_path(spec, spec.var_dir)}")

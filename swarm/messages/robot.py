@@ -13,11 +13,13 @@ from swarm.messages.base import (
     MAX_MESSAGE_BYTES,
     Algorithm,
     Count,
+    Mark,
     Message,
     Ns,
     Positive,
     RobotId,
     Sizes,
+    Software,
     Vector3,
     Vector6,
 )
@@ -51,6 +53,11 @@ class Beacon(Message, frozen=True, kw_only=True):
     )
     """By ego: `steady_ns` of its newest `NetDemand`, and this robot's steady clock when that came.
     Only in the first beacon after it."""
+    world: Mark = ""
+    """The mark of its world (`swarm.fitting`), about once a second; else, and where it does not
+    say, empty."""
+    software: Software = ""
+    """The package's version, told with `world`."""
     shared: Annotated[tuple[Algorithm, ...], msgspec.Meta(max_length=16)] = ()
     """What it publishes at present for several egos: one more takes nothing of its link."""
 

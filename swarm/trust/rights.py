@@ -80,8 +80,8 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 "serve": (keyspace.ego_steering(swarm, own),),
             }
         case "router":
-            # Its own process is a part of it, and not subject to its rules; another router has no
-            # business here.
+            # It says nothing itself: its own process is not subject to its rules, and what another
+            # machine's router may pass on is `access`' business.
             return {}
         case "authority":
             return {"serve": (keyspace.trust_certificate(swarm),)}

@@ -70,6 +70,8 @@ SAMPLES: tuple[Message, ...] = (
         body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
         steady_ns=55_000_000_123,
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
+        world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
+        software="1.0.0",
         shared=("early",),
     ),
     SceneDescription(
@@ -251,6 +253,9 @@ SAMPLES: tuple[Message, ...] = (
         steady_ns=77_000_000_001,
         control_bps=12_000,
         fewer_bps={"R1": 6_000},
+        world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
+        software="1.0.0",
+        told={"R7": "it lives in another world: seed 2 (the ego's: 1)"},
     ),
     ShapeRequest(
         request=3,
