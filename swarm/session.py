@@ -23,7 +23,14 @@ from swarm.connection import Connection
 from swarm.credit import Window
 from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
 from swarm.log import Logger, make_logger
-from swarm.messages import CertificateRequest, Message, RenewedCertificate, decode, encode
+from swarm.messages import (
+    CertificateRequest,
+    Message,
+    NetState,
+    RenewedCertificate,
+    decode,
+    encode,
+)
 from swarm.metrics import start_at_zero
 from swarm.serving import MAX_WAITING_QUERIES, Server
 from swarm.traffic import TrafficClass
@@ -126,6 +133,10 @@ class Session:
                     and keyspace.robot_of(sender) != named
                 ):
                     raise MessageError(f"{kind.__name__} of {named!r} came on {sender}")
+                if isinstance(message, NetState) and (
+                    keyspace.controller_of(sender) != message.name
+                ):
+                    raise MessageError(f"the state of controller {message.name!r} came on {sender}")
             except (MessageError, KeyspaceError) as error:
                 self._drop(kind, sender, error)
                 if on_invalid is not None:

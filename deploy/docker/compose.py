@@ -87,7 +87,7 @@ SECRETS = {
 }
 """Where a container finds the file that a setting names on the host."""
 _IN_HOST_NETWORK = ("controller", "gateway", "console")
-_NOT_FOR_PROCESSES = frozenset(
+NOT_FOR_PROCESSES = frozenset(
     {
         *("COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_GRAFANA_IMAGE"),
         *("COADAPT_REQUIRE", "COADAPT_RUN_DIR"),
@@ -195,7 +195,7 @@ def _settings(service: Service) -> dict[str, str | None]:
     found: dict[str, str | None] = {
         name: value
         for name, value in roster.inherited(service.role, os.environ).items()
-        if name.startswith("COADAPT_") and name not in _NOT_FOR_PROCESSES
+        if name.startswith("COADAPT_") and name not in NOT_FOR_PROCESSES
     }
     for secret in roster.KEPT:
         if secret in found:

@@ -27,6 +27,7 @@ from swarm.messages.ego import (
     Detections,
     KnownRobot,
     Probe,
+    Tracks,
 )
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
@@ -110,6 +111,7 @@ __all__ = [
     "ShapeRequest",
     "Source",
     "TcpState",
+    "Tracks",
     "decode",
     "encode",
 ]

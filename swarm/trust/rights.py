@@ -58,7 +58,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                     keyspace.beacon(swarm, ANY),
                     keyspace.scene(swarm, ANY),
                     keyspace.decision(swarm, ANY),
-                    keyspace.net_state(swarm),
+                    keyspace.net_state(swarm, ANY),
                     keyspace.net_tcp(swarm),
                 ),
                 "watch": (
@@ -82,9 +82,9 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             return {"serve": (keyspace.trust_certificate(swarm),)}
         case "controller":
             return {
-                "put": (keyspace.net_state(swarm),),
+                "put": (keyspace.net_state(swarm, own),),
                 "listen": (keyspace.net_demand(swarm),),
-                "serve": (keyspace.net_shape(swarm),),
+                "serve": (keyspace.net_shape(swarm, own),),
             }
         case "gateway":
             return {
@@ -96,7 +96,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             return {
                 **_reading(swarm),
                 "ask": (
-                    keyspace.net_shape(swarm),
+                    keyspace.net_shape(swarm, ANY),
                     keyspace.ego_steering(swarm, ANY),
                     keyspace.robot_steering(swarm, ANY),
                 ),
@@ -113,7 +113,7 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
-            keyspace.net_state(swarm),
+            keyspace.net_state(swarm, ANY),
             keyspace.net_tcp(swarm),
             keyspace.llm_state(swarm),
         ),

@@ -13,20 +13,22 @@ Kind = Literal[
     "robot", "ego", "router", "authority", "controller", "gateway", "console", "operator", "reader"
 ]
 SITE = ("router", "authority", "controller", "gateway", "console")
-"""Roles of which a swarm has one: the common name is the role's. Other machines have routers of
-their own, `router-NAME`."""
+"""Roles of which a swarm has one: the common name is the role's."""
 PREFIXES: dict[Kind, str] = {
     "ego": "ego-",
     "router": "router-",
+    "controller": "controller-",
     "operator": "operator-",
     "reader": "reader-",
 }
+"""Of roles that have a name: of routers and controllers, those of hosts of their own."""
 RULE = f"a robot's id, {', '.join(SITE)}, or {', '.join(p + 'NAME' for p in PREFIXES.values())}"
 
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """A role, and whose: the robot's, ego's, operator's or reader's name, else empty."""
+    """A role, and whose: the robot's, ego's, operator's or reader's name, or the name of a host's
+    own controller; else empty."""
 
     kind: Kind
     name: str = ""

@@ -47,6 +47,7 @@ from swarm.messages import (
     ShapeReply,
     ShapeRequest,
     TcpState,
+    Tracks,
     encode,
 )
 from tests.support.paths import GOLDEN
@@ -179,6 +180,14 @@ SAMPLES: tuple[Message, ...] = (
         bytes={"R1": 208},
         latency_ms=41.5,
         age_ms=64.25,
+        tracks=Tracks(
+            ids=(7,),
+            labels=("forklift",),
+            boxes=pack(np.arange(7, dtype=np.float32).reshape(1, 7)),
+            scores=pack(np.array([[0.75]], dtype=np.float32)),
+            velocities=pack(np.array([[1.5, -0.25]], dtype=np.float32)),
+            ages_s=pack(np.array([[0.5]], dtype=np.float32)),
+        ),
     ),
     NetState(
         controller=281_474_976_710_655,
@@ -210,6 +219,9 @@ SAMPLES: tuple[Message, ...] = (
                 grants={"R2": 15_000_000},
             ),
         ),
+        name="hall-2",
+        robots=("R2", "R7"),
+        unshaped=("R7 down: tc refuses to shape eth1",),
     ),
     TcpState(
         router=281_474_976_710_655,

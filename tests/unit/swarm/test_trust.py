@@ -18,6 +18,7 @@ EVERYBODY = [
     *map(role_of, SITE),
     Role("robot", "R1"),
     Role("ego", "R1"),
+    Role("controller", "R1"),
     Role("operator", "ann"),
     Role("reader", "bob"),
 ]
@@ -40,7 +41,8 @@ def key_of(function: Callable[..., str]) -> str:
 
 def allows(role: Role, act: str, key: str) -> bool:
     return any(
-        right.act == act and right.key.replace("*", "R1") == key for right in rights_of(role, SWARM)
+        right.act == act and right.key.replace("**", "R1").replace("*", "R1") == key
+        for right in rights_of(role, SWARM)
     )
 
 
