@@ -9,7 +9,7 @@ from pathlib import Path
 
 from coadapt.joining import swarm_of
 from deploy.spec import SwarmSpec, var_dir_of
-from deploy.state import State, need_state
+from deploy.state import State, need_state, seen_by
 from swarm import transport
 from swarm.defaults import ROUTER_PORT, SWARM
 from swarm.errors import DeployError, SettingError, TransportError
@@ -39,17 +39,19 @@ def add_router(parser: argparse.ArgumentParser) -> None:
 
 
 def state_of(args: argparse.Namespace) -> State:
-    """The record of the swarm that is meant: this machine's, or with --router what it tells itself.
+    """The record of the swarm that is meant: this machine's, or with --router what it tells itself;
+    as it is for the ego that is meant, by default the first.
 
     Raises DeployError when no such swarm runs, or no ego is heard in it, and CoAdaptError for a
     router that cannot be one or a certificate that cannot be shown.
     """
+    ego: str | None = getattr(args, "ego", None)
     if getattr(args, "router", None) is None:
-        return need_state(args.swarm)
+        return seen_by(need_state(args.swarm), ego)
     router = router_of(args.router)
     # The default says nothing: the certificate's swarm is meant then.
     swarm = swarm_of(router, None if args.swarm == SWARM else args.swarm)
-    return _met(router, swarm)
+    return _met(router, swarm, ego)
 
 
 def router_of(text: str) -> str:
@@ -80,14 +82,15 @@ def router_of(text: str) -> str:
     return router
 
 
-def _met(router: str, swarm: str) -> State:
-    """What the first ego that is heard, and the robots that are there, tell of the swarm."""
+def _met(router: str, swarm: str, ego: str | None) -> State:
+    """What the ego, or the first that is heard, and the robots that are there tell of the swarm."""
     words: dict[str, NetDemand] = {}
     came = threading.Event()
 
     def on_demand(demand: NetDemand) -> None:
         words.setdefault(demand.ego, demand)
-        came.set()
+        if ego in (None, demand.ego):
+            came.set()
 
     place = router.partition("#")[0]
     try:
@@ -97,12 +100,13 @@ def _met(router: str, swarm: str) -> State:
     with session:
         if not came.wait(EGO_S):
             raise DeployError(
-                f"no ego of swarm {swarm!r} is heard at {place} within {EGO_S:.0f} s: it is away, "
+                f"{'no ego' if ego is None else f'no ego {ego}'} of swarm {swarm!r} is heard at "
+                f"{place} within {EGO_S:.0f} s: it is away, "
                 "or the swarm has another name (--swarm)"
             )
         robots = session.alive()
-    ego = min(words)
-    spec = _spec(swarm, robots, words[ego], secure=bool(session.name))
+    first = min(words) if ego is None else ego
+    spec = _spec(swarm, robots, words[first], secure=bool(session.name))
     return State(runtime=ELSEWHERE, spec=spec, router=router)
 
 

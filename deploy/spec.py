@@ -7,7 +7,7 @@ import math
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 import msgspec
@@ -60,6 +60,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
         msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS, description=_ROBOTS),
     ]
     ego: Name
+    egos: tuple[Name, ...] = ()
+    """The robots that decide each for itself, `ego` first; empty: `ego` alone does."""
     ego_standby: Name | None = None
     """The robot whose ego stands in for the first one; None: nobody does."""
     world: str = _PROCESS.world
@@ -98,6 +100,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """How far from the ego a robot may take part; None leaves it to the ego and its world."""
     link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
+    cell: Literal["own", "shared"] = "own"
+    """Whether each ego has a cell of its own, or all egos share one of that rate."""
     llm: Annotated[str, msgspec.Meta(pattern=_LLM, description=_LLM_RULE)] = ""
     """Where language models answer: `embedded`, or the URL of a server; empty runs no gateway."""
     llm_model: Annotated[str, msgspec.Meta(max_length=200)] = ""
@@ -123,6 +127,11 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str
     """Journals, logs and Prometheus' data; kept by `down`."""
+
+    @property
+    def all_egos(self) -> tuple[str, ...]:
+        """The robots that decide, the first ego first; a standby is not one of them."""
+        return self.egos or (self.ego,)
 
     def differences(self, other: SwarmSpec) -> tuple[str, ...]:
         """The names of the properties in which two specifications differ, but for when they were
@@ -161,8 +170,8 @@ def factory_robots(count: int) -> tuple[str, ...]:
 def make_spec(**values: Any) -> SwarmSpec:
     """A checked specification.
 
-    `ego` defaults to the first robot, `epoch_ns` to now, `run_dir` to `run_dir_of`, and `var_dir`
-    to `var_dir_of`; `comm_range_m` to what is usual with the world's
+    `ego` defaults to the first of `egos`, or else of the robots, `epoch_ns` to now, `run_dir` to
+    `run_dir_of`, and `var_dir` to `var_dir_of`; `comm_range_m` to what is usual with the world's
     detector, or it is left to the ego, where only the data says which that is.
 
     Raises DeployError that names the field, its value and what is allowed.
@@ -186,7 +195,8 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("world", name, f"one of {', '.join(swarm_worlds())}")
     world = world_kind(name)
     swarm = values.get("swarm", _PROCESS.swarm)
-    values.setdefault("ego", robots[0])
+    egos = tuple(values.get("egos", ()))
+    values.setdefault("ego", (egos or robots)[0])
     near = _is_near(values.get("listen", ""))
     # Containers hear of each other over a network that others may share.
     values.setdefault("secure", values.get("runtime") == "docker" or not near)
@@ -205,9 +215,12 @@ def make_spec(**values: Any) -> SwarmSpec:
     values.setdefault("var_dir", str(var_dir_of(swarm)))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
+    if egos:
+        values["egos"] = _egos(egos, values["ego"], robots)
     standby = values.get("ego_standby")
-    if standby is not None and (standby not in robots or standby == values["ego"]):
-        others = ", ".join(robot for robot in robots if robot != values["ego"])
+    deciding = values.get("egos") or (values["ego"],)
+    if standby is not None and (standby not in robots or standby in deciding):
+        others = ", ".join(robot for robot in robots if robot not in deciding)
         raise _invalid("ego_standby", standby, f"a robot that is not the ego: {others}")
     if not _has_data(world, values.get("data", "")):
         raise _invalid("data", values.get("data", ""), f"{world.needs} (needed by {world.name})")
@@ -228,6 +241,14 @@ def make_spec(**values: Any) -> SwarmSpec:
     if spec.grafana and not spec.prometheus:
         raise DeployError("--grafana shows what Prometheus has: leave out --no-prometheus")
     return spec
+
+
+def _egos(egos: tuple[str, ...], first: str, robots: tuple[str, ...]) -> tuple[str, ...]:
+    """Those that decide, the first one first; none where it is alone. Raises PropertyError."""
+    if len(set(egos)) != len(egos) or not set(egos) <= set(robots) or first not in egos:
+        rule = f"different ones of the robots {', '.join(robots)}, with the ego {first}"
+        raise _invalid("egos", egos, rule)
+    return (first, *(ego for ego in egos if ego != first)) if len(egos) > 1 else ()
 
 
 def _is_near(listen: str) -> bool:

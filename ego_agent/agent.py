@@ -178,6 +178,7 @@ class EgoAgent:
             1.0 / world.rate_hz,
             max_error_m=settings.max_error_m,
             keep_ground=settings.keep_ground,
+            share=settings.share,
         )
         lead = make_lead(settings, log)
         fusion = FusionLoop(

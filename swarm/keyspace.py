@@ -74,6 +74,15 @@ def observation(swarm: str, robot: str) -> str:
     return _robot_key(swarm, robot, "observation")
 
 
+def shared(swarm: str, robot: str, algorithm: str) -> str:
+    """`messages.Observation` that a robot publishes once for several egos, every frame.
+
+    >>> shared("local", "R1", "early")
+    'coadapt/local/robot/R1/shared/early'
+    """
+    return _robot_key(swarm, robot, f"shared/{algorithm}")
+
+
 def decision(swarm: str, ego: str) -> str:
     """`messages.Decision`, every control cycle."""
     return _ego_key(swarm, ego, "decision")
@@ -186,6 +195,7 @@ def belongs_to_robot(key: str) -> bool:
 def robot_of(key: str) -> str:
     """The robot or ego id in a key of this key space. Raises KeyspaceError for another key."""
     parts = key.split("/")
-    if len(parts) != 5 or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
+    whole = len(parts) == 5 or (len(parts) == 6 and parts[4] == "shared")
+    if not whole or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
         raise KeyspaceError(f"key {key!r} is not coadapt/<swarm>/(robot|ego)/<id>/<leaf>")
     return check_name("robot id", parts[3])

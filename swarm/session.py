@@ -114,8 +114,9 @@ class Session:
         kind: type[M],
         on_message: Callable[[M], object],
         on_invalid: Callable[[str, CoAdaptError], object] | None = None,
-    ) -> None:
-        """Calls `on_message(message)` for every valid message on a key expression.
+    ) -> Callable[[], None]:
+        """Calls `on_message(message)` for every valid message on a key expression, until what is
+        returned is called.
 
         Messages that do not validate are counted, logged once a sender, and dropped;
         `on_invalid(key, error)` hears of each. While a session that lost links is replaced, a
@@ -149,7 +150,7 @@ class Session:
                 self._log.error("handler_failed", key=sender, exc_info=True)
 
         start_at_zero(self._invalid, (kind.__name__,))
-        self._connection.declare(lambda session: session.declare_subscriber(key, receive))
+        return self._connection.declare(lambda session: session.declare_subscriber(key, receive))
 
     def serve(
         self,

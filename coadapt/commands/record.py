@@ -7,7 +7,7 @@ import time
 from importlib import resources
 from pathlib import Path
 
-from coadapt.arguments import add_swarm
+from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import ELSEWHERE, add_router, state_of
 from deploy.progress import say
 from deploy.services import RECORDINGS
@@ -29,6 +29,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="FILE.mcap",
         help="a new file (default: var/<swarm>/recordings/<time>.mcap)",
     )
+    add_ego(parser)
     add_swarm(parser)
     add_router(parser)
     parser.add_argument("--seconds", type=float, help="how long (default: until Ctrl-C)")

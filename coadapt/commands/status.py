@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 
 import msgspec
 
-from coadapt.arguments import add_swarm
+from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import ELSEWHERE, add_router, state_of
 from deploy import runtimes
-from deploy.observe import SwarmView, Watch
+from deploy.observe import EgoRow, SwarmView, Watch
 from deploy.rates import format_rate
 from deploy.runtime import ProcessStatus
 from deploy.state import State
@@ -29,6 +29,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("status", help="show a swarm", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.add_argument("--watch", action="store_true", help="draw again every second")
+    add_ego(parser)
     add_swarm(parser)
     add_router(parser)
     parser.set_defaults(run=run)
@@ -134,6 +135,8 @@ def render(
     )
     lines += ["", *_decision(view)]
     lines += [f"links      {why}; C(t) is only measured there" for why in view.unshaped]
+    if len(view.egos) > 1:
+        lines += ["", *_egos(view.egos)]
     if view.model_trouble:
         lines.append(f"model      does not answer: {view.model_trouble}")
     if trust is not None:
@@ -167,6 +170,27 @@ def _decision(view: SwarmView) -> list[str]:
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _egos(egos: Sequence[EgoRow]) -> list[str]:
+    """What each ego has decided, where there are several."""
+    return columns(
+        [("ego", "cycle", "age", "Q", "policy", "algorithm", "from")]
+        + [
+            (row.ego, "-", "-", "-", "", "no decision came", "")
+            if row.cycle is None or row.age_s is None
+            else (
+                row.ego,
+                str(row.cycle),
+                f"{row.age_s:.1f} s",
+                f"{row.quality:.2f}",
+                row.policy,
+                row.algorithm if row.valid else f"{row.algorithm} (NOT VALID)",
+                ", ".join(row.selected),
+            )
+            for row in egos
+        ]
+    )
 
 
 def _trust(trust: Sequence[Trusted]) -> str:

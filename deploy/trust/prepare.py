@@ -97,7 +97,6 @@ def _allowed(names: Iterable[str], store: Keystore) -> list[str]:
 
 
 def _addresses(name: str, place: Place, listen: str) -> tuple[str, ...]:
-    """Those that a new certificate gets; at `listen`, where it is not empty, others reach the
-    router."""
+    """Those that a new certificate gets."""
     own = (place.router_host, LOCALHOST, "localhost", listen) if name == "router" else ()
     return tuple(dict.fromkeys(filter(None, own)))

@@ -37,7 +37,11 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {
-                "put": (keyspace.beacon(swarm, own), keyspace.scene(swarm, own)),
+                "put": (
+                    keyspace.beacon(swarm, own),
+                    keyspace.scene(swarm, own),
+                    keyspace.shared(swarm, own, ANY),
+                ),
                 "hold": (keyspace.alive(swarm, own),),
                 "serve": (
                     keyspace.observation(swarm, own),
@@ -57,6 +61,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 "listen": (
                     keyspace.beacon(swarm, ANY),
                     keyspace.scene(swarm, ANY),
+                    keyspace.shared(swarm, ANY, ANY),
                     keyspace.decision(swarm, ANY),
                     keyspace.net_state(swarm, ANY),
                     keyspace.net_tcp(swarm),

@@ -96,6 +96,9 @@ SAMPLES: tuple[Message, ...] = (
         max_bytes=60_000,
         reference=POSE,
         demand=b"\x01\x02",
+        shares=True,
+        listens=True,
+        rate_hz=5.0,
     ),
     Observation(
         robot="R1",
@@ -108,6 +111,7 @@ SAMPLES: tuple[Message, ...] = (
         payload=bytes(range(256)),
         encode_ms=4.25,
         uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
+        shared_s=2.0,
     ),
     Refusal(robot="R1", request=9, reason="no frame yet: über", code="busy"),
     Decision(
