@@ -19,7 +19,12 @@ import msgspec
 from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.scene import analyze
 from ego_agent.execute.ask import Asker
-from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_motion
+from ego_agent.execute.fusion_loop import (
+    FrameResult,
+    FusionLoop,
+    live_memory,
+    live_motion,
+)
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord, Journal
@@ -181,6 +186,7 @@ class EgoAgent:
             tally,
             log,
             detector=world.detector,
+            memory=live_memory(world.detector) if settings.memory else None,
             known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
             rate_hz=settings.fusion_rate_hz,
             deadline_s=settings.deadline_s,

@@ -54,6 +54,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     headroom: Headroom = _USUAL.headroom
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
     """C(t) before anything was measured."""
+    memory: bool = True
+    """Whether objects are followed from frame to frame: `Detections.tracks`."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False

@@ -140,6 +140,12 @@ def llm_alive(swarm: str) -> str:
     return _llm_key(swarm, "alive")
 
 
+def trust_certificate(swarm: str) -> str:
+    """Queryable of a secure swarm's authority: `messages.CertificateRequest` ->
+    `messages.RenewedCertificate`."""
+    return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
+
+
 def by(key: str, asker: str) -> str:
     """Where a role asks what is served on a key, in a secure swarm: the router lets each ask by its
     own name only, so that who serves knows who asks. Served is `by(key, ANY)`.

@@ -24,6 +24,7 @@ from swarm.log import make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
+from swarm.refusals import Refusals
 from swarm.tcp_reporter import TcpReporter
 from swarm.trust import members
 from swarm.trust.identity import Identity
@@ -32,8 +33,6 @@ from swarm.trust.members import Trust
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
-
-
 REOPEN_S = 10.0
 """How long a router that opens anew may take to close and to have its ports back; less than what it
 is watched for."""
@@ -51,13 +50,18 @@ def read_config(path: Path) -> dict[str, object]:
     return config
 
 
-def serve_metrics(router: Router, host: str, port: int) -> MetricsServer:
-    """Serves how many sessions and links the router has. Raises SettingError for a taken port."""
+def serve_metrics(
+    router: Router, host: str, port: int, refusals: Refusals | None = None
+) -> MetricsServer:
+    """Serves how many sessions and links the router has, and a secure one how many it refused.
+    Raises SettingError for a taken port."""
     registry = CollectorRegistry()
     sessions = Gauge("coadapt_router_sessions", "Processes connected.", registry=registry)
     sessions.set_function(lambda: router.connected()[0])
     links = Gauge("coadapt_router_links", "Transport links of all sessions.", registry=registry)
     links.set_function(lambda: router.connected()[1])
+    if refusals is not None:
+        registry.register(refusals.counted)
     return MetricsServer(registry, port, host)
 
 
@@ -157,13 +161,11 @@ def main() -> int:
             return 0
         # Zenoh reads it once, before the process's first session.
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)
-        if identity is not None:
-            # Who is refused, and why, in Zenoh's own words.
-            zenoh.init_log_from_env_or("off,zenoh_link_tls=warn")
+        refusals = Refusals(log) if identity is not None else None
         seen = members.version(identity) if identity is not None else ()
         router = Router(configure, args.swarm, args.unix_socket)
         metrics = (
-            serve_metrics(router, args.host, args.metrics_port)
+            serve_metrics(router, args.host, args.metrics_port, refusals)
             if args.metrics_port is not None
             else None
         )
@@ -192,6 +194,8 @@ def main() -> int:
     if metrics is not None:
         metrics.close()
     router.close()
+    if refusals is not None:
+        refusals.close()
     log.info("router_down")
     return 0
 

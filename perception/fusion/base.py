@@ -50,6 +50,8 @@ class Contribution:
     world_from_sensor: Matrix
     age_s: float = 0.0
     """How long before the ego's scan of the frame it was captured; negative: after it."""
+    form: str = ""
+    """The algorithm whose form the payload has; empty: that of the frame's fusion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,10 @@ class Gathering(ABC):
         """What robots must be told before they encode."""
         return Ask()
 
+    def ask_for(self, form: str) -> Ask:
+        """The same for robots that send this form, where a frame has several."""
+        return self.ask()
+
     def prepare(self) -> None:
         """Does what needs no contribution, while those who were asked encode theirs. May be left
         out: `finish` makes up for it."""
@@ -90,6 +96,11 @@ class Gathering(ABC):
     def corrections(self) -> dict[str, Matrix]:
         """After `finish`: what brings senders from where they believe to be to where what they see
         shows them, 4 x 4 in the world frame, by robot. Of those that are not corrected, none."""
+        return {}
+
+    def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
+        """After `finish`: the points that were sent, float32 (N, 3) in their sensors' frames, and
+        the sensors in the world frame, corrected, by robot. Of those that sent none, none."""
         return {}
 
 

@@ -40,7 +40,7 @@ EGO_KEYS = (
 )  # fmt: skip
 SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
-    keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive,
+    keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive, keyspace.trust_certificate,
 )  # fmt: skip
 KEYS = [
     *(key(SWARM, robot) for key in ROBOT_KEYS for robot in ("R1", "R2", "R3")),

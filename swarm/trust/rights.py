@@ -26,7 +26,10 @@ class Right:
 
 def rights_of(role: Role, swarm: str) -> tuple[Right, ...]:
     """All that a role may do in a swarm."""
-    return tuple(Right(act, key) for act, keys in _acts(role, swarm).items() for key in keys)
+    acts = _acts(role, swarm)
+    if role.kind not in ("router", "authority"):
+        acts["ask"] = (*acts.get("ask", ()), keyspace.trust_certificate(swarm))
+    return tuple(Right(act, key) for act, keys in acts.items() for key in keys)
 
 
 def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
@@ -75,6 +78,8 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             # Its own process is a part of it, and not subject to its rules; another router has no
             # business here.
             return {}
+        case "authority":
+            return {"serve": (keyspace.trust_certificate(swarm),)}
         case "controller":
             return {
                 "put": (keyspace.net_state(swarm, own),),

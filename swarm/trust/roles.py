@@ -9,8 +9,10 @@ from typing import Literal, get_args
 from swarm.errors import IdentityError, KeyspaceError
 from swarm.keyspace import check_name
 
-Kind = Literal["robot", "ego", "router", "controller", "gateway", "console", "operator", "reader"]
-SITE = ("router", "controller", "gateway", "console")
+Kind = Literal[
+    "robot", "ego", "router", "authority", "controller", "gateway", "console", "operator", "reader"
+]
+SITE = ("router", "authority", "controller", "gateway", "console")
 """Roles of which a swarm has one: the common name is the role's."""
 PREFIXES: dict[Kind, str] = {
     "ego": "ego-", "controller": "controller-", "operator": "operator-", "reader": "reader-"

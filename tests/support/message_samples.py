@@ -17,6 +17,7 @@ from swarm.messages import (
     AnswerReport,
     Backlog,
     Beacon,
+    CertificateRequest,
     ChatMessage,
     DecideAnswer,
     DecideRequest,
@@ -38,6 +39,7 @@ from swarm.messages import (
     ObservationRequest,
     Probe,
     Refusal,
+    RenewedCertificate,
     RobotSteered,
     RobotSteering,
     SceneDescription,
@@ -45,6 +47,7 @@ from swarm.messages import (
     ShapeReply,
     ShapeRequest,
     TcpState,
+    Tracks,
     encode,
 )
 from tests.support.paths import GOLDEN
@@ -175,6 +178,14 @@ SAMPLES: tuple[Message, ...] = (
         bytes={"R1": 208},
         latency_ms=41.5,
         age_ms=64.25,
+        tracks=Tracks(
+            ids=(7,),
+            labels=("forklift",),
+            boxes=pack(np.arange(7, dtype=np.float32).reshape(1, 7)),
+            scores=pack(np.array([[0.75]], dtype=np.float32)),
+            velocities=pack(np.array([[1.5, -0.25]], dtype=np.float32)),
+            ages_s=pack(np.array([[0.5]], dtype=np.float32)),
+        ),
     ),
     NetState(
         controller=281_474_976_710_655,
@@ -250,6 +261,8 @@ SAMPLES: tuple[Message, ...] = (
     EgoSteered(
         request=12, ego="R1", policy="static-late", q_min=0.6, policies=("coverage", "static-late")
     ),
+    CertificateRequest(request=14, role="R7", operator="R7"),
+    RenewedCertificate(request=14, certificate="-----BEGIN CERTIFICATE-----"),
     RobotSteering(request=13, operator="ann@floor", duty="off"),
     RobotSteered(request=13, robot="R3", on_duty=False, operator="ann@floor", since_ns=NOW),
     ShapeReply(
