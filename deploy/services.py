@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import yaml
 
@@ -26,6 +27,8 @@ PROMETHEUS_PORT = 9090
 SCRAPE_S = 2
 EVALUATE_S = 5
 """How often Prometheus looks whether an alert fires."""
+REFRESH_S = 10
+"""How often it reads the file of targets again where it is not told that it has changed."""
 RETENTION = "512MB"
 EGO_THREADS = "2"
 """An ego decodes for everybody within a cycle: more than one core helps it."""
@@ -38,7 +41,10 @@ RECORDINGS = "recordings"
 """Where `coadapt record` writes; the console shows it."""
 KEYSTORE = "keystore"
 """A secure swarm's certificates (`deploy.trust.keystore`)."""
-FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, "prometheus")
+TARGETS = "targets"
+"""Where the router tells Prometheus of processes that joined: a folder, for a file that is replaced
+is not seen through a mount of its own."""
+FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, TARGETS, "prometheus")
 AUTHORITY_METRICS_PORT = 9108
 SECRETS: Mapping[str, Role] = {
     "COADAPT_QOD_": "controller",
@@ -74,6 +80,8 @@ class Place:
     """Address by which controller and gateway reach the router, where that is another one."""
     site_metrics_host: str = "0.0.0.0"
     """Address that the metrics of controller, gateway and console listen on."""
+    targets: str = ""
+    """File in which the router tells Prometheus of processes that joined; empty for none."""
     unix_socket: str = ""
     """Socket that the router listens on as well, for tools on the host; empty for none."""
     data: str = ""
@@ -127,6 +135,7 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             *("--swarm", spec.swarm),
             *("--metrics-port", str(ROUTER_METRICS_PORT)),
             *(("--unix-socket", place.unix_socket) if place.unix_socket else ()),
+            *(("--targets", place.targets) if place.targets and spec.prometheus else ()),
             *(("--identity", identity_path(place.var_dir, "router")) if spec.secure else ()),
         ),
         metrics_port=ROUTER_METRICS_PORT,
@@ -382,15 +391,19 @@ def _environment(
 
 
 def prometheus_config(
-    members: Iterable[Service], address: Callable[[Service], str], alerts: str
+    members: Iterable[Service],
+    address: Callable[[Service], str],
+    alerts: str,
+    targets: str = "",
 ) -> str:
-    """Prometheus' configuration (YAML): every service that serves metrics, one job a role.
+    """Prometheus' configuration (YAML): every service that serves metrics, one job a role, and
+    those that joined later, as `Place.targets` tells.
 
     `address` gives the name or IP address at which Prometheus reaches a service, `alerts` the path
     of `deploy.dashboards.ALERTS` as Prometheus sees it. Targets carry the labels `role`, `robot`
     (of robots and egos) and `instance`, the service's name.
     """
-    jobs: dict[str, list[dict[str, object]]] = {}
+    jobs: dict[str, list[dict[str, Any]]] = {}
     for service in members:
         if service.metrics_port is None:
             continue
@@ -399,6 +412,11 @@ def prometheus_config(
             labels["robot"] = service.robot
         target = f"{address(service)}:{service.metrics_port}"
         jobs.setdefault(service.role, []).append({"targets": [target], "labels": labels})
+    # A robot process and the ego name robots in their own metrics: those labels count.
+    scraped: list[dict[str, object]] = [
+        {"job_name": role, "honor_labels": True, "static_configs": group}
+        for role, group in jobs.items()
+    ]
     config = {
         "global": {
             "scrape_interval": f"{SCRAPE_S}s",
@@ -406,11 +424,21 @@ def prometheus_config(
             "evaluation_interval": f"{EVALUATE_S}s",
         },
         "rule_files": [alerts],
-        "scrape_configs": [
-            # A robot process and the ego name robots in their own metrics: those labels count.
-            {"job_name": role, "honor_labels": True, "static_configs": targets}
-            for role, targets in jobs.items()
-        ],
+        "scrape_configs": scraped,
     }
+    if targets:
+        own = "|".join(
+            re.escape(one["labels"]["instance"]) for group in jobs.values() for one in group
+        )
+        joined = {
+            "job_name": "joined",
+            "honor_labels": True,
+            "file_sd_configs": [{"files": [targets], "refresh_interval": f"{REFRESH_S}s"}],
+            # What was started with the swarm is missed when it does not answer.
+            "relabel_configs": [
+                {"source_labels": ["instance"], "regex": own, "action": "drop"},
+            ],
+        }
+        config["scrape_configs"] = [*scraped, joined]
     text: str = yaml.safe_dump(config, sort_keys=False)
     return text

@@ -16,6 +16,7 @@ from ego_agent.settings import EgoSettings, load_settings
 from perception.fusion.detectors import detector_backend
 from sensing.opening import open_world_of
 from swarm import transport
+from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
@@ -70,7 +71,11 @@ def run(
 
     def connect() -> Session | None:
         try:
-            return Session(settings.router, settings.swarm, registry=registry, log=log, stop=stop)
+            session = Session(
+                settings.router, settings.swarm, registry=registry, log=log, stop=stop
+            )
+            announce(session, settings, Role("ego", settings.ego), server.port)
+            return session
         except TransportError:
             return None  # stopped before the router could be reached
 

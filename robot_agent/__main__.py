@@ -16,6 +16,7 @@ from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
 from sensing.opening import open_world_of
 from swarm import transport
+from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
@@ -24,6 +25,7 @@ from swarm.metrics import MetricsServer
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
+from swarm.trust.roles import Role
 from worlds.base import World
 
 
@@ -84,6 +86,7 @@ def run(
         with Session(
             settings.router, settings.swarm, registry=registry, log=log, stop=stop
         ) as session:
+            announce(session, settings, Role("robot", settings.robots[0]), server.port)
             host = RobotHost(
                 agents,
                 session,

@@ -25,6 +25,7 @@ from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
+from swarm.targets import Targets
 from swarm.tcp_reporter import TcpReporter
 from swarm.trust import members
 from swarm.trust.identity import Identity
@@ -74,8 +75,10 @@ class Router:
         configure: Callable[[], dict[str, object]],
         swarm: str | None,
         unix_socket: str | None,
+        targets: Targets | None = None,
     ) -> None:
         """Raises what `configure`, which gives the settings, raises, and TransportError."""
+        self._targets = targets
         self._configure = configure
         self._swarm = swarm
         self._unix_socket = unix_socket
@@ -118,6 +121,8 @@ class Router:
             Path(self._unix_socket).unlink(missing_ok=True)
         self.session = transport.open_zenoh({"mode": "router", **config})
         self._reporter = TcpReporter(self.session, self._swarm) if self._swarm else None
+        if self._targets is not None:
+            self._targets.attach(self.session)
 
 
 def main() -> int:
@@ -142,12 +147,20 @@ def main() -> int:
         metavar="FOLDER",
         help="let in only who has a certificate of this router's authority (docs/security.md)",
     )
+    parser.add_argument(
+        "--targets",
+        type=Path,
+        metavar="FILE",
+        help="keep a file for Prometheus of where the swarm's processes serve metrics (file_sd)",
+    )
     args = parser.parse_args()
     log = make_logger("router")
     stop = stop_on_signals()
     identity = Identity(args.identity.absolute()) if args.identity else None
     if args.config and identity is not None:
         parser.error("--config and --identity do not go together: the file says all")
+    if args.targets and not args.swarm:
+        parser.error("--targets needs --swarm: whose processes they are")
 
     def configure() -> dict[str, object]:
         if args.config:
@@ -163,7 +176,8 @@ def main() -> int:
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)
         refusals = Refusals(log) if identity is not None else None
         seen = members.version(identity) if identity is not None else ()
-        router = Router(configure, args.swarm, args.unix_socket)
+        targets = Targets(args.targets, args.swarm, log) if args.targets and args.swarm else None
+        router = Router(configure, args.swarm, args.unix_socket, targets)
         metrics = (
             serve_metrics(router, args.host, args.metrics_port, refusals)
             if args.metrics_port is not None
@@ -179,6 +193,8 @@ def main() -> int:
     while not stop.wait(LOOK_S):
         router.connected()  # does not return while Zenoh hangs
         turned()
+        if targets is not None:
+            targets.look()
         if identity is None or (now := members.version(identity)) == seen:
             continue
         seen = now

@@ -113,6 +113,7 @@ def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
         data=DATA if spec.data else "",
         cache=CACHE if spec.cache else "",
         prometheus_host_port=spec.prometheus_port,
+        targets=f"{PLACE.var_dir}/{roster.TARGETS}/joined.json",
     )
 
 
@@ -149,7 +150,10 @@ def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> s
 def prometheus_file(spec: SwarmSpec) -> str:
     """Prometheus' configuration; it reaches each container by its name."""
     return roster.prometheus_config(
-        roster.services(spec, place_of(spec)), lambda service: service.name, ALERTS
+        roster.services(spec, place_of(spec)),
+        lambda service: service.name,
+        ALERTS,
+        place_of(spec).targets,
     )
 
 
@@ -220,10 +224,14 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
         here = roster.identity_path(spec.var_dir, service.common_name)
         there = roster.identity_path(PLACE.var_dir, service.common_name)
         volumes.append(f"{here}:{there}:ro")
+    targets = f"{spec.var_dir}/{roster.TARGETS}:{PLACE.var_dir}/{roster.TARGETS}"
+    if service.role == "router":
+        volumes.append(targets)
     if service.role == "console":
         volumes.append(f"{spec.var_dir}/{roster.RECORDINGS}:{PLACE.var_dir}/{roster.RECORDINGS}:ro")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
+        volumes.append(f"{targets}:ro")
     if service.role in ("ego", "robot") and spec.data:
         volumes.append(f"{spec.data}:{DATA}:ro")
     if service.role in ("ego", "robot") and spec.cache:

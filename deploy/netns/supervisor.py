@@ -23,6 +23,7 @@ from deploy.services import (
     EGO_METRICS_PORT,
     INFRA,
     PROMETHEUS_PORT,
+    TARGETS,
     Place,
     prometheus_config,
     services,
@@ -50,6 +51,7 @@ def place_of(spec: SwarmSpec) -> Place:
         driver="netns",
         qod_socket=f"{spec.run_dir}/{QOD_SOCKET}",
         prometheus_config=f"{spec.run_dir}/{PROMETHEUS_FILE}",
+        targets=f"{spec.var_dir}/{TARGETS}/joined.json",
         data=spec.data,
         cache=spec.cache,
         python=sys.executable,
@@ -72,7 +74,10 @@ class Supervisor:
         network.build(self._spec)
         (self._run_dir / PROMETHEUS_FILE).write_text(
             prometheus_config(
-                self._members, lambda s: network.address(self._spec, s.host), str(ALERTS)
+                self._members,
+                lambda s: network.address(self._spec, s.host),
+                str(ALERTS),
+                place_of(self._spec).targets,
             )
         )
         loop = asyncio.get_running_loop()
