@@ -21,7 +21,7 @@ from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer, show_free_disk
+from swarm.metrics import serve_metrics, show_free_disk
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
@@ -64,7 +64,7 @@ def run(
         show_free_disk(registry, Path(settings.journal))
     agent = EgoAgent.from_settings(settings, world, EgoMetrics(registry), log, on_result=on_result)
     try:
-        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+        server = serve_metrics(registry, settings)
     except SettingError:
         agent.close()
         raise

@@ -26,7 +26,7 @@ from swarm.listening import hear
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
-from swarm.metrics import MetricsServer, show_free_disk
+from swarm.metrics import serve_metrics, show_free_disk
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.trust.roles import Role
@@ -68,7 +68,7 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
         if first is not None:
             wishes.put(first)
     journal = Journal(Path(settings.net_journal)) if settings.net_journal else None
-    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    server = serve_metrics(registry, settings)
     controller = Controller(
         driver,
         wishes,

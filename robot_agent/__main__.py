@@ -21,7 +21,7 @@ from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer
+from swarm.metrics import serve_metrics
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
@@ -65,7 +65,7 @@ def run(
     metrics = RobotMetrics(registry)
     encoder = Encoder(world.detector, metrics, settings.algorithms)
     metrics.hosts(settings.robots, encoder.algorithms)
-    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    server = serve_metrics(registry, settings)
     try:
         log.info("robots_starting", robots=list(settings.robots), metrics_port=server.port)
         agents = [

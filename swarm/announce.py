@@ -36,15 +36,16 @@ def announce(session: Session, settings: SwarmSettings, role: Role, port: int) -
 def place_of(settings: SwarmSettings, port: int) -> str:
     """Where the metrics of a process are reached; empty where they only are from its own host and
     the router is on another one."""
+    scheme = "https" if settings.metrics_tls else "http"
     if named := _NAMED.fullmatch(settings.metrics_address):
-        return f"http:{named['host']}:{named['port'] or port}"
+        return f"{scheme}:{named['host']}:{named['port'] or port}"
     router = _host_of(settings.router)
     if settings.metrics_host not in _ANYWHERE:
         near = not router or is_loopback(router)
         unreachable = is_loopback(settings.metrics_host) and not near
-        return "" if unreachable else f"http:{_bracketed(settings.metrics_host)}:{port}"
+        return "" if unreachable else f"{scheme}:{_bracketed(settings.metrics_host)}:{port}"
     own = _way_to(router) if router else "127.0.0.1"
-    return f"http:{_bracketed(own)}:{port}" if own else ""
+    return f"{scheme}:{_bracketed(own)}:{port}" if own else ""
 
 
 def _host_of(router: str) -> str:

@@ -36,6 +36,9 @@ class SwarmSettings(msgspec.Struct, frozen=True, kw_only=True):
     ] = ""
     """Where others reach the metrics, as Prometheus is told; empty: at the address by which this
     process reaches the router."""
+    metrics_tls: bool = False
+    """Whether metrics are served over TLS, with the certificate that this process shows the router.
+    """
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 

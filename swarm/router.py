@@ -52,10 +52,14 @@ def read_config(path: Path) -> dict[str, object]:
 
 
 def serve_metrics(
-    router: Router, host: str, port: int, refusals: Refusals | None = None
+    router: Router,
+    host: str,
+    port: int,
+    refusals: Refusals | None = None,
+    identity: Identity | None = None,
 ) -> MetricsServer:
-    """Serves how many sessions and links the router has, and a secure one how many it refused.
-    Raises SettingError for a taken port."""
+    """Serves how many sessions and links the router has, and a secure one how many it refused;
+    with an identity, over TLS. Raises SettingError for a taken port."""
     registry = CollectorRegistry()
     sessions = Gauge("coadapt_router_sessions", "Processes connected.", registry=registry)
     sessions.set_function(lambda: router.connected()[0])
@@ -63,7 +67,7 @@ def serve_metrics(
     links.set_function(lambda: router.connected()[1])
     if refusals is not None:
         registry.register(refusals.counted)
-    return MetricsServer(registry, port, host)
+    return MetricsServer(registry, port, host, identity)
 
 
 class Router:
@@ -148,6 +152,11 @@ def main() -> int:
         help="let in only who has a certificate of this router's authority (docs/security.md)",
     )
     parser.add_argument(
+        "--metrics-tls",
+        action="store_true",
+        help="serve them over TLS, with the certificate of --identity",
+    )
+    parser.add_argument(
         "--targets",
         type=Path,
         metavar="FILE",
@@ -159,6 +168,8 @@ def main() -> int:
     identity = Identity(args.identity.absolute()) if args.identity else None
     if args.config and identity is not None:
         parser.error("--config and --identity do not go together: the file says all")
+    if args.metrics_tls and identity is None:
+        parser.error("--metrics-tls needs --identity: whose certificate it shows")
     if args.targets and not args.swarm:
         parser.error("--targets needs --swarm: whose processes they are")
 
@@ -179,7 +190,13 @@ def main() -> int:
         targets = Targets(args.targets, args.swarm, log) if args.targets and args.swarm else None
         router = Router(configure, args.swarm, args.unix_socket, targets)
         metrics = (
-            serve_metrics(router, args.host, args.metrics_port, refusals)
+            serve_metrics(
+                router,
+                args.host,
+                args.metrics_port,
+                refusals,
+                identity if args.metrics_tls else None,
+            )
             if args.metrics_port is not None
             else None
         )

@@ -154,6 +154,8 @@ def prometheus_file(spec: SwarmSpec) -> str:
         lambda service: service.name,
         ALERTS,
         place_of(spec).targets,
+        ca=roster.authority_path(PLACE.var_dir) if spec.secure else "",
+        tls=spec.metrics_tls,
     )
 
 
@@ -232,6 +234,9 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
         volumes.append(f"{targets}:ro")
+        if spec.secure:
+            here, there = map(roster.authority_path, (spec.var_dir, PLACE.var_dir))
+            volumes.append(f"{here}:{there}:ro")
     if service.role in ("ego", "robot") and spec.data:
         volumes.append(f"{spec.data}:{DATA}:ro")
     if service.role in ("ego", "robot") and spec.cache:

@@ -25,6 +25,7 @@ from deploy.services import (
     PROMETHEUS_PORT,
     TARGETS,
     Place,
+    authority_path,
     prometheus_config,
     services,
 )
@@ -78,6 +79,8 @@ class Supervisor:
                 lambda s: network.address(self._spec, s.host),
                 str(ALERTS),
                 place_of(self._spec).targets,
+                ca=authority_path(self._spec.var_dir) if self._spec.secure else "",
+                tls=self._spec.metrics_tls,
             )
         )
         loop = asyncio.get_running_loop()
