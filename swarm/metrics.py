@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import shutil
+import socket
 import threading
 from collections.abc import Iterable
 from itertools import product
@@ -16,6 +18,9 @@ from swarm.metrics_http import MetricsHttpServer
 from swarm.process import SwarmSettings
 from swarm.transport import identity_of
 from swarm.trust.identity import Identity
+
+HOST = "COADAPT_HOST"
+"""Names the host in metrics, where its own name says nothing, as in a container."""
 
 
 def start_at_zero(metric: Counter | Histogram, *values: Iterable[str]) -> None:
@@ -82,6 +87,14 @@ class MetricsServer:
             ) from error
         self._registry = registry
         self._process = ProcessCollector(registry=registry)
+        self._host = Gauge(
+            "coadapt_process_host",
+            "1: the host that the process runs on.",
+            ["host"],
+            registry=None,
+        )
+        self._host.labels(os.environ.get(HOST, "") or socket.gethostname()).set(1)
+        registry.register(self._host)
         self._thread = threading.Thread(
             target=self._server.serve_forever, name="metrics", daemon=True
         )
@@ -98,3 +111,4 @@ class MetricsServer:
         self._server.server_close()
         self._thread.join()
         self._registry.unregister(self._process)
+        self._registry.unregister(self._host)

@@ -26,6 +26,7 @@ from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
 from swarm.targets import Targets
+from swarm.tcp_peers import PeerTraffic
 from swarm.tcp_reporter import TcpReporter
 from swarm.trust import members
 from swarm.trust.identity import Identity
@@ -65,6 +66,7 @@ def serve_metrics(
     sessions.set_function(lambda: router.connected()[0])
     links = Gauge("coadapt_router_links", "Transport links of all sessions.", registry=registry)
     links.set_function(lambda: router.connected()[1])
+    registry.register(router.peers)
     if refusals is not None:
         registry.register(refusals.counted)
     return MetricsServer(registry, port, host, identity)
@@ -83,6 +85,7 @@ class Router:
     ) -> None:
         """Raises what `configure`, which gives the settings, raises, and TransportError."""
         self._targets = targets
+        self.peers = PeerTraffic()
         self._configure = configure
         self._swarm = swarm
         self._unix_socket = unix_socket
@@ -124,7 +127,9 @@ class Router:
         if self._unix_socket:
             Path(self._unix_socket).unlink(missing_ok=True)
         self.session = transport.open_zenoh({"mode": "router", **config})
-        self._reporter = TcpReporter(self.session, self._swarm) if self._swarm else None
+        self._reporter = (
+            TcpReporter(self.session, self._swarm, self.peers.take) if self._swarm else None
+        )
         if self._targets is not None:
             self._targets.attach(self.session)
 

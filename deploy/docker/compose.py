@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import socket
 import subprocess
 import zlib
 from pathlib import Path
@@ -164,6 +165,8 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "image": image,
         **({"command": list(service.argv)} if service.argv else {}),
         "environment": {
+            # A container's own name says nothing.
+            "COADAPT_HOST": os.environ.get("COADAPT_HOST") or socket.gethostname(),
             **_settings(service),
             **service.env,
             "HOME": "/tmp",

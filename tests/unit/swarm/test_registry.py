@@ -59,9 +59,7 @@ def add(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Add:
 def test_one_new_file_is_a_new_driver(add: Add) -> None:
     add(drivers.__name__, DRIVER)
     assert make_driver("mine", "hall").swarm == "hall"  # type: ignore[attr-defined]
-    with pytest.raises(
-        CoAdaptError, match="allowed: docker, interface, mine"
-    ):
+    with pytest.raises(CoAdaptError, match="allowed: docker, interface, mine"):
         make_driver("other", "hall")
 
 
