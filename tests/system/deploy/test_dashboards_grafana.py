@@ -106,7 +106,7 @@ def metrics() -> dict[str, set[str]]:
         found |= {collected._name + end: labels for end in ends}
         if collected._type == "histogram":
             found[collected._name + "_bucket"] = labels | {"le"}
-    nothing = SimpleNamespace(connected=lambda: (0, 0), peers=PeerTraffic())
+    nothing = SimpleNamespace(connected=lambda: (0, 0), traffic=PeerTraffic())
     with closing(serve_metrics(cast("Any", nothing), "127.0.0.1", 0)) as server:
         url = f"http://127.0.0.1:{server.port}/metrics"
         with urllib.request.urlopen(url, timeout=10) as reply:
