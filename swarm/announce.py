@@ -43,9 +43,9 @@ def place_of(settings: SwarmSettings, port: int) -> str:
     if settings.metrics_host not in _ANYWHERE:
         near = not router or is_loopback(router)
         unreachable = is_loopback(settings.metrics_host) and not near
-        return "" if unreachable else f"{scheme}:{_bracketed(settings.metrics_host)}:{port}"
+        return "" if unreachable else f"{scheme}:{bracketed(settings.metrics_host)}:{port}"
     own = _way_to(router) if router else "127.0.0.1"
-    return f"{scheme}:{_bracketed(own)}:{port}" if own else ""
+    return f"{scheme}:{bracketed(own)}:{port}" if own else ""
 
 
 def _host_of(router: str) -> str:
@@ -69,5 +69,6 @@ def _way_to(host: str) -> str:
         return ""
 
 
-def _bracketed(host: str) -> str:
+def bracketed(host: str) -> str:
+    """A host name or address as it stands before a port."""
     return f"[{host}]" if ":" in host else host

@@ -19,6 +19,7 @@ import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
 from swarm import keyspace, transport
+from swarm.announce import PLACE, bracketed
 from swarm.asking import Question
 from swarm.credit import Window
 from swarm.defaults import ROUTER_PORT
@@ -39,6 +40,7 @@ from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
 from swarm.trust.renewal import Renewal
+from swarm.trust.roles import role_of
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
@@ -91,9 +93,14 @@ class Router:
         swarm: str | None,
         unix_socket: str | None,
         targets: Targets | None = None,
+        token: str = "",
     ) -> None:
-        """Raises what `configure`, which gives the settings, raises, and TransportError."""
+        """`token`: the key of `keyspace.metrics` that says where its own are; empty for none.
+
+        Raises what `configure`, which gives the settings, raises, and TransportError.
+        """
         self._targets = targets
+        self._token = token
         self.traffic = PeerTraffic()
         self._configure = configure
         self._swarm = swarm
@@ -158,6 +165,9 @@ class Router:
         )
         if self._targets is not None:
             self._targets.attach(self.session)
+        if self._token:
+            # Kept: a token ends with what declares it.
+            self._held = self.session.liveliness().declare_token(self._token)
 
 
 def main() -> int:
@@ -232,7 +242,8 @@ def main() -> int:
         refusals = Refusals(log) if identity is not None else None
         seen = members.version(identity) if identity is not None else ()
         targets = Targets(args.targets, args.swarm, log) if args.targets and args.swarm else None
-        router = Router(configure, args.swarm, args.unix_socket, targets)
+        token = _token(identity, args)
+        router = Router(configure, args.swarm, args.unix_socket, targets, token)
         metrics = (
             serve_metrics(
                 router,
@@ -286,6 +297,19 @@ def main() -> int:
         refusals.close()
     log.info("router_down")
     return 0
+
+
+def _token(identity: Identity | None, args: argparse.Namespace) -> str:
+    """By which another machine's router tells where its metrics are. The swarm's first one stands
+    in Prometheus' configuration."""
+    anywhere = args.host in ("0.0.0.0", "::")
+    if identity is None or args.metrics_port is None or anywhere:
+        return ""
+    if not role_of(identity.name).name:
+        return ""
+    scheme = "https" if args.metrics_tls else "http"
+    place = f"{scheme}:{bracketed(args.host)}:{args.metrics_port}"
+    return keyspace.metrics(args.swarm, identity.name, place) if PLACE.fullmatch(place) else ""
 
 
 def _trust(identity: Identity, swarm: str | None) -> Trust:

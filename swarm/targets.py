@@ -44,6 +44,7 @@ class Targets:
         self._lock = threading.Lock()
         self._gone: dict[str, float | None] = {}
         """By key: since when its token is gone; None: it is there."""
+        self._subscriber: object = None
         self._written = ""
         self._failed = ""
         with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -55,7 +56,7 @@ class Targets:
 
     def attach(self, session: zenoh.Session) -> None:
         """Listens on a router's own session, which may do so by itself."""
-        session.liveliness().declare_subscriber(
+        self._subscriber = session.liveliness().declare_subscriber(
             keyspace.metrics(self._swarm, keyspace.ANY), self._receive, history=True
         )
 
@@ -102,8 +103,8 @@ def target_of(key: str) -> dict[str, Any] | None:
     if found is None or not 0 < int(found["address"].rpartition(":")[2]) < 65536:
         return None
     instance = f"robot-{name}" if role.kind == "robot" else name
-    if role.kind == "router":
-        # There may be one a host, and all of one name.
+    if name == "router":
+        # One that has no name of its own.
         instance = f"router-{found['address'].rpartition(':')[0].strip('[]')}"
     labels = {
         "__scheme__": found["scheme"],

@@ -27,6 +27,7 @@ def key(role: str, place: str = "http:10.0.0.7:9101") -> str:
         ("ego-R1", {"role": "ego", "robot": "R1", "instance": "ego-R1", "job": "ego"}),
         ("controller", {"role": "controller", "instance": "controller"}),
         ("controller-hall-2", {"role": "controller", "instance": "controller-hall-2"}),
+        ("router-hall-2", {"role": "router", "instance": "router-hall-2"}),
         ("router", {"role": "router", "instance": "router-10.0.0.7"}),
     ],
 )
