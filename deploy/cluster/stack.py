@@ -120,7 +120,7 @@ def _service(spec: SwarmSpec, cluster: Cluster, pin: Pin, one: Container) -> dic
         "image": one.image,
         "command": list(one.service.argv),
         "environment": {**one.env, **(_off_loopback(one) if overlay else {})},
-        "user": f"{plan.USER}:{plan.USER}",
+        "user": f"{one.user}:{one.user}",
         "init": True,
         "read_only": True,
         "cap_drop": ["ALL"],
@@ -137,8 +137,8 @@ def _service(spec: SwarmSpec, cluster: Cluster, pin: Pin, one: Container) -> dic
             {
                 "source": _key(one, place),
                 "target": place,
-                "uid": str(plan.USER),
-                "gid": str(plan.USER),
+                "uid": str(one.user),
+                "gid": str(one.user),
                 "mode": 0o400,
             }
             for place in one.files
@@ -229,7 +229,7 @@ def _configs(spec: SwarmSpec, wanted: Iterable[Container], prometheus: str) -> d
 
 def _key(one: Container, place: str) -> str:
     """What a secret is called within the stack file."""
-    return f"{one.service.common_name or one.service.name}-{Path(place).name}"
+    return f"{one.common_name or one.service.name}-{Path(place).name}"
 
 
 def _secret(swarm: str, one: Container, place: str, file: Path) -> dict[str, str]:
