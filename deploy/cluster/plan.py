@@ -136,7 +136,7 @@ def place_of(spec: SwarmSpec, cluster: Cluster) -> Place:
         var_dir=compose.PLACE.var_dir,
         prometheus_config=compose.PLACE.prometheus_config,
         data=compose.DATA if spec.data else "",
-        prometheus_host_port=spec.prometheus_port,
+        prometheus_host_port=roster.PROMETHEUS_PORT,
     )
 
 

@@ -13,6 +13,7 @@ from deploy import services as roster
 from deploy.cluster import plan
 from deploy.cluster.plan import Cluster, Container
 from deploy.docker import compose
+from deploy.ports import LOCALHOST
 from deploy.services import Service
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
@@ -102,6 +103,8 @@ def prometheus_file(spec: SwarmSpec, cluster: Cluster, addresses: Mapping[str, s
     def address(service: Service) -> str:
         if cluster.network == "overlay":
             return service.name
+        if service.role == "prometheus":
+            return LOCALHOST
         return addresses[service.robot] if service.robot else cluster.router
 
     members = [one.service for one in plan.containers(spec, cluster)]

@@ -205,6 +205,7 @@ def test_prometheus_finds_every_process_and_answers_its_own_node_only(spec: Swar
         on_host = cluster is HOST
         assert found["robot-R3"] == ("10.0.0.3:9101" if on_host else "robot-R3:9101")
         assert found["ego-R2"] == ("10.0.0.2:9102" if on_host else "ego-R2:9102")
+        assert found["prometheus"] == ("127.0.0.1:9090" if on_host else "prometheus:9090")
         assert found["router"] == ("10.0.0.1:9100" if on_host else "router:9100")
     text = stack.stack_file(watched, HOST, prometheus="a: 1")
     again = stack.stack_file(watched, HOST, prometheus="a: 2")
