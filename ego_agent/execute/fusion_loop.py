@@ -239,6 +239,7 @@ class FusionLoop:
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
             rate_hz=decision.rate_hz,
+            shareable=fusion.shareable,
         )
         return AskedFrame(decision, own, fusion, gathering, done)
 

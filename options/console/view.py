@@ -234,6 +234,7 @@ class View:
             "excluded": decision.excluded,
             "silent": decision.silent,
             "doubted": decision.doubted,
+            "remarks": decision.remarks,
             "ages_s": decision.ages_s,
             "rate_hz": decision.rate_hz,
             "arrival": {robot: round(share, 2) for robot, share in decision.arrival.items()},

@@ -133,6 +133,9 @@ class Decision(Message, frozen=True, kw_only=True):
     """How long ago each robot sensed what the ego knows of it."""
     stands_in_for: RobotId | None = None
     """The ego in whose stead this one decides; None: in its own."""
+    remarks: Reasons = msgspec.field(default_factory=dict)
+    """What is odd about robots that may take part all the same: a clock that is off, another
+    version of the software."""
 
 
 class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):
