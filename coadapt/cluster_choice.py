@@ -72,6 +72,11 @@ def settled(args: argparse.Namespace) -> dict[str, object]:
             "--link shapes the link of the ego's node: name the interface that leads there, by "
             "--interface"
         )
+    if args.listen:
+        raise DeployError(
+            "--listen is for machines that join one machine's swarm; a cluster's router answers at "
+            "--router"
+        )
     ports = {name: PROPERTIES[name].default for name in PORT_FIELDS if getattr(args, name) is None}
     var_dir = str(var_dir_of(args.swarm))
     return {**ports, "secure": True, "epoch_ns": begun(var_dir, args.swarm)}
