@@ -33,7 +33,11 @@ from worlds.kinds import WorldKind
 from worlds.registry import swarm_worlds, world_kind
 
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532, description="a port")]
-MIN_ROBOTS, MAX_ROBOTS = 2, 100
+MIN_ROBOTS, MAX_ROBOTS = 2, 1000
+"""Each has a port of the machine's bridge, and Linux gives a bridge 1,023."""
+AREAS_FROM = 65
+"""With so many robots egos hear of their surroundings only: 100 that are heard by all cost an ego 6
+Mbit/s, wherever they are."""
 _ROBOTS = f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {NAME_RULE}"
 
 EMBEDDED = "embedded"
@@ -84,6 +88,9 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the Quality-on-Demand API answers on the host's 127.0.0.1."""
     controller_metrics_port: HostPort = 9103
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
+    areas: bool = False
+    """Whether robots say in their keys in which cell of the floor they are, and egos listen to the
+    cells around them."""
     comm_range_m: CommRange | None = None
     """How far from the ego a robot may take part; None leaves it to the ego and its world."""
     link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
@@ -147,9 +154,10 @@ def factory_robots(count: int) -> tuple[str, ...]:
 def make_spec(**values: Any) -> SwarmSpec:
     """A checked specification.
 
-    `ego` defaults to the first robot, `epoch_ns` to now, `run_dir` to `run_dir_of`, and `var_dir`
-    to `var_dir_of`; `comm_range_m` to what is usual with the world's
-    detector, or it is left to the ego, where only the data says which that is.
+    `ego` defaults to the first robot, `areas` to whether there are AREAS_FROM of them, `epoch_ns`
+    to now, `run_dir` to `run_dir_of`, and `var_dir` to `var_dir_of`; `comm_range_m` to what is
+    usual with the world's detector, or it is left to the ego, where only the data says which that
+    is.
 
     Raises DeployError that names the field, its value and what is allowed.
     """
@@ -173,6 +181,7 @@ def make_spec(**values: Any) -> SwarmSpec:
     world = world_kind(name)
     swarm = values.get("swarm", _PROCESS.swarm)
     values.setdefault("ego", robots[0])
+    values.setdefault("areas", len(robots) >= AREAS_FROM)
     # Containers hear of each other over a network that others may share.
     values.setdefault("secure", values.get("runtime") == "docker")
     if values.get("comm_range_m") is None:

@@ -95,8 +95,11 @@ class Session:
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {error}") from error
 
-    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M], object]) -> None:
-        """Calls `on_message(message)` for every valid message on a key expression.
+    def subscribe(
+        self, key: str, kind: type[M], on_message: Callable[[M], object]
+    ) -> Callable[[], None]:
+        """Calls `on_message(message)` for every valid message on a key expression, until what is
+        returned is called.
 
         Messages that do not validate are counted, logged once a sender, and dropped. While a
         session that lost links is replaced, a message may come twice.
@@ -123,7 +126,7 @@ class Session:
                 self._log.error("handler_failed", key=sender, exc_info=True)
 
         start_at_zero(self._invalid, (kind.__name__,))
-        self._connection.declare(lambda session: session.declare_subscriber(key, receive))
+        return self._connection.declare(lambda session: session.declare_subscriber(key, receive))
 
     def serve(
         self,
@@ -190,8 +193,14 @@ class Session:
         key = keyspace.alive(self.swarm, robot)
         return self._connection.declare(lambda session: session.liveliness().declare_token(key))
 
-    def watch_alive(self, on_join: Callable[[str], None], on_leave: Callable[[str], None]) -> None:
-        """Calls back with a robot id when a robot joins (also those already there) or leaves."""
+    def watch_alive(
+        self,
+        on_join: Callable[[str], None],
+        on_leave: Callable[[str], None],
+        robot: str = keyspace.ANY,
+    ) -> None:
+        """Calls back with a robot id when a robot, or this one, joins (also those already there) or
+        leaves."""
 
         present: set[str] = set()
         lock = threading.Lock()
@@ -214,7 +223,7 @@ class Session:
             except Exception:
                 self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
 
-        key = keyspace.alive(self.swarm, keyspace.ANY)
+        key = keyspace.alive(self.swarm, robot)
         self._connection.declare(
             lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )

@@ -34,7 +34,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {
-                "put": (keyspace.beacon(swarm, own), keyspace.scene(swarm, own)),
+                "put": _told_by(swarm, own),
                 "hold": (keyspace.alive(swarm, own),),
                 "serve": (
                     keyspace.observation(swarm, own),
@@ -52,8 +52,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 # As a standby, it leads while the first ego is away.
                 "hold": (keyspace.ego_leads(swarm, own),),
                 "listen": (
-                    keyspace.beacon(swarm, ANY),
-                    keyspace.scene(swarm, ANY),
+                    *_told_by(swarm, ANY),
                     keyspace.decision(swarm, ANY),
                     keyspace.net_state(swarm),
                     keyspace.net_tcp(swarm),
@@ -103,8 +102,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
 def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
     return {
         "listen": (
-            keyspace.beacon(swarm, ANY),
-            keyspace.scene(swarm, ANY),
+            *_told_by(swarm, ANY),
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
@@ -118,3 +116,8 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.llm_alive(swarm),
         ),
     }
+
+
+def _told_by(swarm: str, robot: str) -> tuple[str, ...]:
+    """What a robot tells of itself, in whatever cell of the floor."""
+    return tuple(keyspace.anywhere(key(swarm, robot)) for key in (keyspace.beacon, keyspace.scene))
