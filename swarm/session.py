@@ -32,6 +32,8 @@ __all__ = ["MAX_WAITING_QUERIES", "Answer", "Session"]
 
 M = TypeVar("M", bound=Message)
 MAX_REMEMBERED_SENDERS = 256
+MAX_ALIVE = 100_000
+"""Robots that `alive` can tell of; the places are taken only as they come."""
 
 
 class Session:
@@ -268,7 +270,11 @@ class Session:
         found = {robot for present in self._present for robot in tuple(present)}
         try:
             replies = self._connection.zenoh.liveliness().get(
-                keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s
+                keyspace.alive(self.swarm, keyspace.ANY),
+                # A session that watches tokens answers itself, before it can be read from: with
+                # Zenoh's 256 places it waited for ever.
+                zenoh.handlers.FifoChannel(MAX_ALIVE),
+                timeout=timeout_s,
             )
         except zenoh.ZError as error:
             raise TransportError(f"cannot ask who is alive: {error}") from error
