@@ -17,7 +17,7 @@ from swarm.traffic import TrafficClass
 
 _FIELDS = struct.Struct("=8B24IQQQQIIIIIIQQQQ")
 """`struct tcp_info` of linux/tcp.h as far as Linux 4.10 has it."""
-_UNACKED, _RTT, _BYTES_ACKED, _NOTSENT, _MIN_RTT = 12, 23, 34, 38, 39
+_UNACKED, _RTT, _BYTES_ACKED, _BYTES_RECEIVED, _NOTSENT, _MIN_RTT = 12, 23, 34, 35, 38, 39
 _BUSY, _RWND_LIMITED, _SNDBUF_LIMITED = 43, 44, 45
 LONE_PACKETS = 2
 """So few may be under way because their acknowledgement is delayed (RFC 1122, 4.2.3.2)."""
@@ -49,6 +49,8 @@ class TcpInfo:
     """Time with data under way."""
     held_us: int
     """Of that, the time in which the receiver's window or the send buffer held data up."""
+    received_bytes: int = 0
+    """From the other side."""
 
 
 def tcp_info(descriptor: int) -> TcpInfo | None:
@@ -63,7 +65,13 @@ def tcp_info(descriptor: int) -> TcpInfo | None:
     told = _FIELDS.unpack(buffer.raw)
     behind = told[_UNACKED] > LONE_PACKETS and told[_RTT] > 2 * told[_MIN_RTT] + QUEUED_US
     held_us = told[_RWND_LIMITED] + told[_SNDBUF_LIMITED]
-    return TcpInfo(told[_BYTES_ACKED], told[_NOTSENT] > 0 or behind, told[_BUSY], held_us)
+    return TcpInfo(
+        told[_BYTES_ACKED],
+        told[_NOTSENT] > 0 or behind,
+        told[_BUSY],
+        held_us,
+        told[_BYTES_RECEIVED],
+    )
 
 
 def connections(traffic: TrafficClass) -> Iterator[Connection]:
