@@ -12,8 +12,9 @@ import msgspec
 
 from deploy.state import State
 from swarm import keyspace
+from swarm.controllers import Controllers
 from swarm.errors import TransportError
-from swarm.listening import listen
+from swarm.listening import hear, listen
 from swarm.messages import (
     AdviceReport,
     Beacon,
@@ -63,6 +64,22 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     """Why the ego leaves it out or gets nothing of it, or who took it off duty."""
 
 
+class EgoRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One ego of several, and the newest decision that was heard of it; None before the first."""
+
+    ego: str
+    cycle: int | None = None
+    age_s: float | None = None
+    """Since the decision came."""
+    selected: tuple[str, ...] = ()
+    algorithm: str = ""
+    policy: str = ""
+    source: str = ""
+    valid: bool = False
+    quality: float = 0.0
+    capacity_bps: float | None = None
+
+
 class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """The swarm over the last moments. Fields about the decision are None before the first."""
 
@@ -97,6 +114,10 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why the LLM gateway's model does not answer."""
     stands_in_for: str | None = None
     """The ego in whose stead `ego` decides; None: in its own."""
+    unshaped: tuple[str, ...] = ()
+    """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
+    egos: tuple[EgoRow, ...] = ()
+    """Every ego of the swarm, the one that is shown among them."""
 
 
 @dataclass(slots=True)
@@ -106,10 +127,13 @@ class _Heard:
     beacons: dict[str, tuple[Beacon, float]]
     alive: set[str]
     decision: Decision | None = None
+    decision_at: float = 0.0
     detections: int = 0
     bytes: dict[str, int] | None = None
-    cell: LinkState | None = None
+    controllers: Controllers = field(default_factory=Controllers)
     gateway: GatewayState | None = None
+    decided: dict[str, tuple[Decision, float]] = field(default_factory=dict)
+    """The newest decision of each ego, a standby's as its ego's, and when it came."""
     duties: dict[str, RobotSteered | None] = field(default_factory=dict)
     """What the robots that are not heard said when they were asked; None: nothing."""
 
@@ -138,6 +162,8 @@ class Watch:
             on_leave=self._on_leave,
             timeout_s=timeout_s,
         )
+        if len(state.spec.all_egos) > 1:
+            hear(self._session, {Decision: self._on_any_decision})
 
     def __enter__(self) -> Watch:
         return self
@@ -160,18 +186,26 @@ class Watch:
         with self._changed:
             return self._heard.decision is not None and self._heard.decision.valid
 
+    def undecided(self) -> tuple[str, ...]:
+        """The egos of which no valid decision has come yet."""
+        with self._changed:
+            heard = {ego: one.valid for ego, (one, _) in self._decided().items()}
+            return tuple(ego for ego in self._state.spec.all_egos if not heard.get(ego))
+
     def cell(self) -> LinkState | None:
         """The cell towards the ego, where the network controller says that it is shaped."""
         with self._changed:
-            return self._heard.cell
+            return self._cell()
 
     def link_problems(self) -> tuple[str, ...]:
-        """Why links are not as they should be, in the network controller's words; nothing while it
-        does not answer."""
+        """Why links are not as they should be, in the words of the network controller that has the
+        ego's link; nothing while it does not answer."""
+        with self._changed:
+            name = self._heard.controllers.of(self._ego(), time.monotonic()) or ""
         try:
             return (
                 self._session.ask(
-                    keyspace.net_shape(self._session.swarm),
+                    keyspace.net_shape(self._session.swarm, name),
                     ShapeRequest(profile="show"),
                     ShapeReply,
                     timeout_s=CONNECT_S,
@@ -219,7 +253,7 @@ class Watch:
         with self._changed:
             now = time.monotonic()
             span_s = max(now - self._since, 1e-3)
-            heard, decision = self._heard, self._heard.decision
+            heard, decision, cell = self._heard, self._heard.decision, self._cell()
             received = heard.bytes or {}
             rows = tuple(
                 self._row(robot, now, received.get(robot, 0) / span_s) for robot in self._ids()
@@ -236,8 +270,8 @@ class Watch:
                 valid=decision.valid if decision else None,
                 reason=decision.reason if decision else None,
                 capacity_bps=decision.capacity_bps if decision else None,
-                cell_bps=heard.cell.capacity_bps if heard.cell else None,
-                cell_level=heard.cell.level if heard.cell else None,
+                cell_bps=cell.capacity_bps if cell else None,
+                cell_level=cell.level if cell else None,
                 quality=decision.quality if decision else None,
                 bytes_per_s=round(sum(received.values()) / span_s, 1),
                 frames_per_s=round(heard.detections / span_s, 2),
@@ -247,15 +281,52 @@ class Watch:
                 blind=decision.blind if decision else "",
                 model_trouble=heard.gateway.trouble if heard.gateway else "",
                 stands_in_for=decision.stands_in_for if decision else None,
+                unshaped=heard.controllers.unshaped(now),
+                egos=self._egos(now),
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
         return view
 
+    def _cell(self) -> LinkState | None:
+        links = self._heard.controllers.links(time.monotonic())
+        own = (self._ego(), "down")
+        return next((link for link in links if (link.robot, link.direction) == own), None)
+
     def _ego(self) -> str:
         """The ego that decides: the specification's, or the one that stands in for it."""
         decision = self._heard.decision
         return decision.ego if decision else self._state.spec.ego
+
+    def _decided(self) -> dict[str, tuple[Decision, float]]:
+        """The newest decision of each ego."""
+        heard = self._heard
+        if heard.decision is None:
+            return heard.decided
+        return {self._state.spec.ego: (heard.decision, heard.decision_at), **heard.decided}
+
+    def _egos(self, now: float) -> tuple[EgoRow, ...]:
+        decided = self._decided()
+        rows = []
+        for ego in self._state.spec.all_egos:
+            if ego not in decided:
+                rows.append(EgoRow(ego=ego))
+                continue
+            decision, at = decided[ego]
+            row = EgoRow(
+                ego=decision.ego,
+                cycle=decision.cycle,
+                age_s=round(now - at, 2),
+                selected=decision.participants,
+                algorithm=decision.algorithm,
+                policy=decision.policy,
+                source=decision.source,
+                valid=decision.valid,
+                quality=round(decision.quality, 4),
+                capacity_bps=decision.capacity_bps,
+            )
+            rows.append(row)
+        return tuple(rows)
 
     def _ids(self) -> list[str]:
         """The swarm's robots in their order, then those that joined from elsewhere."""
@@ -311,7 +382,7 @@ class Watch:
             return f"by {duty.operator or 'an operator'}"
         if decision is None:
             return ""
-        told = (decision.silent, decision.excluded, decision.doubted)
+        told = (decision.silent, decision.excluded, decision.doubted, decision.remarks)
         return next((reasons[robot] for reasons in told if robot in reasons), "")
 
     def _on_join(self, robot: str) -> None:
@@ -331,11 +402,19 @@ class Watch:
     def _on_decision(self, decision: Decision) -> None:
         with self._changed:
             self._heard.decision = decision
+            self._heard.decision_at = time.monotonic()
             self._changed.notify_all()
+
+    def _on_any_decision(self, decision: Decision) -> None:
+        ego = decision.stands_in_for or decision.ego
+        with self._changed:
+            if ego in self._state.spec.all_egos:
+                self._heard.decided[ego] = (decision, time.monotonic())
+                self._changed.notify_all()
 
     def _on_net_state(self, state: NetState) -> None:
         with self._changed:
-            self._heard.cell = state.link(self._ego(), "down")
+            self._heard.controllers.take(state, time.monotonic())
             self._changed.notify_all()
 
     def _on_gateway_state(self, state: GatewayState) -> None:

@@ -17,9 +17,15 @@ from pathlib import Path
 import msgspec
 
 from ego_agent.analyze.doubts import doubted
+from ego_agent.analyze.fit import remarks, told
 from ego_agent.analyze.scene import analyze
 from ego_agent.execute.ask import Asker
-from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_motion
+from ego_agent.execute.fusion_loop import (
+    FrameResult,
+    FusionLoop,
+    live_memory,
+    live_motion,
+)
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord, Journal
@@ -47,6 +53,7 @@ from perception.detector import configuration
 from perception.detector.calibration import calibration_of
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
+from sensing.mark import mark_of
 from swarm import keyspace
 from swarm.body import Body
 from swarm.errors import JournalError, SettingError, TransportError
@@ -56,6 +63,7 @@ from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
 from swarm.settings import PREFIX
+from swarm.version import installed_version
 from worlds.base import World, comm_range_of
 
 LOOK_S = 0.1
@@ -164,6 +172,7 @@ class EgoAgent:
             clock=clock,
             max_robots=settings.max_robots,
             surroundings=_surroundings(settings, knowledge.objective, log),
+            mark=mark_of(settings, world),
         )
         tally = TallyKeeper()
         body = configuration(world.detector).usual_body
@@ -178,6 +187,7 @@ class EgoAgent:
             1.0 / world.rate_hz,
             max_error_m=settings.max_error_m,
             keep_ground=settings.keep_ground,
+            share=settings.share,
         )
         lead = make_lead(settings, log)
         fusion = FusionLoop(
@@ -189,6 +199,7 @@ class EgoAgent:
             tally,
             log,
             detector=world.detector,
+            memory=live_memory(world.detector) if settings.memory else None,
             known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
             rate_hz=settings.fusion_rate_hz,
             deadline_s=settings.deadline_s,
@@ -315,7 +326,9 @@ class EgoAgent:
             scene = analyze(snapshot, self.knowledge)
             decision = plan(snapshot, scene, policy, self.knowledge, previous, number, now_ns)
             doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
-            decision = msgspec.structs.replace(decision, probe=self._probe, doubted=doubts)
+            decision = msgspec.structs.replace(
+                decision, probe=self._probe, doubted=doubts, remarks=remarks(snapshot)
+            )
         except Exception as error:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)
@@ -329,7 +342,7 @@ class EgoAgent:
         self.fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
-        demand = self._say_demand(scene, decision, control)
+        demand = self._say_demand(snapshot, scene, decision, control)
         self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
@@ -346,9 +359,10 @@ class EgoAgent:
             return decision
 
     def _say_demand(
-        self, scene: UnifiedScene | None, decision: Decision, control: Wish
+        self, snapshot: Snapshot, scene: UnifiedScene | None, decision: Decision, control: Wish
     ) -> NetDemand | None:
-        """Tells the network controller what Q_min takes; no fault of it harms the cycle."""
+        """Tells the network controller what Q_min takes, and robots how they fit; no fault of it
+        harms the cycle."""
         if scene is None:
             return None
         try:
@@ -360,6 +374,12 @@ class EgoAgent:
                 steady_ns=self.monitor.stamp(),
                 control=control,
                 now_s=time.monotonic(),
+            )
+            demand = msgspec.structs.replace(
+                demand,
+                world=self.monitor.mark,
+                software=installed_version(),
+                told=told(snapshot),
             )
             self._publish(lambda swarm, _: keyspace.net_demand(swarm), demand)
             self._metrics.demand(demand)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -13,7 +13,11 @@ from swarm.http_access import token_of
 from swarm.http_hosts import HostNames
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
-from swarm.settings import Name, Port, Secret, load, shown
+from swarm.settings import NAME_RULE, Name, Port, Secret, load, shown
+
+MAX_NAME = 21
+"""Of a controller's name: a certificate's common name has the role before it."""
+_NAME = rf"^[A-Za-z0-9_-]{{0,{MAX_NAME}}}(?!\n)$"
 
 Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
 
@@ -22,8 +26,19 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """How the links of one host are controlled. Field `driver` is read from `COADAPT_DRIVER`."""
 
     driver: Name = "netns"
+    controller: Annotated[
+        str, msgspec.Meta(pattern=_NAME, description=f"empty, or {NAME_RULE} of {MAX_NAME} at most")
+    ] = ""
+    """Its name, where hosts have one each: it answers on `net/shape/<controller>`, and in a secure
+    swarm its certificate says `controller-<controller>`. Empty for the only one."""
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
+    egos: tuple[Name, ...] = ()
+    """All egos, where there are several: their links are shaped alike, from the start and by such
+    requests."""
+    cell: Literal["own", "shared"] = "own"
+    """Whether each ego's link is a cell of its own, or all together are one medium: a capacity is
+    then that of all of them, and each has its part."""
     ego_standby: Name | None = None
     """The ego that stands in for it: its link is shaped alike, from the start and by such requests.
     """
@@ -54,6 +69,12 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """Unix socket to answer on instead of the port."""
     qod_sinks: Annotated[tuple[str, ...], msgspec.Meta(max_length=64)] = ()
     """Networks, addresses and host names that events may be sent to though they are not public."""
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The robots towards which the cells are, the first ego's first."""
+        others = (*self.egos, *((self.ego_standby,) if self.ego_standby else ()))
+        return tuple(dict.fromkeys((self.ego, *others)))
 
     def __repr__(self) -> str:
         return shown(self)

@@ -40,6 +40,14 @@ def _net_key(swarm: str, leaf: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/net/{leaf}"
 
 
+def _controller_key(swarm: str, leaf: str, controller: str) -> str:
+    if controller == ANY:
+        return _net_key(swarm, f"{leaf}/**")  # also the one without a name
+    if controller:
+        return _net_key(swarm, f"{leaf}/{check_name('controller name', controller)}")
+    return _net_key(swarm, leaf)
+
+
 def _llm_key(swarm: str, leaf: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/llm/{leaf}"
 
@@ -87,6 +95,15 @@ def observation(swarm: str, robot: str) -> str:
     return _robot_key(swarm, robot, "observation")
 
 
+def shared(swarm: str, robot: str, algorithm: str) -> str:
+    """`messages.Observation` that a robot publishes once for several egos, every frame.
+
+    >>> shared("local", "R1", "early")
+    'coadapt/local/robot/R1/shared/early'
+    """
+    return _robot_key(swarm, robot, f"shared/{algorithm}")
+
+
 def decision(swarm: str, ego: str) -> str:
     """`messages.Decision`, every control cycle."""
     return _ego_key(swarm, ego, "decision")
@@ -112,9 +129,14 @@ def robot_steering(swarm: str, robot: str) -> str:
     return _robot_key(swarm, robot, "steering")
 
 
-def net_state(swarm: str) -> str:
-    """`messages.NetState`, 1 Hz, from the network controller."""
-    return _net_key(swarm, "state")
+def net_state(swarm: str, controller: str = "") -> str:
+    """`messages.NetState`, 1 Hz, from the network controller, or from the one of that name where
+    there is one a host; ANY is all of them.
+
+    >>> net_state("local"), net_state("local", "hall-2"), net_state("local", ANY)
+    ('coadapt/local/net/state', 'coadapt/local/net/state/hall-2', 'coadapt/local/net/state/**')
+    """
+    return _controller_key(swarm, "state", controller)
 
 
 def net_tcp(swarm: str) -> str:
@@ -127,9 +149,10 @@ def net_demand(swarm: str) -> str:
     return _net_key(swarm, "demand")
 
 
-def net_shape(swarm: str) -> str:
-    """Queryable of the network controller: `messages.ShapeRequest` -> `messages.ShapeReply`."""
-    return _net_key(swarm, "shape")
+def net_shape(swarm: str, controller: str = "") -> str:
+    """Queryable of the network controller, or of the one of that name: `messages.ShapeRequest` ->
+    `messages.ShapeReply`."""
+    return _controller_key(swarm, "shape", controller)
 
 
 def llm_decide(swarm: str) -> str:
@@ -145,6 +168,21 @@ def llm_state(swarm: str) -> str:
 def llm_alive(swarm: str) -> str:
     """Liveliness token of the LLM gateway."""
     return _llm_key(swarm, "alive")
+
+
+def trust_certificate(swarm: str) -> str:
+    """Queryable of a secure swarm's authority: `messages.CertificateRequest` ->
+    `messages.RenewedCertificate`."""
+    return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
+
+
+def everything(name: str) -> str:
+    """All keys of the swarm of that name: what its routers pass on to each other.
+
+    >>> everything("local")
+    'coadapt/local/**'
+    """
+    return f"coadapt/{check_name('swarm name', name)}/**"
 
 
 def by(key: str, asker: str) -> str:
@@ -163,6 +201,12 @@ def asker_of(key: str) -> str:
     return asker if head.endswith("/by") else ""
 
 
+def controller_of(key: str) -> str:
+    """Which network controller a key of `net_state` is of; empty: the one without a name."""
+    parts = key.split("/")
+    return parts[4] if len(parts) > 4 else ""
+
+
 def belongs_to_robot(key: str) -> bool:
     """Whether a robot or ego id stands in the key; only its own messages may come on it."""
     parts = key.split("/")
@@ -174,6 +218,7 @@ def robot_of(key: str) -> str:
     parts = key.split("/")
     if len(parts) == 6 and parts[4] in _IN_CELLS and _CELL.fullmatch(parts[5]):
         parts.pop()
-    if len(parts) != 5 or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
+    whole = len(parts) == 5 or (len(parts) == 6 and parts[4] == "shared")
+    if not whole or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
         raise KeyspaceError(f"key {key!r} is not coadapt/<swarm>/(robot|ego)/<id>/<leaf>")
     return check_name("robot id", parts[3])

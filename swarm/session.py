@@ -23,10 +23,18 @@ from swarm.connection import Connection
 from swarm.credit import Window
 from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
 from swarm.log import Logger, make_logger
-from swarm.messages import Message, decode, encode
+from swarm.messages import (
+    CertificateRequest,
+    Message,
+    NetState,
+    RenewedCertificate,
+    decode,
+    encode,
+)
 from swarm.metrics import start_at_zero
 from swarm.serving import MAX_WAITING_QUERIES, Server
 from swarm.traffic import TrafficClass
+from swarm.trust.renewal import Renewal
 
 __all__ = ["MAX_WAITING_QUERIES", "Answer", "Session"]
 
@@ -34,6 +42,8 @@ M = TypeVar("M", bound=Message)
 MAX_REMEMBERED_SENDERS = 256
 MAX_ALIVE = 100_000
 """Robots that `alive` can tell of; the places are taken only as they come."""
+CERTIFICATE_S = 10.0
+"""How long the authority is given to answer."""
 
 
 class Session:
@@ -51,8 +61,9 @@ class Session:
     ) -> None:
         """Connects to the router, trying again until it is there.
 
-        Raises SettingError for a malformed router, KeyspaceError for a malformed swarm name, and
-        TransportError when `timeout_s` has passed or `stop` was set first.
+        Raises SettingError for a malformed router, KeyspaceError for a malformed swarm name,
+        IdentityError for a certificate that cannot be shown, and TransportError when `timeout_s`
+        has passed or `stop` was set first.
         """
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)
@@ -60,6 +71,8 @@ class Session:
         self.name = identity.name if identity is not None else ""
         """As whom this process asks, in a secure swarm; else empty."""
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
+        shown = self._connection.identity
+        self._renewal = Renewal(shown, self._certificate, self._log) if shown else None
         self._servers: list[Server[Any]] = []
         self._present: list[set[str]] = []
         """Robots that are alive, as each `watch_alive` was told."""
@@ -98,13 +111,18 @@ class Session:
             raise TransportError(f"cannot publish on {key}: {error}") from error
 
     def subscribe(
-        self, key: str, kind: type[M], on_message: Callable[[M], object]
+        self,
+        key: str,
+        kind: type[M],
+        on_message: Callable[[M], object],
+        on_invalid: Callable[[str, CoAdaptError], object] | None = None,
     ) -> Callable[[], None]:
         """Calls `on_message(message)` for every valid message on a key expression, until what is
         returned is called.
 
-        Messages that do not validate are counted, logged once a sender, and dropped. While a
-        session that lost links is replaced, a message may come twice.
+        Messages that do not validate are counted, logged once a sender, and dropped;
+        `on_invalid(key, error)` hears of each. While a session that lost links is replaced, a
+        message may come twice.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -118,8 +136,14 @@ class Session:
                     and keyspace.robot_of(sender) != named
                 ):
                     raise MessageError(f"{kind.__name__} of {named!r} came on {sender}")
+                if isinstance(message, NetState) and (
+                    keyspace.controller_of(sender) != message.name
+                ):
+                    raise MessageError(f"the state of controller {message.name!r} came on {sender}")
             except (MessageError, KeyspaceError) as error:
                 self._drop(kind, sender, error)
+                if on_invalid is not None:
+                    on_invalid(sender, error)
                 return
             try:
                 on_message(message)
@@ -300,10 +324,25 @@ class Session:
 
     def close(self) -> None:
         """Withdraws everything and closes; never waits longer than a few seconds."""
+        if self._renewal is not None:
+            self._renewal.close()
         for server in self._servers:
             server.close()
         self._servers.clear()
         self._connection.close()
+
+    def _certificate(self) -> str:
+        """What the authority issued last to who this process is. Raises TransportError, and
+        RefusedError."""
+        key = keyspace.trust_certificate(self.swarm)
+        asked = self.ask(
+            key,
+            CertificateRequest(role=self.name),
+            RenewedCertificate,
+            timeout_s=CERTIFICATE_S,
+            traffic=TrafficClass.CONTROL,
+        )
+        return asked.result().message.certificate
 
     def _drop(self, kind: type[Message], sender: str, error: CoAdaptError) -> None:
         self._invalid.labels(kind.__name__).inc()

@@ -10,13 +10,14 @@ from pathlib import Path
 import msgspec
 
 from coadapt.arguments import add_swarm
-from coadapt.net_client import ask, watch_state
+from coadapt.elsewhere import add_router, state_of
+from coadapt.net_client import NetClient
 from coadapt.net_view import render
 from coadapt.operator import operator
 from deploy.rates import parse_link_rate, parse_seconds, parse_share
-from deploy.state import need_state
 from network_controller.mahimahi import read_trace
 from swarm import keyspace
+from swarm.controllers import merged, of
 from swarm.errors import DeployError, NetworkError, TransportError
 from swarm.messages import ShapeRequest
 from swarm.messages.net import MAX_DURATION_S
@@ -72,6 +73,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         one._negative_number_matcher = _NEGATIVE
     for one in (shape, congest, show):
         add_swarm(one)
+        add_router(one)
         one.add_argument("--json", action="store_true", help="one object on standard output")
         one.set_defaults(run=run, parser=one)
 
@@ -79,24 +81,34 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Asks the network controller, and prints what is in force afterwards."""
     request: ShapeRequest = args.request(args)
-    swarm = need_state(args.swarm)
+    swarm = state_of(args)
     try:
         session = Session(swarm.router, swarm.spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:
         raise DeployError(f"the router of swarm {args.swarm!r} does not answer: {error}") from error
+    show = request.profile == "show"
     with session:
-        newest = watch_state(session) if request.profile == "show" else None
-        reply = ask(session, request)
-        state = newest() if newest is not None else None
+        client = NetClient(session, swarm.spec.ego)
+        replies = client.ask(request)
+        links = client.links() if show else ()
+        states = client.states() if show else {}
     if args.json:
-        table = msgspec.to_builtins(reply)
-        if newest is not None:
-            table["links"] = msgspec.to_builtins(state.links if state else ())
-            table["state_ns"] = state.sent_ns if state else None
+        table = msgspec.to_builtins(merged(replies))
+        table["revisions"] = {name: reply.revision for name, reply in replies.items()}
+        if show:
+            table["links"] = msgspec.to_builtins(links)
+            table["state_ns"] = max((state.sent_ns for state in states.values()), default=None)
+            table["controllers"] = [
+                {"name": name, "robots": state.robots, "unshaped": state.unshaped}
+                for name, state in states.items()
+            ]
         print(msgspec.json.encode(table).decode())
         return 0
-    print(render(reply, state.links if state else (), time.time_ns()))
-    if newest is not None and state is None:
+    print(render(replies, links, time.time_ns()))
+    for name, state in states.items():
+        for why in state.unshaped:
+            print(f"note: {of(name)}{why}; C(t) is only measured there")
+    if show and not states:
         print("note: no net/state came: nothing is known of what links carry")
     return 0
 

@@ -12,6 +12,7 @@ from typing import Literal, get_args, get_origin
 
 from msgspec.structs import replace
 
+from coadapt.arguments import comma_separated
 from coadapt.choices import check_choices
 from coadapt.world_choice import chosen_kind, open_chosen
 from deploy import ready, runtimes
@@ -41,6 +42,9 @@ from worlds.registry import data_words, swarm_worlds
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
 """Importing Open3D takes seconds, and a small machine starts many robots at once."""
+WAIT_S_AN_EGO = 6.0
+"""Each beyond the first loads its networks, too."""
+ALL = "all"
 
 HERE = "on 127.0.0.1"
 ON_BRIDGE = "on Docker's bridge, in Docker"
@@ -55,6 +59,11 @@ OPTIONS = {
     ),
     "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
     "--llm-model": ("llm_model", "which model"),
+    "--cell": ("cell", "of several egos: each has its own, or all share one medium"),
+    "--listen": (
+        "listen",
+        "IPv4 address of this machine at which robots and tools elsewhere reach the router; secure",
+    ),
     "--period": ("period_s", "seconds between decisions"),
     "--q-min": ("q_min", "least quality, 0 to 1"),
     "--rings": ("rings", "of the LiDARs"),
@@ -76,8 +85,10 @@ OPTIONS = {
 _OPTION_OF = {name: option for option, (name, _) in OPTIONS.items()} | {
     "robots": "--robots",
     "comm_range_m": "--comm-range",
+    "egos": "--egos",
     "ego_standby": "--ego-standby",
     "link_bps": "--link",
+    "world_robots": "--world-robots",
 }
 """How a property is named on the command line, where the words are not the same."""
 
@@ -89,28 +100,9 @@ NEEDED = ("aiohttp", "docker", "jsonschema", "starlette", "uvicorn")
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Adds `up` to the command line."""
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
-    parser.add_argument(
-        "--robots",
-        type=int,
-        help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
-    )
+    add_roster(parser)
     parser.add_argument("--runtime", choices=("auto", *runtimes.names()), default="auto")
-    parser.add_argument(
-        "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
-    )
-    parser.add_argument("--ego", help="which robot fuses (default: the first)")
-    parser.add_argument(
-        "--ego-standby", metavar="ROBOT", help="which robot fuses while the ego is away"
-    )
-    parser.add_argument(
-        "--comm-range", dest="comm_range_m", type=float, metavar="M", help="metres around the ego"
-    )
-    parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
     parser.add_argument("--grafana", action="store_true", help="start Grafana, too (in Docker)")
-    for name, what in (("prometheus", "Prometheus"), ("console", "the console")):
-        parser.add_argument(
-            f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
-        )
     parser.add_argument(
         "--secure",
         action=argparse.BooleanOptionalAction,
@@ -122,6 +114,43 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="PORT",
         help="take the ports from this one on (default: the usual ones, or the next free ones)",
     )
+    parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
+    parser.set_defaults(run=run)
+
+
+def add_roster(parser: argparse.ArgumentParser) -> None:
+    """Options that say what a swarm consists of, wherever it runs."""
+    parser.add_argument(
+        "--robots",
+        type=int,
+        help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
+    )
+    parser.add_argument(
+        "--world-robots",
+        type=int,
+        metavar="N",
+        help="for how many a simulated world has room; others may join (default: --robots)",
+    )
+    parser.add_argument(
+        "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
+    )
+    parser.add_argument("--ego", help="which robot fuses (default: the first)")
+    parser.add_argument(
+        "--egos",
+        metavar="ROBOTS",
+        help=f"which robots fuse, each for itself: ids with commas between, or {ALL}",
+    )
+    parser.add_argument(
+        "--ego-standby", metavar="ROBOT", help="which robot fuses while the ego is away"
+    )
+    parser.add_argument(
+        "--comm-range", dest="comm_range_m", type=float, metavar="M", help="metres around the ego"
+    )
+    parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
+    for name, what in (("prometheus", "Prometheus"), ("console", "the console")):
+        parser.add_argument(
+            f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
+        )
     for option, (name, words) in OPTIONS.items():
         field = PROPERTIES[name]
         if name in PORT_FIELDS:
@@ -138,8 +167,6 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
             metavar=None if choices or name == "world" else option.lstrip("-").upper(),
             help=f"{words} (default: {_usual(name)})" if field.default else words,
         )
-    parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
-    parser.set_defaults(run=run)
 
 
 def _usual(name: str) -> str:
@@ -166,7 +193,8 @@ def _up(args: argparse.Namespace, runtime: Runtime, spec: SwarmSpec) -> int:
         say(f"swarm {spec.swarm!r} runs already")
         _print_where(need_state(spec.swarm))
         return 0
-    wait_s = args.wait if args.wait is not None else WAIT_S + WAIT_S_A_ROBOT * len(spec.robots)
+    usual_s = WAIT_S + WAIT_S_A_ROBOT * len(spec.robots) + WAIT_S_AN_EGO * len(spec.egos)
+    wait_s = args.wait if args.wait is not None else usual_s
     try:
         state = need_state(spec.swarm)
         ready.wait_ready(runtime, state, wait_s)
@@ -202,7 +230,7 @@ def _runtime(args: argparse.Namespace, state: State | None) -> tuple[Runtime, st
 def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> SwarmSpec:
     """The swarm that is wished for. Raises DeployError that names an option and what it may be."""
     try:
-        spec = _wished(args, runtime)
+        spec = _wished(args, runtime.name)
         if running is None:
             check_room(len(spec.robots))
         named = {name for name in PORT_FIELDS if getattr(args, name) is not None}
@@ -213,9 +241,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
                 raise DeployError(f"--port-base {args.port_base} is not free: {taken[0]}")
             named = set(PORT_FIELDS)
     except PropertyError as error:
-        option = _OPTION_OF.get(error.name, f"--{error.name}")
-        text = f"{option} {error.value} is not valid; it must be {error.rule}"
-        raise DeployError(text) from error
+        raise _by_option(error) from error
     check_choices(spec)
     if running is not None:
         kept = {n: getattr(running.spec, n) for n in PORT_FIELDS if n not in named}
@@ -226,7 +252,24 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
     return spec
 
 
-def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
+def wished(args: argparse.Namespace, runtime: str, **more: object) -> SwarmSpec:
+    """The swarm that the options of `add_roster` describe, for what runs it, with more properties.
+
+    Raises DeployError that names an option and what it may be, and what `check_choices` raises."""
+    try:
+        spec = _wished(args, runtime, **more)
+    except PropertyError as error:
+        raise _by_option(error) from error
+    check_choices(spec)
+    return spec
+
+
+def _by_option(error: PropertyError) -> DeployError:
+    option = _OPTION_OF.get(error.name, f"--{error.name}")
+    return DeployError(f"{option} {error.value} is not valid; it must be {error.rule}")
+
+
+def _wished(args: argparse.Namespace, runtime: str, **more: object) -> SwarmSpec:
     count = _PROCESS.world_robots if args.robots is None else args.robots
     if not MIN_ROBOTS <= count <= MAX_ROBOTS:
         raise PropertyError("robots", count, str(count), f"{MIN_ROBOTS} to {MAX_ROBOTS}")
@@ -256,23 +299,25 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         if name in PROPERTIES and not (value is None and name in (*PORT_FIELDS, "secure"))
     }
     values |= {
-        "runtime": runtime.name,
-        **({} if args.secure is None else {"secure": args.secure}),
+        "runtime": runtime,
         "world": kind.name,
         "robots": robots,
         "data": str(Path(data).absolute()) if data else "",
         "policy": args.policy or ("llm" if args.llm else POLICY),
         "comm_range_m": comm_range_m,
+        "egos": robots if args.egos == ALL else tuple(comma_separated(args.egos or "")),
         "link_bps": parse_link_rate(args.link) if args.link else None,
     }
     if args.ego is None:
         del values["ego"]
-    return make_spec(**values)
+    return make_spec(**values | more)
 
 
 def _print_where(state: State) -> None:
     spec = state.spec
     print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
+    if spec.egos:
+        print(f"egos        {', '.join(spec.egos)} decide each for itself")
     if spec.ego_standby:
         print(f"standby     {spec.ego_standby} decides while the ego of {spec.ego} is away")
     print(f"console     {state.console_url or 'none'}")
@@ -284,6 +329,10 @@ def _print_where(state: State) -> None:
     if state.llm_url:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
+    if spec.listen:
+        place = f"{'tls' if spec.secure else 'tcp'}/{spec.listen}:{spec.router_port}"
+        join = f"coadapt join {place} --robot NAME{' --cert FOLDER' if spec.secure else ''}"
+        print(f"join        {join}")
     if spec.secure:
         print(f"keystore    {spec.var_dir}/{KEYSTORE} (`coadapt certs list --swarm {spec.swarm}`)")
     print(f"journal     {journal_path(spec, spec.var_dir)}")

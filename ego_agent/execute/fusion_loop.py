@@ -22,10 +22,13 @@ from ego_agent.execute.sense import OwnFrame, OwnSensor
 from ego_agent.knowledge.pace import stride
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
+from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.publishing import operating_point, publish
+from perception.memory.memory import Frame, Memory, Remembered, View
+from perception.memory.remembering import remember
 from perception.types import Boxes
 from swarm import keyspace, messages
 from swarm.arrays import pack
@@ -49,6 +52,11 @@ def live_motion(detector: str, scan_rate_hz: float) -> MotionCompensation:
     return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz)
 
 
+def live_memory(detector: str) -> Memory:
+    """What an ego with that detector remembers of objects."""
+    return Memory(configuration(detector).usual_speed_m_s)
+
+
 @dataclass(frozen=True, slots=True)
 class FrameResult:
     """One fused frame."""
@@ -69,6 +77,8 @@ class FrameResult:
     """Taking up what arrived, while others still encode."""
     fuse_ms: float
     """From all that was taken up to the fused boxes."""
+    tracks: Remembered | None = None
+    """What is there by all that was found until now; None without a memory."""
     operating_point: float | None = None
     """The score from which on boxes are among the detections; None where nobody has calibrated."""
 
@@ -92,19 +102,22 @@ class FusionLoop:
         *,
         detector: str,
         known: KnownRobots,
+        memory: Memory | None = None,
         rate_hz: float,
         deadline_s: float,
         on_result: Callable[[FrameResult], None] | None = None,
         speaks: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`detector`: the world's. `known`: of whom beacons tell. `on_result` hears of each
-        published frame, on the fusing thread. `speaks`: whether detections are published."""
+        """`detector`: the world's. `known`: of whom beacons tell. `memory`: of objects. `on_result`
+        hears of each published frame, on the fusing thread. `speaks`: whether detections are
+        published."""
         self._ego = ego
         self._speaks = speaks
         self._sensor = sensor
         self._asker = asker
         self._fusions = fusions
         self._motion = motion
+        self._memory = memory
         self._tally = tally
         self._log = log
         self._detector = detector
@@ -226,6 +239,7 @@ class FusionLoop:
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
             rate_hz=decision.rate_hz,
+            shareable=fusion.shareable,
         )
         return AskedFrame(decision, own, fusion, gathering, done)
 
@@ -268,16 +282,19 @@ class FusionLoop:
         fuse_at = time.monotonic()
         try:
             found, corrections = gathering.finish(), gathering.corrections()
+            clouds = gathering.sent_points()
         except Exception as error:
             if not done.contributions:
                 raise
             why = self._fault(error, own)
             rejected = {c.robot: why for c in done.contributions}
             found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
-            corrections = {}
+            corrections, clouds = {}, {}
         used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
         known = seen_at(self._known.at(own.capture_ns), corrections)
         boxes = publish(found, self._detector, frame.fusion, len(used), known)
+        clouds[self._ego] = (own.points, own.world_from_sensor)
+        tracks = self._remembered(frame, found, frozenset(used), known, clouds)
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)
@@ -294,8 +311,40 @@ class FusionLoop:
             wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
             add_ms=add_s * 1e3,
             fuse_ms=(end_at - fuse_at) * 1e3,
+            tracks=tracks,
             operating_point=operating_point(self._detector, frame.fusion),
         )
+
+    def _remembered(
+        self,
+        frame: AskedFrame,
+        found: Boxes,
+        helpers: frozenset[str],
+        known: tuple[KnownRobot, ...],
+        views: Mapping[str, View],
+    ) -> Remembered | None:
+        """What memory makes of a frame's boxes, which `helpers` have shown beside the ego."""
+        if self._memory is None:
+            return None
+        try:
+            return remember(
+                self._memory,
+                Frame(
+                    frame.own.capture_ns * 1e-9,
+                    found,
+                    helpers,
+                    views,
+                    frame.own.world_from_sensor,
+                ),
+                self._detector,
+                frame.fusion,
+                known,
+            )
+        except Exception:
+            # What was seen now is published all the same.
+            self._log.error("memory_failed", frame=frame.own.frame, exc_info=True)
+            self._memory.clear()
+            return None
 
     def _fault(self, error: Exception, own: OwnFrame) -> Missing:
         """Why a contribution is rejected; a fault that is not the payload's is logged."""
@@ -326,6 +375,7 @@ class FusionLoop:
             bytes=result.round.bytes,
             latency_ms=result.latency_ms,
             age_ms=max(0.0, self._sensor.age_s(result.own) * 1e3),
+            tracks=None if result.tracks is None else _tracks(result.tracks),
         )
         try:
             if session is None:
@@ -333,6 +383,20 @@ class FusionLoop:
             session.put(keyspace.detections(session.swarm, self._ego), message)
         except TransportError:
             self.unpublished += 1
+
+
+def _tracks(told: Remembered) -> messages.Tracks:
+    """What is remembered, as the swarm hears of it."""
+    boxes = told.boxes
+    table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
+    return messages.Tracks(
+        ids=tuple(told.ids.tolist()),
+        labels=boxes.labels,
+        boxes=pack(table),
+        scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
+        velocities=pack(told.velocities.astype(np.float32)),
+        ages_s=pack(told.ages_s.astype(np.float32).reshape(-1, 1)),
+    )
 
 
 def _told(known: KnownRobot, doubts: Mapping[str, str]) -> messages.KnownRobot:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from swarm import keyspace
 from swarm.areas import Cell, cells_of_disc, cells_of_square, name_of
-from swarm.errors import TransportError
+from swarm.errors import CoAdaptError, TransportError
 from swarm.listening import Handlers
 from swarm.log import Logger
 from swarm.messages import Beacon, Message, SceneDescription
@@ -33,6 +33,8 @@ AGAIN_S = 0.5
 """How soon it tries again where it could not listen: replacing a session takes longer."""
 
 Wanted = tuple[type[Message], Cell]
+OnInvalid = Callable[[str, CoAdaptError], object]
+Listen = Callable[[type[Message], str], Callable[[], None]]
 
 
 class Surroundings:
@@ -54,13 +56,20 @@ class Surroundings:
         """What is listened to now: kind of message and cell."""
         return frozenset(self._held)
 
-    def attach(self, session: Session, handlers: Handlers) -> None:
-        """Listens from now on, around where the ego is said to be. Raises TransportError when the
-        session is closed."""
-        for kind, handler in handlers.items():
-            session.subscribe(_key(kind, session.swarm), kind, handler)
+    def attach(
+        self, session: Session, handlers: Handlers, on_invalid: OnInvalid | None = None
+    ) -> None:
+        """Listens from now on, around where the ego is said to be; `on_invalid` hears of messages
+        that do not validate (`Session.subscribe`). Raises TransportError when the session is
+        closed."""
+
+        def listen(kind: type[Message], key: str) -> Callable[[], None]:
+            return session.subscribe(key, kind, handlers[kind], on_invalid)
+
+        for kind in handlers:
+            listen(kind, _key(kind, session.swarm))
         work = threading.Thread(
-            target=self._follow, args=(session, handlers), name="surroundings", daemon=True
+            target=self._follow, args=(listen, session.swarm), name="surroundings", daemon=True
         )
         work.start()
 
@@ -74,7 +83,7 @@ class Surroundings:
         self._stop.set()
         self._moved.set()
 
-    def _follow(self, session: Session, handlers: Handlers) -> None:
+    def _follow(self, listen: Listen, swarm: str) -> None:
         done = (math.inf, math.inf)
         while True:
             self._moved.wait()
@@ -85,7 +94,7 @@ class Surroundings:
             if place is None or math.dist(place, done) < STEP_M:
                 continue
             try:
-                self._listen(session, handlers, *place)
+                self._listen(listen, swarm, *place)
                 done = place
             except TransportError as error:
                 self._log.debug("cells_not_heard", error=str(error)[:300])
@@ -93,11 +102,11 @@ class Surroundings:
                     return
                 self._moved.set()
 
-    def _listen(self, session: Session, handlers: Handlers, x: float, y: float) -> None:
+    def _listen(self, listen: Listen, swarm: str, x: float, y: float) -> None:
         """Hears of all cells that are near, and only then of none that are far."""
         for kind, cell in sorted(self.around(x, y) - self._held.keys(), key=repr):
-            key = keyspace.within(_key(kind, session.swarm), name_of(cell))
-            self._held[kind, cell] = session.subscribe(key, kind, handlers[kind])
+            key = keyspace.within(_key(kind, swarm), name_of(cell))
+            self._held[kind, cell] = listen(kind, key)
         for far in self._held.keys() - self.around(x, y, KEEP_M):
             self._held.pop(far)()
 

@@ -15,18 +15,21 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from options.console.controls import CONTROLS
+from options.console.controls import CONTROLS, Control
 from options.console.files import Recordings
 from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, same_origin
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
-from options.console.past import STEPS_S, Past
+from options.console.past import STEPS_S
+from options.console.seats import Seat, Seats
 from options.console.watch import Watch
-from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
+from swarm.controllers import merged
+from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
 from swarm.http_events import EventStream
 from swarm.http_hosts import Hosts
 from swarm.http_serving import media_type
 from swarm.log import Logger
+from swarm.messages import Message, ShapeRequest
 
 PAGE = Path(__file__).parent / "page"
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
@@ -39,20 +42,18 @@ WRONG_TOKEN_S = 1.0
 
 
 def make_app(
-    hub: Hub,
-    watch: Watch,
+    seats: Seats,
     floor: Mapping[str, Any],
     hosts: Hosts,
     token: str,
     metrics: ConsoleMetrics,
     log: Logger,
     *,
-    past: Past | None,
     recordings: Recordings,
 ) -> Guard:
     """The application; with a token, viewers must show it, as a header or in the login form.
 
-    `past`: None where the swarm runs without Prometheus.
+    What is about an ego is about the first one, or the one that the query names (`?ego=R4`).
     """
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
@@ -84,9 +85,10 @@ def make_app(
         return done
 
     async def events(request: Request) -> Response:
-        if hub.full():
+        seat = _seat(seats, request)
+        if seats.full():
             return _refused(503, "too many pages look at this swarm")
-        return EventStream(_counted(hub, metrics), stalled=metrics.stalled.inc)
+        return EventStream(_counted(seat.hub, metrics), stalled=metrics.stalled.inc)
 
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
@@ -95,6 +97,7 @@ def make_app(
         span = request.query_params.get("span", "")
         if span not in spans:
             return _refused(400, f"span {span[:20]!r} is none of {', '.join(spans)} s")
+        past = _seat(seats, request).past
         if past is None:
             return _refused(404, "the swarm runs without Prometheus")
         try:
@@ -112,11 +115,11 @@ def make_app(
     async def control(request: Request) -> Response:
         if not same_origin(request.headers):
             return _refused(403, "controls answer to the console's own page only")
-        if not hub.may_control(request.headers.get(CSRF_HEADER, "")):
+        if not seats.may_control(request.headers.get(CSRF_HEADER, "")):
             return _refused(403, "this page is not connected any more: reload it")
         if media_type(request.headers) != "application/json":
             return _refused(415, "the body must be application/json")
-        what = request.path_params["what"]
+        seat, what = _seat(seats, request), request.path_params["what"]
         if what not in CONTROLS:
             raise HTTPException(404)
         body = await _read(request)
@@ -127,12 +130,12 @@ def make_app(
         asked = msgspec.structs.replace(asked, operator=OPERATOR)
         robot = request.path_params.get("robot", "")
         try:
-            reply = await asyncio.wrap_future(watch.ask(CONTROLS[what], asked, robot))
+            reply = await _asked(seat.watch, CONTROLS[what], asked, robot)
         except RefusedError as error:
             metrics.requests.labels(what, "refused").inc()
             log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
             return _refused(409, error.reason)
-        except KeyspaceError as error:
+        except (KeyspaceError, NetworkError) as error:
             metrics.requests.labels(what, "refused").inc()
             return _refused(400, str(error))
         except CoAdaptError as error:
@@ -142,7 +145,7 @@ def make_app(
             return _refused(504, f"{WHO[what]} does not answer: {error}")
         metrics.requests.labels(what, "done").inc()
         log.debug("console_asked", what=what, robot=robot)
-        return Response(msgspec.json.encode(reply.message), media_type="application/json")
+        return Response(msgspec.json.encode(reply), media_type="application/json")
 
     app = Starlette(
         routes=[
@@ -164,6 +167,15 @@ def make_app(
     return guard
 
 
+def _seat(seats: Seats, request: Request) -> Seat:
+    """Of the ego that a request is about. Raises HTTPException for a robot that does not decide."""
+    ego = request.query_params.get("ego", "")
+    seat = seats.of(ego)
+    if seat is None:
+        raise HTTPException(404, f"{ego[:32]!r} is no ego; egos are {', '.join(seats.egos)}")
+    return seat
+
+
 async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:
     """What one viewer is sent, counted once it is."""
     stream = hub.stream()
@@ -174,6 +186,16 @@ async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:
             metrics.sent.inc(len(event))
     finally:
         await stream.aclose()
+
+
+async def _asked(watch: Watch, control: Control, request: Message, robot: str) -> Message:
+    """The reply; of several controllers, theirs as one. Raises what `Watch.ask` does."""
+    if not isinstance(request, ShapeRequest):
+        reply: Message = (await asyncio.wrap_future(watch.ask(control, request, robot))).message
+        return reply
+    futures = watch.ask_controllers(request)
+    answers = await asyncio.gather(*map(asyncio.wrap_future, futures.values()))
+    return merged(dict(zip(futures, (answer.message for answer in answers), strict=True)))
 
 
 def _refused(status: int, why: str) -> JSONResponse:

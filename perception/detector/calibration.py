@@ -78,10 +78,13 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """
         if algorithm not in self.curves:
             return found
+        return self.judged(found, algorithm, helpers).above(self.least_chance)
+
+    def judged(self, found: Boxes, algorithm: str, helpers: int) -> Boxes:
+        """All boxes, best first, with their chance as score. Raises KeyError for an algorithm that
+        nobody has calibrated."""
         chance = self.curves[algorithm if helpers else ALONE].chance(found.scores, helpers)
-        order = np.argsort(-chance, kind="stable")
-        best = order[chance[order] >= self.least_chance]
-        return replace(found, scores=chance).take(best)
+        return replace(found, scores=chance).take(np.argsort(-chance, kind="stable"))
 
 
 def uncalibrated(detector: str) -> Calibration:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from perception.detector.config import DetectorConfig, configuration
 from perception.detector.grid import BevConfig, bev_config
 from perception.types import Boxes
 from swarm.geometry import Matrix, Points
+
+if TYPE_CHECKING:
+    from perception.detector.learned import Detector
 
 
 class Finder(Protocol):
@@ -34,12 +37,13 @@ class Finder(Protocol):
 class Learned:
     """The learned detector: see `perception.detector.learned`."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, detector: Detector | None = None) -> None:
+        """`detector`: of that configuration; by default one with the weights that are there."""
         from perception.detector.learned import Detector
 
         self.config = configuration(name)
         self.area: BevConfig | None = bev_config(name)
-        self.detector = Detector(name)
+        self.detector = Detector(name) if detector is None else detector
 
     def find(self, points: Points, here_from_others: Sequence[Matrix] = ()) -> Boxes:
         """See `Finder.find`."""

@@ -95,15 +95,6 @@ def in_world(
     }
 
 
-def corrected(own_from_senders: Sequence[Matrix], aligner: Aligner | None) -> list[Matrix]:
-    """Senders in the ego's frame as the aligner has them, which knows them in this order; as they
-    were told without one."""
-    if aligner is None:
-        return list(own_from_senders)
-    corrections = aligner.corrections()
-    return [by @ sender for by, sender in zip(corrections, own_from_senders, strict=True)]
-
-
 def _moved(places: Floats, by: Matrix) -> Floats:
     moved: Floats = places @ by[:2, :2].T + by[:2, 3]
     return moved

@@ -27,6 +27,9 @@ class EncodeOptions:
     """The frame that feature maps shall lie in: the ego's sensor in the world."""
     demand: bytes = b""
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
+    egos: tuple[Pose, ...] = ()
+    """Where several egos stood that share the payload; of a `shareable` algorithm only, and in
+    place of `reference` and `demand`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,8 @@ class Contribution:
     world_from_sensor: Matrix
     age_s: float = 0.0
     """How long before the ego's scan of the frame it was captured; negative: after it."""
+    form: str = ""
+    """The algorithm whose form the payload has; empty: that of the frame's fusion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +75,10 @@ class Gathering(ABC):
     def ask(self) -> Ask:
         """What robots must be told before they encode."""
         return Ask()
+
+    def ask_for(self, form: str) -> Ask:
+        """The same for robots that send this form, where a frame has several."""
+        return self.ask()
 
     def prepare(self) -> None:
         """Does what needs no contribution, while those who were asked encode theirs. May be left
@@ -92,6 +101,11 @@ class Gathering(ABC):
         shows them, 4 x 4 in the world frame, by robot. Of those that are not corrected, none."""
         return {}
 
+    def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
+        """After `finish`: the points that were sent, float32 (N, 3) in their sensors' frames, and
+        the sensors in the world frame, corrected, by robot. Of those that sent none, none."""
+        return {}
+
 
 class Fusion(ABC):
     """A fusion algorithm; instances hold no state between frames."""
@@ -99,6 +113,8 @@ class Fusion(ABC):
     name: str
     corrects = True
     """Whether the poses of senders are corrected before fusing."""
+    shareable = False
+    """Whether several egos can fuse one payload, encoded without `reference` and `demand`."""
     scored_as: str | None = None
     """The algorithm whose calibration its boxes' scores have, where it is not its own name; empty:
     they are of another detector than the world's, so nobody's."""

@@ -83,6 +83,9 @@ class _Compensated(Gathering):
     def ask(self) -> Ask:
         return self._now.ask()
 
+    def ask_for(self, form: str) -> Ask:
+        return self._now.ask_for(form)
+
     def prepare(self) -> None:
         self._now.prepare()
 
@@ -128,6 +131,10 @@ class _Compensated(Gathering):
         for gathering in self._gatherings.values():
             found |= gathering.corrections()
         return found
+
+    def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
+        # What is older shows another moment.
+        return self._now.sent_points()
 
     def _begin_at(self, scan: OwnScan) -> Gathering:
         """As if the ego had stood then where it stands now: that is the frame it asked for."""

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.boxes import iou_bev
 from perception.types import Boxes
@@ -68,15 +69,20 @@ def bodies(known: Sequence[KnownRobot]) -> Boxes:
 
 def without_known(found: Boxes, known: Sequence[KnownRobot]) -> Boxes:
     """The fused boxes that do not show a known robot; both in the same frame of reference."""
+    return found.take(np.flatnonzero(~shows_known(found, known)))
+
+
+def shows_known(found: Boxes, known: Sequence[KnownRobot]) -> NDArray[np.bool_]:
+    """Which boxes (N,) show a known robot; both in the same frame of reference."""
     if not known or not len(found):
-        return found
+        return np.zeros(len(found), dtype=np.bool_)
     told = bodies(known)
     apart = found.centers[:, None, :2] - told.centers[None, :, :2]
     reach = np.array([NEAR_M + MANOEUVRE_M_S * one.age_s for one in known])
     alike = np.array([[a == b for b in told.labels] for a in found.labels], dtype=np.bool_)
     shows = alike & (np.hypot(apart[..., 0], apart[..., 1]) <= reach)
     shows |= iou_bev(found, told) > SAME_OBJECT_IOU
-    return found.take(np.flatnonzero(~shows.any(axis=1)))
+    return np.asarray(shows.any(axis=1), dtype=np.bool_)
 
 
 def without_own(

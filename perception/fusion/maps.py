@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -17,6 +18,23 @@ from swarm.geometry import Matrix
 MOST_IN_C = 256
 MIN_SHARE = 0.4
 """Of the cells around a place that must be present for it to be."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SentMap:
+    """A robot's map in the ego's frame."""
+
+    cells: Tensor
+    """float32 (C, rows, columns)."""
+    present: Tensor
+    """bool (rows, columns): where the robot has sent anything."""
+
+    def moved(self, half: tuple[float, float], by: Matrix) -> SentMap:
+        """The map under a correction of its sender: see `moved`. Itself where there is none."""
+        if np.array_equal(by, np.eye(4)):
+            return self
+        with torch.inference_mode():
+            return SentMap(*moved(self.cells, self.present, half, by))
 
 
 def attend(maps: Tensor, present: Tensor) -> Tensor:

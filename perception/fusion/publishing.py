@@ -26,6 +26,20 @@ def publish(
     return calibration_of(detector).published(kept, _scored_as(algorithm), helpers)
 
 
+def chances(
+    found: Boxes,
+    detector: str,
+    algorithm: str | Fusion,
+    helpers: int,
+    known: Sequence[KnownRobot],
+) -> Boxes | None:
+    """As `publish`, with those below the operating point; None where nobody has calibrated."""
+    calibration, name = calibration_of(detector), _scored_as(algorithm)
+    if name not in calibration.curves:
+        return None
+    return calibration.judged(without_known(found, known), name, helpers)
+
+
 def operating_point(detector: str, algorithm: str | Fusion) -> float | None:
     """The chance from which on `publish` keeps a box; None where it keeps all with scores of their
     own. Raises PerceptionError as `publish` does."""

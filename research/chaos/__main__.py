@@ -21,6 +21,7 @@ from research.chaos.history import Fault, History
 from research.chaos.invariants import Broken, broken, during
 from research.chaos.outsider.lies import FOREIGN_BYTES
 from research.chaos.play import play
+from research.chaos.precision import precision
 from research.chaos.report import report, write
 from research.chaos.schedule import schedule
 from research.chaos.stage import Stage, keep, swarm_stage
@@ -37,7 +38,7 @@ def main(arguments: list[str]) -> int:
     """Runs it; 0 where everything held, 2 where it could not be run."""
     args = _parser().parse_args(arguments)
     try:
-        kinds = _kinds(args.kinds)
+        kinds = _kinds(args.kinds, secure=args.secure)
         if not isolation.is_inside():
             return isolation.run_inside([*arguments, "--output", str(args.output.absolute())])
         isolation.prepare()
@@ -50,17 +51,20 @@ def main(arguments: list[str]) -> int:
 def _run(args: argparse.Namespace, kinds: Mapping[str, Kind]) -> int:
     seconds = 60.0 * args.minutes
     count = args.faults or round(FAULTS_A_MINUTE * args.minutes)
-    with swarm_stage(args.robots, args.policy, args.period) as stage:
-        can = {n: k for n, k in kinds.items() if k.needs != "clocks" or stage.clocks}
+    with swarm_stage(args.robots, args.policy, args.period, secure=args.secure) as stage:
+        there = {"", *(["clocks"] if stage.clocks else []), *(["secure"] if args.secure else [])}
+        can = {name: kind for name, kind in kinds.items() if kind.needs in there}
         faults = schedule(args.seed, seconds, count, stage.robots, list(can.values()))
         say(f"{len(faults)} faults of {len({f.kind for f in faults})} kinds in {seconds:.0f} s")
         history = _play(stage, faults, can, seconds, args.period)
-        found = broken(history, args.recovery_cycles)
         keep(stage, args.output.with_suffix(""))
-    replay = (
-        f"make chaos ARGS='--seed {args.seed} --minutes {args.minutes:g} --faults {count} "
-        f"--robots {args.robots}" + (f" --kinds {args.kinds}" if args.kinds else "") + "'"
-    )
+    found = broken(history, args.recovery_cycles)
+    options = [
+        f"--seed {args.seed} --minutes {args.minutes:g} --faults {count} --robots {args.robots}",
+        *([f"--kinds {args.kinds}"] if args.kinds else []),
+        *(["--secure"] if args.secure else []),
+    ]
+    replay = f"make chaos ARGS='{' '.join(options)}'"
     left_out = sorted(kinds.keys() - can.keys())
     table = report(history, found, seed=args.seed, replay=replay, left_out=left_out)
     write(args.output, table)
@@ -80,7 +84,9 @@ def _play(
         played = play(stage, watch, faults, kinds, seconds)
         ended_s = watch.now_s()
         steps = [step_s(one.fault) for one in played if one.fault.kind == "clock-ego"]
+        seen = precision(stage.spec, watch.kept)
         return History(
+            seen=seen,
             seconds=ended_s,
             period_s=period,
             robots=stage.robots,
@@ -98,7 +104,8 @@ def _tell(
 ) -> None:
     names = (
         "faults", "kinds", "cycles", "cycles_missed", "cycles_down", "recovery_cycles_max",
-        "journal_lost", "hijacked", "rss_slope_mb_per_h", "rss_slope_error_mb_per_h",
+        "journal_lost", "hijacked", "ap_70", "ap_70_alone", "rss_slope_mb_per_h",
+        "rss_slope_error_mb_per_h",
     )  # fmt: skip
     print(", ".join(f"{name} {table[name]}" for name in names))
     for one in found:
@@ -108,8 +115,9 @@ def _tell(
         print(f"again: {replay}")
 
 
-def _kinds(names: str) -> Mapping[str, Kind]:
-    chosen = names.split(",") if names else [name for name in KINDS if name not in KNOWN]
+def _kinds(names: str, *, secure: bool) -> Mapping[str, Kind]:
+    usual = [name for name in KINDS if secure or name not in KNOWN]
+    chosen = names.split(",") if names else usual
     unknown = [name for name in chosen if name not in KINDS]
     if unknown:
         raise CoAdaptError(f"no kinds of faults: {', '.join(unknown)}; allowed: {', '.join(KINDS)}")
@@ -121,6 +129,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--minutes", type=float, default=MINUTES)
     parser.add_argument("--faults", type=int, help=f"default: {FAULTS_A_MINUTE:g} a minute")
+    parser.add_argument(
+        "--secure", action="store_true",
+        help="a swarm with certificates; every other stranger has stolen one",
+    )  # fmt: skip
     parser.add_argument("--robots", type=int, default=ROBOTS, help="with the ego")
     parser.add_argument("--policy", default="coverage")
     parser.add_argument("--period", type=float, default=1.0, help="of the ego's cycle, seconds")

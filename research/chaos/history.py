@@ -9,6 +9,9 @@ from collections.abc import Mapping
 
 import msgspec
 
+LET_IN = "a stranger was let in"
+"""So begins what was seen of a fault in which somebody without a certificate had a session."""
+
 
 class Fault(msgspec.Struct, frozen=True, kw_only=True):
     """One fault as a schedule has it."""
@@ -89,6 +92,15 @@ class Memory(msgspec.Struct, frozen=True, kw_only=True):
     rss_bytes: int
 
 
+class Seen(msgspec.Struct, frozen=True, kw_only=True):
+    """How well the swarm saw, beside how well its ego alone would have seen in the same frames."""
+
+    frames: int
+    """Spread over the run."""
+    ap_70: float
+    ap_70_alone: float
+
+
 class History(msgspec.Struct, frozen=True, kw_only=True):
     """A whole run."""
 
@@ -101,5 +113,6 @@ class History(msgspec.Struct, frozen=True, kw_only=True):
     decisions: tuple[Heard, ...] = ()
     frames: tuple[Frame, ...] = ()
     memory: tuple[Memory, ...] = ()
+    seen: Seen | None = None
     foreign_bytes: int = 0
     """Size of the payloads that strangers send in a robot's name."""

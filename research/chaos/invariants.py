@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import msgspec
 
-from research.chaos.history import Cycle, Frame, History, Played
+from research.chaos.history import LET_IN, Cycle, Frame, History, Played
 from research.chaos.memory import slopes
 from research.chaos.recovery import missing_by, recovery
 
@@ -185,6 +185,22 @@ def _unhit(history: History, _: int) -> Iterator[Broken]:
                 yield Broken(rule="nobody else is hit", at_s=cycle.at_s, what=what)
 
 
+def _stranger(history: History, _: int) -> Iterator[Broken]:
+    for one in history.played:
+        if one.seen.startswith(LET_IN):
+            yield Broken(rule="no stranger is let in", at_s=one.begun_s, what=one.seen)
+
+
+def _no_worse_than_alone(history: History, _: int) -> Iterator[Broken]:
+    seen = history.seen
+    if seen is not None and seen.ap_70 < seen.ap_70_alone:
+        what = (
+            f"AP@0.7 over {seen.frames} frames is {seen.ap_70:.3f}, and of the ego alone "
+            f"{seen.ap_70_alone:.3f}"
+        )
+        yield Broken(rule="no worse than the ego alone", at_s=history.seconds, what=what)
+
+
 def _memory(history: History, _: int) -> Iterator[Broken]:
     if history.seconds < LONG_RUN_S:
         return
@@ -195,7 +211,8 @@ def _memory(history: History, _: int) -> Iterator[Broken]:
 
 
 RULES: tuple[Rule, ...] = (
-    _every_cycle, _valid, _journal, _hijacked, _fresh, _back, _unhit, _memory,
+    _every_cycle, _valid, _journal, _hijacked, _stranger, _no_worse_than_alone, _fresh, _back,
+    _unhit, _memory,
 )  # fmt: skip
 
 

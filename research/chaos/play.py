@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from deploy.progress import say
 from research.chaos.faults.base import Kind
+from research.chaos.faults.outsiders import is_thief
 from research.chaos.history import Fault, Played
 from research.chaos.stage import Stage
 from research.chaos.watch import Watch
@@ -42,7 +43,7 @@ def play(
 
 
 def _play(stage: Stage, watch: Watch, fault: Fault, kind: Kind) -> Played:
-    hits = {"nobody": (), "target": (fault.target,), "everybody": stage.robots}[kind.hits]
+    hits = _hits(stage, fault, kind)
     instance = watch.instance(fault.target)
     begun_s = watch.now_s()
     seen = error = ""
@@ -64,6 +65,16 @@ def _play(stage: Stage, watch: Watch, fault: Fault, kind: Kind) -> Played:
         seen=seen,
         error=error,
     )
+
+
+def _hits(stage: Stage, fault: Fault, kind: Kind) -> tuple[str, ...]:
+    """The robots that it may keep from taking part."""
+    if kind.outside and stage.stolen is not None:
+        # A thief may speak as the robot that was robbed, and as nobody else.
+        return (
+            (fault.target,) if fault.target == stage.stolen.name and is_thief(stage, fault) else ()
+        )
+    return {"nobody": (), "target": (fault.target,), "everybody": stage.robots}[kind.hits]
 
 
 def _wait(

@@ -14,7 +14,7 @@ from pathlib import Path
 from deploy.netns.network import run
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import LAUNCHER, NetnsRuntime
-from deploy.services import JOURNAL, NET, journal_path
+from deploy.services import JOURNAL, NET, identity_path, journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state
 from research.benchmarks.ending import signals_raise
@@ -40,6 +40,8 @@ class Stage:
     """Process id, by which its namespaces are entered."""
     clocks: bool
     """Whether the processes' clocks can be stepped."""
+    stolen: Path | None = None
+    """Of a secure swarm: a copy of the identity of the first robot, in the folder of its name."""
     runtime: NetnsRuntime = field(default_factory=NetnsRuntime)
 
     @property
@@ -75,7 +77,9 @@ class Stage:
 
 
 @contextmanager
-def swarm_stage(robots: int, policy: str, period_s: float) -> Iterator[Stage]:
+def swarm_stage(
+    robots: int, policy: str, period_s: float, *, secure: bool = False
+) -> Iterator[Stage]:
     """A swarm once its ego decides; nothing of it is left afterwards.
 
     Raises DeployError where it cannot be started.
@@ -101,6 +105,7 @@ def swarm_stage(robots: int, policy: str, period_s: float) -> Iterator[Stage]:
             epoch_ns=time.time_ns() - EPOCH_S * 1_000_000_000,
             prometheus=False,
             console=True,
+            secure=secure,
             # Nothing answers there: the gateway runs, and its server is away.
             llm="http://127.0.0.1:9/v1",
             run_dir=str(folder / SWARM),
@@ -112,7 +117,8 @@ def swarm_stage(robots: int, policy: str, period_s: float) -> Iterator[Stage]:
             wait_ready(runtime, state, READY_S)
             launcher = state.processes[LAUNCHER].pid
             children = Path(f"/proc/{launcher}/task/{launcher}/children").read_text()
-            yield Stage(state, folder, int(children), clocks, runtime)
+            stolen = _steal(spec, ids[1], folder) if secure else None
+            yield Stage(state, folder, int(children), clocks, stolen, runtime)
         finally:
             runtime.down(SWARM)
             for disk in SMALL_DISKS:
@@ -123,6 +129,11 @@ def keep(stage: Stage, folder: Path) -> None:
     """Copies journals and logs, which go with the swarm."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(stage.spec.var_dir, folder, ignore=shutil.ignore_patterns("filler"))
+
+
+def _steal(spec: SwarmSpec, robot: str, folder: Path) -> Path:
+    """A copy of a robot's identity, as a thief has it."""
+    return Path(shutil.copytree(identity_path(spec.var_dir, robot), folder / "stolen" / robot))
 
 
 def _prepare_clocks(folder: Path, names: tuple[str, ...]) -> bool:

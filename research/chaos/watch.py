@@ -19,6 +19,7 @@ from swarm.messages import Beacon, Decision, Detections, NetState
 
 CONNECT_S = 20.0
 LOOK_S = 2.0
+KEEP_S = 1.0
 OTHER_CLOCK_MS = 600_000.0
 """Clocks that differ by more have been stepped."""
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -42,6 +43,8 @@ class Watch:
         self.decisions: list[Heard] = []
         self.frames: list[Frame] = []
         self.memory: list[Memory] = []
+        self.kept: list[Detections] = []
+        """Whole frames, one a second."""
         self._lock = threading.Lock()
         self._newest: dict[str, float] = {}
         """When a decision, a controller's state or a robot's beacon was heard last."""
@@ -108,6 +111,8 @@ class Watch:
     def _detections(self, frame: Detections) -> None:
         if frame.ego != self._stage.spec.ego:
             return
+        if len(self.kept) <= self.now_s() / KEEP_S:
+            self.kept.append(frame)
         told_ms = frame.age_ms or 0.0
         late_ms = (time.time_ns() - frame.capture_ns) * 1e-6 - told_ms
         self.frames.append(

@@ -27,6 +27,7 @@ from swarm.messages.ego import (
     Detections,
     KnownRobot,
     Probe,
+    Tracks,
 )
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
@@ -56,6 +57,7 @@ from swarm.messages.net import (
 )
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
+from swarm.messages.trust import CertificateRequest, RenewedCertificate
 from swarm.messages.wire import decode, encode
 
 __all__ = [
@@ -71,6 +73,7 @@ __all__ = [
     "AnswerReport",
     "Backlog",
     "Beacon",
+    "CertificateRequest",
     "ChatMessage",
     "ClassName",
     "Count",
@@ -98,6 +101,7 @@ __all__ = [
     "Probe",
     "Profile",
     "Refusal",
+    "RenewedCertificate",
     "RobotId",
     "RobotSteered",
     "RobotSteering",
@@ -107,6 +111,7 @@ __all__ = [
     "ShapeRequest",
     "Source",
     "TcpState",
+    "Tracks",
     "decode",
     "encode",
 ]

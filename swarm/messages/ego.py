@@ -133,6 +133,9 @@ class Decision(Message, frozen=True, kw_only=True):
     """How long ago each robot sensed what the ego knows of it."""
     stands_in_for: RobotId | None = None
     """The ego in whose stead this one decides; None: in its own."""
+    remarks: Reasons = msgspec.field(default_factory=dict)
+    """What is odd about robots that may take part all the same: a clock that is off, another
+    version of the software."""
 
 
 class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):
@@ -147,6 +150,22 @@ class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):
     """Since the pose that it told."""
     doubt: str = ""
     """Why it may stand elsewhere; empty where nobody contradicts."""
+
+
+class Tracks(msgspec.Struct, frozen=True, kw_only=True):
+    """Objects that an ego remembers, in the world frame at a frame's time, the likeliest first."""
+
+    ids: Annotated[tuple[Count, ...], msgspec.Meta(max_length=MAX_NAMED)]
+    """The same object has the same number, as long as the ego's process lives."""
+    labels: Annotated[tuple[str, ...], msgspec.Meta(max_length=MAX_NAMED)]
+    boxes: Array
+    """float32 (N, 7): centre x, y, z, length, width, height, heading."""
+    scores: Array
+    """float32 (N, 1) in [0, 1]: the chance that the object is there, and in this place."""
+    velocities: Array
+    """float32 (N, 2): along x and y, m/s."""
+    ages_s: Array
+    """float32 (N, 1): since anybody has seen it; 0 in this frame."""
 
 
 class Detections(Message, frozen=True, kw_only=True):
@@ -180,3 +199,6 @@ class Detections(Message, frozen=True, kw_only=True):
     """From the first query to the fused boxes."""
     age_ms: NonNegative | None = None
     """From the capture of the ego's scan to the publication, on the ego's clock."""
+    tracks: Tracks | None = None
+    """What is there by all that was found in this frame and before: no known robot, and from the
+    operating point on. None where the ego keeps no memory. `boxes` are of this frame alone."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from swarm.messages.base import Count, Message, Ns, RobotId
+from swarm.messages.base import Count, Mark, Message, Ns, RobotId, Software
 
 Direction = Literal["down", "up"]
 """`down` goes to the robot, `up` comes from it."""
@@ -84,6 +84,15 @@ class NetState(Message, frozen=True, kw_only=True):
     seq: Count
     sent_ns: Ns
     links: tuple[LinkState, ...] = ()
+    name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{0,32}(?!\n)$")] = ""
+    """The controller's, where there is one a host; it is the last part of its keys."""
+    robots: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=1024)] = ()
+    """Whose links it has, shaped or not: requests for these go to it."""
+    unshaped: Annotated[
+        tuple[Annotated[str, msgspec.Meta(max_length=300)], ...], msgspec.Meta(max_length=64)
+    ] = ()
+    """Why links cannot be shaped here, or are not as they should be. Of such a link only what egos
+    measure is known."""
 
     def link(self, robot: str, direction: Direction) -> LinkState | None:
         """The state of one direction of a robot's link, or None where it is not shaped."""
@@ -135,6 +144,15 @@ class NetDemand(Message, frozen=True, kw_only=True):
         default_factory=dict
     )
     """The same of robots whose own beacons stand in a queue."""
+    world: Mark = ""
+    """The mark of the ego's world (`swarm.fitting`); empty: it does not say."""
+    software: Software = ""
+    """The version of the ego's package."""
+    told: Annotated[
+        dict[RobotId, Annotated[str, msgspec.Meta(max_length=400)]], msgspec.Meta(max_length=64)
+    ] = msgspec.field(default_factory=dict)
+    """Robots that do not fit, or about which something is odd, and what: another world or version,
+    an id that two processes use, a clock that is off."""
 
 
 class ShapeRequest(Message, frozen=True, kw_only=True):

@@ -26,7 +26,10 @@ class Right:
 
 def rights_of(role: Role, swarm: str) -> tuple[Right, ...]:
     """All that a role may do in a swarm."""
-    return tuple(Right(act, key) for act, keys in _acts(role, swarm).items() for key in keys)
+    acts = _acts(role, swarm)
+    if role.kind not in ("router", "authority"):
+        acts["ask"] = (*acts.get("ask", ()), keyspace.trust_certificate(swarm))
+    return tuple(Right(act, key) for act, keys in acts.items() for key in keys)
 
 
 def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
@@ -34,7 +37,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {
-                "put": _told_by(swarm, own),
+                "put": (*_told_by(swarm, own), keyspace.shared(swarm, own, ANY)),
                 "hold": (keyspace.alive(swarm, own),),
                 "serve": (
                     keyspace.observation(swarm, own),
@@ -53,8 +56,9 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 "hold": (keyspace.ego_leads(swarm, own),),
                 "listen": (
                     *_told_by(swarm, ANY),
+                    keyspace.shared(swarm, ANY, ANY),
                     keyspace.decision(swarm, ANY),
-                    keyspace.net_state(swarm),
+                    keyspace.net_state(swarm, ANY),
                     keyspace.net_tcp(swarm),
                 ),
                 "watch": (
@@ -71,14 +75,16 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 "serve": (keyspace.ego_steering(swarm, own),),
             }
         case "router":
-            # Its own process is a part of it, and not subject to its rules; another router has no
-            # business here.
+            # It says nothing itself: its own process is not subject to its rules, and what another
+            # machine's router may pass on is `access`' business.
             return {}
+        case "authority":
+            return {"serve": (keyspace.trust_certificate(swarm),)}
         case "controller":
             return {
-                "put": (keyspace.net_state(swarm),),
+                "put": (keyspace.net_state(swarm, own),),
                 "listen": (keyspace.net_demand(swarm),),
-                "serve": (keyspace.net_shape(swarm),),
+                "serve": (keyspace.net_shape(swarm, own),),
             }
         case "gateway":
             return {
@@ -90,7 +96,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             return {
                 **_reading(swarm),
                 "ask": (
-                    keyspace.net_shape(swarm),
+                    keyspace.net_shape(swarm, ANY),
                     keyspace.ego_steering(swarm, ANY),
                     keyspace.robot_steering(swarm, ANY),
                 ),
@@ -106,7 +112,7 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
-            keyspace.net_state(swarm),
+            keyspace.net_state(swarm, ANY),
             keyspace.net_tcp(swarm),
             keyspace.llm_state(swarm),
         ),

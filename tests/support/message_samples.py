@@ -17,6 +17,7 @@ from swarm.messages import (
     AnswerReport,
     Backlog,
     Beacon,
+    CertificateRequest,
     ChatMessage,
     DecideAnswer,
     DecideRequest,
@@ -38,6 +39,7 @@ from swarm.messages import (
     ObservationRequest,
     Probe,
     Refusal,
+    RenewedCertificate,
     RobotSteered,
     RobotSteering,
     SceneDescription,
@@ -45,6 +47,7 @@ from swarm.messages import (
     ShapeReply,
     ShapeRequest,
     TcpState,
+    Tracks,
     encode,
 )
 from tests.support.paths import GOLDEN
@@ -67,6 +70,8 @@ SAMPLES: tuple[Message, ...] = (
         body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
         steady_ns=55_000_000_123,
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
+        world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
+        software="1.0.0",
     ),
     SceneDescription(
         robot="R1",
@@ -91,6 +96,9 @@ SAMPLES: tuple[Message, ...] = (
         max_bytes=60_000,
         reference=POSE,
         demand=b"\x01\x02",
+        shares=True,
+        listens=True,
+        rate_hz=5.0,
     ),
     Observation(
         robot="R1",
@@ -103,6 +111,7 @@ SAMPLES: tuple[Message, ...] = (
         payload=bytes(range(256)),
         encode_ms=4.25,
         uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
+        shared_s=2.0,
     ),
     Refusal(robot="R1", request=9, reason="no frame yet: über", code="busy"),
     Decision(
@@ -175,6 +184,14 @@ SAMPLES: tuple[Message, ...] = (
         bytes={"R1": 208},
         latency_ms=41.5,
         age_ms=64.25,
+        tracks=Tracks(
+            ids=(7,),
+            labels=("forklift",),
+            boxes=pack(np.arange(7, dtype=np.float32).reshape(1, 7)),
+            scores=pack(np.array([[0.75]], dtype=np.float32)),
+            velocities=pack(np.array([[1.5, -0.25]], dtype=np.float32)),
+            ages_s=pack(np.array([[0.5]], dtype=np.float32)),
+        ),
     ),
     NetState(
         controller=281_474_976_710_655,
@@ -206,6 +223,9 @@ SAMPLES: tuple[Message, ...] = (
                 grants={"R2": 15_000_000},
             ),
         ),
+        name="hall-2",
+        robots=("R2", "R7"),
+        unshaped=("R7 down: tc refuses to shape eth1",),
     ),
     TcpState(
         router=281_474_976_710_655,
@@ -231,6 +251,9 @@ SAMPLES: tuple[Message, ...] = (
         steady_ns=77_000_000_001,
         control_bps=12_000,
         fewer_bps={"R1": 6_000},
+        world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
+        software="1.0.0",
+        told={"R7": "it lives in another world: seed 2 (the ego's: 1)"},
     ),
     ShapeRequest(
         request=3,
@@ -247,6 +270,8 @@ SAMPLES: tuple[Message, ...] = (
     EgoSteered(
         request=12, ego="R1", policy="static-late", q_min=0.6, policies=("coverage", "static-late")
     ),
+    CertificateRequest(request=14, role="R7", operator="R7"),
+    RenewedCertificate(request=14, certificate="-----BEGIN CERTIFICATE-----"),
     RobotSteering(request=13, operator="ann@floor", duty="off"),
     RobotSteered(request=13, robot="R3", on_duty=False, operator="ann@floor", since_ns=NOW),
     ShapeReply(

@@ -85,6 +85,13 @@ class RouterProcess:
         first = self._process.stderr.readline()
         assert "router_up" in first, first
 
+    def says(self, words: str) -> None:
+        """Waits for a line of its log with these words."""
+        assert self._process is not None
+        assert self._process.stderr is not None
+        while words not in (line := self._process.stderr.readline()):
+            assert line, f"the router ended without saying {words!r}"
+
     def stop(self, *, kill: bool = False) -> None:
         if self._process is None:
             return

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from perception.codec.outlined import add_outline, take_outline
+from perception.codec.outlined import add_outline
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
 from perception.detector.finders import Finder
-from perception.fusion.aligner import Aligner, corrected, in_world
-from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.base import EncodeOptions, Fusion
 from perception.fusion.detectors import shared_finder
-from perception.fusion.known import without_own
+from perception.fusion.one_pass import PointForm
 from perception.fusion.outline import outline, thinned
 from perception.scene import ground_mask
-from perception.types import Boxes, clean_points
-from swarm.geometry import Matrix, Points, invert, pose_of, transform
+from perception.types import clean_points
+from swarm.geometry import Matrix, Points, Pose, invert, transform
 
 MAX_POINTS = 300_000
 """A scan of 128 rings and 2,048 columns. A few kilobytes can announce millions of points, which
@@ -23,21 +24,24 @@ would hold up the frame of everybody."""
 
 MARGIN_M = 1.0
 """Beyond the detector's area that points are sent."""
+DRIVEN_M = 5.0
+"""How far an ego may have driven since it said where it was, to those who share a payload."""
 
 
-class EarlyFusion(Fusion):
+class EarlyFusion(PointForm):
     """Points of all participants, detected as one cloud."""
 
     name = "early"
+    shareable = True
 
     def __init__(self, finder: Finder) -> None:
-        self._finder = finder
+        self.finder = finder
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """The scan, without its ground unless asked otherwise, within the asked error.
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
-        nothing there.
+        nothing there. Where several do, without what lies outside of all of their areas.
         """
         cloud = clean_points(points)
         reach = np.abs(cloud)
@@ -50,12 +54,32 @@ class EarlyFusion(Fusion):
             cloud = cloud.compress(~ground, axis=0)
         if options.reference is not None and options.pose is not None:
             cloud = self._of_use(cloud, invert(options.reference.matrix()) @ options.pose.matrix())
+        if options.egos and options.pose is not None:
+            cloud = self._of_use_to_any(cloud, options.pose, options.egos)
         return add_outline(encode_points(cloud, options.max_error_m), places)
+
+    def _of_use_to_any(self, cloud: Points, pose: Pose, egos: tuple[Pose, ...]) -> Points:
+        """The points near enough to one of the egos, whichever way it looks by now."""
+        area = self.finder.area
+        if area is None:
+            return cloud
+        world = transform(pose.matrix(), cloud)
+        reach_m = math.hypot(area.half_x_m, area.half_y_m) + MARGIN_M + DRIVEN_M
+        inside = np.zeros(len(cloud), dtype=np.bool_)
+        for ego in egos:
+            x, y, z = (world - np.array([ego.x, ego.y, ego.z], dtype=world.dtype)).T
+            near = x * x + y * y <= reach_m * reach_m
+            tilt_m = reach_m * (abs(ego.roll) + abs(ego.pitch))
+            near &= (z >= area.low_z_m - MARGIN_M - tilt_m) & (
+                z <= area.high_z_m + MARGIN_M + tilt_m
+            )
+            inside |= near
+        return cloud.compress(inside, axis=0)
 
     def _of_use(self, cloud: Points, ego_from_sensor: Matrix) -> Points:
         """The points in the area that the ego's detector looks at, and a little around it: poses
         may be off."""
-        area = self._finder.area
+        area = self.finder.area
         if area is None:
             return cloud
         x, y, z = transform(ego_from_sensor, cloud).T
@@ -63,59 +87,9 @@ class EarlyFusion(Fusion):
         inside &= (z >= area.low_z_m - MARGIN_M) & (z <= area.high_z_m + MARGIN_M)
         return cloud.compress(inside, axis=0)
 
-    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
-        """Starts the merged cloud with the own scan."""
-        aligner = Aligner(own) if self.corrects else None
-        return _MergedCloud(self._finder, own, world_from_own, aligner)
-
-
-class _MergedCloud(Gathering):
-    """Clouds in the ego's frame, detected as one."""
-
-    def __init__(
-        self, finder: Finder, own: Points, world_from_own: Matrix, aligner: Aligner | None
-    ) -> None:
-        self._finder = finder
-        self._aligner = aligner
-        self._world_from_own = world_from_own
-        self._own_from_world = invert(world_from_own)
-        self._own = own
-        self._clouds: list[Points] = []
-        self._robots: list[str] = []
-        """Of each cloud: who sent it."""
-        self._senders: list[Matrix] = []
-        """Of each cloud: its sensor in the ego's frame, as it was told."""
-
-    def ask(self) -> Ask:
-        return Ask(pose_of(self._world_from_own))
-
-    def prepare(self) -> None:
-        if self._aligner is not None:
-            self._aligner.prepare()
-
-    def add(self, contribution: Contribution) -> None:
-        payload, places = take_outline(contribution.payload)
-        points = decode_points(payload, MAX_POINTS)
-        own_from_sensor = self._own_from_world @ contribution.world_from_sensor
-        if self._aligner is not None:
-            self._aligner.add(places, own_from_sensor)
-        self._clouds.append(points)
-        self._senders.append(own_from_sensor)
-        self._robots.append(contribution.robot)
-
-    def finish(self) -> Boxes:
-        senders = corrected(self._senders, self._aligner)
-        others = [
-            clean_points(transform(sender, cloud))
-            for sender, cloud in zip(senders, self._clouds, strict=True)
-        ]
-        merged = np.concatenate([clean_points(self._own), *others])
-        found = self._finder.find(merged, senders)
-        found = without_own(found, self._finder.config.own_body_m, self.stood_at)
-        return found.transformed(self._world_from_own)
-
-    def corrections(self) -> dict[str, Matrix]:
-        return in_world(self._aligner, self._robots, self._world_from_own)
+    def read(self, payload: bytes) -> Points:
+        """See `PointForm.read`."""
+        return decode_points(payload, MAX_POINTS)
 
 
 def fusion(detector: str) -> Fusion:

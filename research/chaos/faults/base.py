@@ -36,5 +36,8 @@ class Kind:
     ego_down: bool = False
     rest_s: float = 3.0
     """For how long what it holds is left alone afterwards."""
-    needs: Literal["", "clocks"] = ""
+    needs: Literal["", "clocks", "secure"] = ""
     """What has to be there to play it."""
+    outside: bool = False
+    """Only what a process from outside says: in a secure swarm it hits nobody but the robot whose
+    certificate was stolen."""

@@ -1,4 +1,7 @@
-"""Processes from outside that join, lie, flood or say nothing (`research.chaos.outsider`)."""
+"""Processes from outside that join, lie, flood or say nothing (`research.chaos.outsider`).
+
+In a secure swarm every other one has the certificate of a robot, and the rest have none.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,13 @@ import socket
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
+from subprocess import PIPE
+from typing import Any
 
 from deploy.netns import network
 from research.chaos.faults.base import Begin, End, Hits, Kind, Sign
-from research.chaos.history import Fault
+from research.chaos.history import LET_IN, Fault
+from research.chaos.outsider.place import READY
 from research.chaos.stage import Stage
 from swarm.errors import DeployError
 
@@ -28,32 +34,51 @@ def start(stage: Stage, fault: Fault, attack: str, *, wait: bool = False) -> End
         [
             *("nsenter", f"--target={stage.supervisor}", "--net"),
             *(sys.executable, "-m", "research.chaos.outsider", attack),
-            *("--router", f"tcp/{network.BRIDGE_ADDRESS}:{stage.spec.router_port}"),
+            *("--router", _router(stage, fault)),
             *("--swarm", stage.spec.swarm, "--seed", str(fault.seed)),
             *("--robots", ",".join((ego, *stage.robots)), "--target", fault.target),
         ],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
+        stdin=PIPE,
+        stdout=PIPE,
         text=True,
         env={k: v for k, v in os.environ.items() if k != "LD_PRELOAD"},
     )
-
-    if wait and process.stdout is not None:
-        process.stdout.readline()
+    first = process.stdout.readline() if wait and process.stdout is not None else ""
 
     def end() -> str:
         try:
-            said, _ = process.communicate("", timeout=END_S)
+            rest, _ = process.communicate("", timeout=END_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
             raise DeployError(f"the outsider did not end within {END_S:.0f} s") from None
-        words: dict[str, str] = json.loads(said or "{}")
-        if "did" not in words:
-            raise DeployError(f"the outsider failed: {words.get('failed', 'it has ended')}")
-        return words["did"]
+        said = (rest if first.strip() in ("", READY) else first) or "{}"
+        return _told(stage, fault, json.loads(said))
 
     return end
+
+
+def _router(stage: Stage, fault: Fault) -> str:
+    address = f"{network.BRIDGE_ADDRESS}:{stage.spec.router_port}"
+    if is_thief(stage, fault):
+        return f"tls/{address}#identity={stage.stolen}"
+    return f"tcp/{address}"
+
+
+def is_thief(stage: Stage, fault: Fault) -> bool:
+    """Whether it comes with a robot's certificate; chance, by the fault's seed."""
+    return stage.stolen is not None and fault.seed % 2 == 0
+
+
+def _told(stage: Stage, fault: Fault, said: dict[str, Any]) -> str:
+    if stage.stolen is None or is_thief(stage, fault):
+        if "did" not in said:
+            raise DeployError(f"the outsider failed: {said.get('failed', 'it has ended')}")
+        by = f"with the certificate of {stage.stolen.name}: " if stage.stolen else ""
+        return f"{by}{said['did']}"
+    if said.get("sessions"):
+        return f"{LET_IN}: {said['sessions']} sessions, {said.get('did')}"
+    return f"without a certificate: {said.get('failed') or said.get('did')}"
 
 
 def _attack(name: str) -> Begin:
@@ -103,7 +128,10 @@ def _kind(
 ) -> Kind:
     targets = name not in UNTARGETED
     holds = (name,) if not targets else ()
-    return Kind(name, begin or _attack(name), lasts_s, hits, holds, targets=targets, sign=sign)
+    return Kind(
+        name, begin or _attack(name), lasts_s, hits, holds,
+        targets=targets, sign=sign, outside=begin is None,
+    )  # fmt: skip
 
 
 UNTARGETED = (

@@ -9,6 +9,7 @@ from research.chaos.history import Fault
 from research.chaos.stage import Stage
 
 EGO, ROUTER, CONTROLLER, CONSOLE, GATEWAY = "ego", "router", "controller", "console", "gateway"
+AUTHORITY = "authority"
 
 
 def service_of(part: str, stage: Stage, fault: Fault) -> str:
@@ -63,6 +64,10 @@ KINDS = (
     Kind(
         "kill-controller", _kill(CONTROLLER), NO_TIME, "nobody", (CONTROLLER,),
         sign="controller", rest_s=RESTART_S,
+    ),
+    Kind(
+        "kill-authority", _kill(AUTHORITY), NO_TIME, "nobody", (AUTHORITY,),
+        rest_s=RESTART_S, needs="secure",
     ),
     Kind("kill-console", _kill(CONSOLE), NO_TIME, "nobody", (CONSOLE,), rest_s=RESTART_S),
     Kind("kill-gateway", _kill(GATEWAY), NO_TIME, "nobody", (GATEWAY,), rest_s=RESTART_S),

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from research.chaos.faults import clocks, disks, links, outsiders, processes
+from research.chaos.faults import certificates, clocks, disks, links, outsiders, processes
 from research.chaos.faults.base import Kind
 
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
-    for module in (processes, links, disks, clocks, outsiders)
+    for module in (processes, links, disks, clocks, certificates, outsiders)
     for kind in module.KINDS
 }
 KNOWN = ("withdrawn-server",)
-"""Kinds that break a swarm without identities, for a reason that docs/chaos.md tells; they are
-played only when they are asked for."""
+"""Kinds that break a swarm without identities, for a reason that docs/chaos.md tells; in one they
+are played only when they are asked for."""

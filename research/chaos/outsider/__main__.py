@@ -1,6 +1,6 @@
 """`python -m research.chaos.outsider ATTACK ...`: attacks until its input is closed.
 
-Prints what it did (JSON)."""
+Prints what it did and how many sessions the router took (JSON)."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def main() -> int:
         stop=stop,
     )
     try:
-        print(json.dumps({"did": ATTACKS[args.attack](place)}))
+        said = {"did": ATTACKS[args.attack](place)}
     except CoAdaptError as error:
-        print(json.dumps({"failed": str(error)}))
-        return 1
-    return 0
+        said = {"failed": str(error)}
+    print(json.dumps(said | {"sessions": len(place.admitted)}))
+    return 0 if "did" in said else 1
 
 
 if __name__ == "__main__":

@@ -84,7 +84,7 @@ def _scatter(place: Place, keys: list[str]) -> str:
 
 def silent(place: Place) -> str:
     """Connections to the router's ports that never say a word, or half a sentence."""
-    host, port = place.router.removeprefix("tcp/").rsplit(":", 1)
+    host, port = place.router.partition("/")[2].partition("#")[0].rsplit(":", 1)
     with ExitStack() as stack:
         for number in range(SILENT):
             try:

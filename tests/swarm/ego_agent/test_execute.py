@@ -13,6 +13,7 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.execute.frame_round import MISSING_KINDS, Missing
 from ego_agent.knowledge.base import Knowledge
 from swarm import keyspace
+from swarm.arrays import unpack_finite
 from swarm.errors import PerceptionError
 from swarm.messages import Beacon, Detections, Observation, ObservationRequest
 from swarm.session import Session
@@ -53,6 +54,33 @@ def test_what_robots_send_is_fused_and_their_bytes_are_counted(
     taken = ego.tally.take()
     assert taken.received == {(r, algorithm): n for r, n in result.round.bytes.items()}
     assert set(result.round.bytes) == {"R2", "R3"}
+
+
+def test_what_a_robot_showed_is_remembered_when_it_says_nothing(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    # Each frame has a time of its own.
+    shown = [ego.fuse("R2").tracks for _ in range(3)][-1]
+    alone = ego.fuse()
+    assert shown is not None
+    assert alone.tracks is not None
+    assert len(alone.boxes) == 1
+    by_id = {int(i): float(y) for i, y in zip(shown.ids, shown.boxes.centers[:, 1], strict=True)}
+    assert sorted(round(y) for y in by_id.values()) == [0, 10]
+    remembered = {int(i): age for i, age in zip(alone.tracks.ids, alone.tracks.ages_s, strict=True)}
+    assert remembered.keys() == by_id.keys()
+    assert sorted(age > 0.0 for age in remembered.values()) == [False, True]
+
+
+def test_a_memory_that_fails_costs_no_frame(ego: Ego, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise ValueError("broken")
+
+    monkeypatch.setattr("ego_agent.execute.fusion_loop.remember", fails)
+    result = ego.fuse()
+    assert len(result.boxes) == 1
+    assert result.tracks is None
 
 
 def test_without_a_router_the_ego_fuses_alone(hall: Hall, swarm: Swarm, ego: Ego) -> None:
@@ -251,6 +279,14 @@ def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
     assert tally.fused >= 5
     assert tally.fused + tally.skipped >= frames[-1] - frames[0] + 1
     assert all(set(d.bytes) == {"R2"} for d in seen)
+    tracks = [d.tracks for d in seen]
+    assert all(one is not None and len(one.ids) == 2 for one in tracks)
+    assert len({one.ids for one in tracks if one is not None}) <= 2  # likeliest first
+    last = tracks[-1]
+    assert last is not None
+    assert unpack_finite(last.velocities, "velocities", 2) == pytest.approx(0.0, abs=0.1)
+    assert unpack_finite(last.ages_s, "ages_s", 1).tolist() == [[0.0], [0.0]]
+    assert sorted(unpack_finite(last.boxes, "boxes", 7)[:, 1].round()) == [0.0, 10.0]
 
 
 def test_frames_that_there_is_no_time_for_are_skipped_and_counted(ego: Ego, hall: Hall) -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import socket
 import subprocess
-import sys
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +20,14 @@ from deploy.runtimes.docker import DockerRuntime, gateway_of
 from deploy.spec import SwarmSpec, make_spec
 from deploy.state import State, need_state
 from swarm.errors import DeployError
+from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import await_
 from tests.support.free_ports import free_port, free_ports
-from tests.support.paths import REPOSITORY
 
 # The first start builds the image: wheels, and a base where none can be pulled.
 READY_S = 900
 SWARM = "boxed"
 pytestmark = pytest.mark.timeout(READY_S)
-Cli = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def networks() -> list[Any]:
@@ -60,26 +57,11 @@ def containers() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def cli() -> Iterator[Cli]:
-    """Runs `coadapt` as a user does, with run directory and working directory of its own."""
+    """Runs `coadapt` as a user does, in this swarm."""
     why_not = DockerRuntime().available()
     if why_not is not None:
         pytest.skip(why_not)
-    with (
-        tempfile.TemporaryDirectory(prefix="ca-", dir="/tmp") as directory,
-        pytest.MonkeyPatch.context() as patch,
-    ):
-        patch.setenv("COADAPT_RUN_DIR", f"{directory}/run")
-        patch.setenv("PYTHONPATH", str(REPOSITORY))
-
-        def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-            return subprocess.run(
-                [sys.executable, "-m", "coadapt.main", *arguments, "--swarm", SWARM],
-                cwd=directory,
-                capture_output=True,
-                text=True,
-                timeout=READY_S,
-            )
-
+    with command_line("--swarm", SWARM, timeout_s=READY_S, run_dir="run") as run:
         yield run
 
 

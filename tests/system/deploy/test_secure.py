@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +15,15 @@ from deploy.prometheus import Prometheus
 from deploy.services import journal_path, net_journal_path
 from deploy.state import State, need_state
 from ego_agent.knowledge.journal import read_journal
+from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import WAIT_S, await_
 from tests.support.free_ports import free_port
-from tests.support.paths import REPOSITORY
 
 READY_S = 120.0
 SWARM = "trusty"
 NAME = ("--swarm", SWARM)
 LIFE_S = 60
 """Renewed when a third of it is left."""
-Cli = Callable[..., subprocess.CompletedProcess[str]]
 
 _refused = launch.why_not()
 pytestmark = [
@@ -38,26 +34,9 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def cli() -> Iterator[Cli]:
-    """Runs `coadapt` as a user does, with run directory and working directory of its own."""
-    # Short, as the paths of Unix sockets have to be.
-    with (
-        tempfile.TemporaryDirectory(prefix="ca-", dir="/tmp") as directory,
-        pytest.MonkeyPatch.context() as patch,
-    ):
-        patch.setenv("COADAPT_RUN_DIR", directory)
-        patch.setenv("PYTHONPATH", str(REPOSITORY))
-        patch.setenv("COADAPT_CERTIFICATE_LIFE_S", str(LIFE_S))
-
-        def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-            return subprocess.run(
-                [sys.executable, "-m", "coadapt.main", *arguments, *NAME],
-                cwd=directory,
-                capture_output=True,
-                text=True,
-                timeout=READY_S + WAIT_S,
-                check=False,
-            )
-
+    """Runs `coadapt` as a user does, in this swarm."""
+    life = {"COADAPT_CERTIFICATE_LIFE_S": str(LIFE_S)}
+    with command_line(*NAME, timeout_s=READY_S + WAIT_S, **life) as run:
         yield run
 
 
@@ -101,10 +80,14 @@ def test_robots_are_fused_and_status_says_who_is_trusted(swarm: State, cli: Cli)
     await_(lambda: all_take_part(cli), "all robots are fused")
     names = {one["name"] for one in status(cli)["trust"]}
     assert names == {
-        *("R1", "R2", "R3", "ego-R1", "router", "controller", "console", "operator-local"),
+        *("R1", "R2", "R3", "ego-R1", "router", "authority", "controller", "console"),
+        "operator-local",
     }
     text = cli("status").stdout
-    assert "trust      R1, R2, R3, console, controller, ego-R1, operator-local, router" in text
+    assert (
+        "trust      R1, R2, R3, authority, console, controller, ego-R1, operator-local, router"
+        in text
+    )
 
 
 def test_who_acts_stands_in_the_journal_as_the_router_let_them_in(swarm: State, cli: Cli) -> None:

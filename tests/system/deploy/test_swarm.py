@@ -8,9 +8,7 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,9 +21,9 @@ from deploy.runtimes.netns import NetnsRuntime
 from deploy.services import journal_path
 from deploy.state import State, need_state
 from swarm.errors import DeployError
+from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import WAIT_S, await_, supervisor_of
 from tests.support.free_ports import free_port
-from tests.support.paths import REPOSITORY
 
 READY_S = 120.0
 SWARM = "works"
@@ -33,7 +31,6 @@ NAME = ("--swarm", SWARM)
 UP = ("up", "--runtime", "netns", "--robots", "3", "--rings", "16", "--link", "55mbit", *NAME)
 
 Totals = dict[tuple[str, str], int]
-Cli = Callable[..., subprocess.CompletedProcess[str]]
 
 _refused = launch.why_not()
 pytestmark = [
@@ -50,24 +47,8 @@ def ports() -> tuple[str, ...]:
 
 @pytest.fixture(scope="module")
 def cli() -> Iterator[Cli]:
-    """Runs `coadapt` as a user does, with run directory and working directory of its own."""
-    # Short, as the paths of Unix sockets have to be.
-    with (
-        tempfile.TemporaryDirectory(prefix="ca-", dir="/tmp") as directory,
-        pytest.MonkeyPatch.context() as patch,
-    ):
-        patch.setenv("COADAPT_RUN_DIR", directory)
-        patch.setenv("PYTHONPATH", str(REPOSITORY))
-
-        def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-            return subprocess.run(
-                [sys.executable, "-m", "coadapt.main", *arguments],
-                cwd=directory,
-                capture_output=True,
-                text=True,
-                timeout=READY_S + WAIT_S,
-            )
-
+    """Runs `coadapt` as a user does."""
+    with command_line(timeout_s=READY_S + WAIT_S) as run:
         yield run
 
 

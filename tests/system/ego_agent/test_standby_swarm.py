@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -18,9 +15,9 @@ from deploy.observe import SwarmView, Watch
 from deploy.prometheus import Prometheus
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.state import State, need_state
+from tests.support.command_line import command_line
 from tests.support.deploy_support import WAIT_S, await_
 from tests.support.free_ports import free_port
-from tests.support.paths import REPOSITORY
 
 READY_S = 120.0
 SWARM = "standby"
@@ -38,22 +35,11 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def cli() -> Iterator[Cli]:
-    """Runs `coadapt` with directories of its own; the object that it prints with `--json`."""
-    with (
-        tempfile.TemporaryDirectory(prefix="ca-", dir="/tmp") as directory,
-        pytest.MonkeyPatch.context() as patch,
-    ):
-        patch.setenv("COADAPT_RUN_DIR", directory)
-        patch.setenv("PYTHONPATH", str(REPOSITORY))
+    """Runs `coadapt` in this swarm; gives the object that it prints with `--json`."""
+    with command_line(*NAME, timeout_s=READY_S + WAIT_S) as typed:
 
         def run(*arguments: str) -> Any:
-            done = subprocess.run(
-                [sys.executable, "-m", "coadapt.main", *arguments, *NAME],
-                cwd=directory,
-                capture_output=True,
-                text=True,
-                timeout=READY_S + WAIT_S,
-            )
+            done = typed(*arguments)
             assert done.returncode == 0, done.stderr
             return json.loads(done.stdout) if "--json" in arguments else done.stdout
 

@@ -119,7 +119,10 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.pictures", {"swarm", "perception"}),
         ("options.recordings", SENSES | {"deploy", "options.bags"}),
         ("research.training", SENSES),
-        ("research.chaos", {"swarm", "deploy", "ego_agent", "research.benchmarks"}),
+        (
+            "research.chaos",
+            SENSES | {"deploy", "ego_agent", "research.benchmarks", "research.evaluation"},
+        ),
         (
             "research.fuzz",
             (PRODUCT - {"coadapt", "deploy", "robot_agent", "sensing"})

@@ -173,7 +173,7 @@ def test_a_field_of_a_wrong_type_is_refused(sample: Message, wrong: object) -> N
         if name == "body" and wrong is None:
             continue  # Robots of an earlier version do not tell it.
         optional = (
-            *("age_ms", "deadline_s", "held_s", "operating_point", "probe"),
+            *("age_ms", "deadline_s", "held_s", "operating_point", "probe", "tracks"),
             "stands_in_for",
         )
         if name in optional and wrong is None:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from research.chaos.history import Cycle, Fault, Frame, Heard, History, Memory, Played
+from research.chaos.history import LET_IN, Cycle, Fault, Frame, Heard, History, Memory, Played, Seen
 from research.chaos.invariants import Broken, broken, during, gaps, hijacked
 from research.chaos.recovery import recovery
 
@@ -170,6 +170,18 @@ def test_recovery_counts_cycles_from_when_what_was_hit_is_there_again() -> None:
     found = recovery(seen, fault)
     assert (found.cycles, found.seconds) == (3, pytest.approx(6.8))
     assert "back in bounded time" not in rules(seen)
+
+
+def test_a_stranger_that_is_let_in_is_found() -> None:
+    fault = played("garbage", 3.0, 5.0, seen=f"{LET_IN}: 1 sessions, 40 random messages")
+    assert rules(history(played=(fault,))) == {"no stranger is let in"}
+    refused = played("garbage", 3.0, 5.0, seen="without a certificate: refused")
+    assert rules(history(played=(refused,))) == set()
+
+
+@pytest.mark.parametrize(("ap_70", "found"), [(0.3, {"no worse than the ego alone"}), (0.4, set())])
+def test_seeing_less_than_the_ego_alone_is_found(ap_70: float, found: set[str]) -> None:
+    assert rules(history(seen=Seen(frames=30, ap_70=ap_70, ap_70_alone=0.4))) == found
 
 
 def test_who_never_comes_back_is_found() -> None:

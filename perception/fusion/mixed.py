@@ -1,0 +1,37 @@
+"""Several forms in one frame: near robots may send points, far ones boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from perception.fusion.base import EncodeOptions, Fusion, Gathering
+from perception.fusion.one_pass import Form, OnePass
+from swarm.errors import PerceptionError
+from swarm.geometry import Matrix, Points
+
+MIXED = "mixed"
+
+
+class Mixed(Fusion):
+    """Several forms in one frame: each contribution names its own."""
+
+    name = MIXED
+
+    def __init__(self, forms: Mapping[str, Fusion]) -> None:
+        """`forms`: by name, of one detector. Raises PerceptionError for none, and for a fusion that
+        cannot be joined with others."""
+        alone = [name for name, form in forms.items() if not isinstance(form, Form)]
+        if alone or not forms:
+            raise PerceptionError(
+                f"fusions {', '.join(alone) or '(none)'} cannot be mixed; allowed: those whose "
+                "robots send points, maps or boxes of perception.fusion.one_pass"
+            )
+        self._forms = {name: form for name, form in forms.items() if isinstance(form, Form)}
+
+    def encode(self, points: Points, options: EncodeOptions) -> bytes:
+        """Raises PerceptionError: a robot sends one form."""
+        raise PerceptionError(f"a robot sends one form; allowed: {', '.join(self._forms)}")
+
+    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
+        """Starts a frame to which robots send any of the forms."""
+        return OnePass(self._forms, own, world_from_own)

@@ -1,0 +1,1 @@
+"""What an ego remembers of objects: tracks with identity, motion and existence."""

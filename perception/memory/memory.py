@@ -1,0 +1,305 @@
+"""Objects remembered from frame to frame.
+
+Each track has an identity, a class, a motion (`motion`), the shape that its best views showed, and
+the chance that it exists. Boxes are laid on tracks together as near as can be within a gate (global
+nearest neighbour). The chance follows Musicki, Evans and Stankovic, "Integrated probabilistic data
+association" (1994): a box that should have been seen and was not makes a track less likely by how
+likely it was to be seen, and what could not be seen says nothing. Calibrated boxes tell the chance
+themselves; as boxes of frames that follow each other are no independent witnesses, their chances
+are pooled (logarithmic opinion pool).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.boxes import SHARPNESS, iou_among, iou_bev
+from perception.memory.motion import Motions
+from perception.memory.sight import Sight
+from perception.types import Boxes
+from swarm.geometry import Matrix, Points, invert
+
+Floats = NDArray[np.float64]
+
+MOST_TRACKS = 256
+MOST_BOXES = 200
+"""Of one frame, the surest."""
+FAINTEST = 0.1
+"""Less sure boxes are not remembered."""
+GONE = 0.02
+"""A track less likely than this ends."""
+LONGEST_S = 60.0
+"""No track lives longer than this unseen."""
+GATE = 13.8
+"""Squared distance, in variances, beyond which a box is not a track's: 99.9 % of two axes."""
+SURE_SD_M, DOUBT_SD_M = 0.05, 0.3
+"""Standard deviation of a box's middle along an axis: of a sure one, and what a doubtful one has
+more. Measured on floors of seeds from 1,700,000 on."""
+WEIGHT = 0.5
+"""Of a box's chance beside what is remembered, where as many robots showed both."""
+FADES_S, TURNS_S = 1.0, 0.15
+"""In this time a remembered shape, and a heading, lose two thirds of their weight."""
+SURVIVES_S = 30.0
+"""How long what nobody sees is believed in, on average."""
+SAME_PLACE = 0.1
+"""Two solid bodies do not overlap this much."""
+JUMP_M, FASTEST_M_S = 2.0, 40.0
+"""An ego that is farther from where it was, and faster, has had its pose set anew."""
+FEW = 3
+"""Returns that tell whether a place is free."""
+LOOKED_AT, TOLD_AGAIN, SEEN_FREE = 0.7, 0.6, 0.95
+"""How likely an object that exists would have been found: where there is something, by the clouds
+of those who showed it before; where those who showed it before sent boxes or features again; where
+rays pass through its place (so it is not there)."""
+UNCONFIRMED = 0.2
+"""Of the chance of a new box where robots that showed more in the last INFORMED_S seconds, and send
+less often, have not shown it."""
+INFORMED_S = 1.5
+NEAR_ENOUGH = 0.35
+"""Of a body's width: an offset beyond which a box of it is wrong."""
+SQUARE = 0.1
+"""By how much of the longer side those of a square differ at most."""
+CLIP = 1e-3
+"""Chances are kept this far from 0 and 1."""
+
+
+View = tuple[Points, Matrix]
+"""A cloud, float32 (N, 3) in its sensor's frame, and the sensor in the world frame, 4 x 4."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What an ego found in a frame, in the world frame."""
+
+    time_s: float
+    """Capture, seconds of one clock."""
+    boxes: Boxes
+    """Scores are chances."""
+    helpers: frozenset[str] = frozenset()
+    """Robots whose contributions are in it."""
+    views: Mapping[str, View] = field(default_factory=dict)
+    """By robot: the ego's, ground included, and those of helpers that sent points."""
+    world_from_own: Matrix | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remembered:
+    """The objects of a moment, in the world frame, the likeliest first."""
+
+    boxes: Boxes
+    """Scores are the chances that the boxes are right."""
+    ids: NDArray[np.int64]
+    velocities: Floats
+    """(N, 2) m/s."""
+    ages_s: Floats
+    """Since each was seen last: 0 in this frame."""
+
+    def take(self, rows: NDArray[np.intp]) -> Remembered:
+        """Those at the given positions."""
+        return Remembered(
+            self.boxes.take(rows), self.ids[rows], self.velocities[rows], self.ages_s[rows]
+        )
+
+
+class Memory:
+    """What one ego remembers. For one thread."""
+
+    def __init__(self, usual_speed_m_s: float) -> None:
+        """`usual_speed_m_s`: standard deviation of an object's velocity along an axis."""
+        self._usual = usual_speed_m_s
+        self._next = 1
+        self.clear()
+
+    def clear(self) -> None:
+        """Forgets everything but which numbers were given."""
+        self._time_s: float | None = None
+        self._stood: Floats | None = None
+        self._informed: frozenset[str] = frozenset()
+        """Helpers of the best informed frame of late, and its time."""
+        self._informed_s = -math.inf
+        self._motions = Motions(self._usual)
+        self._boxes = Boxes.empty()
+        """As last seen, with the shape of the best views; scores are the tracks' chances."""
+        self._ids = np.zeros(0, dtype=np.int64)
+        self._weights = np.zeros((0, 2))
+        """Of the remembered shapes, and of the headings."""
+        self._seen_s = np.zeros(0)
+        self._certain = np.zeros(0)
+        """How certain the place was when last seen."""
+        self._seen_by: list[frozenset[str]] = []
+        """Robots that showed each track when it was seen best."""
+
+    def update(self, frame: Frame) -> Remembered:
+        """Takes up a frame, and returns what is there at its time by all that is known."""
+        dt_s = self._begin(frame)
+        self._motions.predict(dt_s)
+        self._weights = self._weights * np.exp(-dt_s / np.array([FADES_S, TURNS_S]))
+        chances = self._boxes.scores * np.exp(-dt_s / SURVIVES_S)
+        self._boxes = replace(self._boxes, centers=self._moved(), scores=chances)
+        order = np.argsort(-frame.boxes.scores, kind="stable")[:MOST_BOXES]
+        found = frame.boxes.take(order[frame.boxes.scores[order] >= FAINTEST])
+        rows, columns = self._matched(found)
+        self._missed(np.setdiff1d(np.arange(len(self._ids)), rows), frame)
+        self._seen(rows, found.take(columns), frame)
+        self._born(found.take(np.setdiff1d(np.arange(len(found)), columns)), frame)
+        self._prune(frame.time_s)
+        return self._told(frame.time_s)
+
+    def _begin(self, frame: Frame) -> float:
+        """Seconds since the frame before; forgets everything where clock or place have jumped."""
+        stood = None if frame.world_from_own is None else frame.world_from_own[:2, 3]
+        dt_s = 0.0 if self._time_s is None else frame.time_s - self._time_s
+        jumped = dt_s < 0.0 or dt_s > LONGEST_S
+        if stood is not None and self._stood is not None:
+            jumped |= bool(np.hypot(*(stood - self._stood)) > JUMP_M + FASTEST_M_S * abs(dt_s))
+        if jumped:
+            self.clear()
+            dt_s = 0.0
+        if frame.helpers >= self._informed or frame.time_s - self._informed_s > INFORMED_S:
+            self._informed, self._informed_s = frame.helpers, frame.time_s
+        self._time_s = frame.time_s
+        self._stood = self._stood if stood is None else stood.copy()
+        return dt_s
+
+    def _moved(self) -> Floats:
+        return np.column_stack([self._motions.places(), self._boxes.centers[:, 2]])
+
+    def _matched(self, found: Boxes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Tracks and the boxes that show them."""
+        from scipy.optimize import linear_sum_assignment
+
+        if not len(found) or not len(self._ids):
+            return np.zeros(0, np.intp), np.zeros(0, np.intp)
+        spread = self._motions.sds()[:, None] ** 2 + _sds(found)[None] ** 2
+        off = self._boxes.centers[:, None, :2] - found.centers[None, :, :2]
+        apart = (off**2).sum(axis=2) / spread
+        other = np.array(self._boxes.labels)[:, None] != np.array(found.labels)
+        cost = np.where(other, GATE, np.minimum(apart, GATE))
+        rows, columns = linear_sum_assignment(cost)
+        close = cost[rows, columns] < GATE
+        return rows[close], columns[close]
+
+    def _missed(self, rows: NDArray[np.intp], frame: Frame) -> None:
+        """Tracks that no box shows: were they to be seen?"""
+        if not len(rows):
+            return
+        expected = np.zeros(len(rows))
+        there, through = np.zeros((2, len(rows)), dtype=np.int64)
+        boxes = self._boxes.take(rows)
+        for points, world_from_sensor in frame.views.values():
+            more = Sight(points).of(boxes.transformed(invert(world_from_sensor)))
+            there, through = there + more[0], through + more[1]
+        # A place that is not known well may be free while the object stands beside it.
+        sd = self._motions.sds()[rows]
+        width = boxes.sizes[:, :2].min(axis=1)
+        told = np.minimum(1.0, width / (4.0 * sd))
+        free = (through >= FEW) & (there < FEW)
+        expected = np.where(free, SEEN_FREE * told, expected)
+        for i, row in enumerate(rows):
+            unseen = self._seen_by[row] - frame.views.keys()
+            if unseen <= frame.helpers and (unseen or not frame.views):
+                expected[i] = max(expected[i], TOLD_AGAIN)
+            elif there[i] >= FEW and self._seen_by[row] <= frame.helpers:
+                expected[i] = max(expected[i], LOOKED_AT)
+        chance = self._boxes.scores
+        left = chance[rows] * (1.0 - expected) / (1.0 - expected * chance[rows])
+        chance[rows] = left
+
+    def _seen(self, rows: NDArray[np.intp], found: Boxes, frame: Frame) -> None:
+        """Tracks and the box that shows each."""
+        if not len(rows):
+            return
+        self._motions.update(rows, found.centers[:, :2], _sds(found))
+        chance, boxes = self._boxes.scores, self._boxes
+        for row, box in zip(rows, range(len(found)), strict=True):
+            informed = self._seen_by[row] <= frame.helpers
+            if informed or found.scores[box] > chance[row]:
+                chance[row] = _pooled(chance[row], found.scores[box])
+                self._seen_by[row] = frame.helpers
+        weight = found.scores[:, None] ** SHARPNESS
+        shape, share = (weight / np.maximum(weight + self._weights[rows], 1e-12)).T
+        self._weights[rows] += weight
+        # A rectangle looks the same after half a turn, a square after a quarter.
+        alike = np.where(_square(boxes.take(rows)), 4.0, 2.0)
+        turn = alike * (found.headings - boxes.headings[rows])
+        mean = np.arctan2(share * np.sin(turn), 1.0 - share + share * np.cos(turn))
+        boxes.headings[rows] += mean / alike
+        boxes.headings[rows] %= 2.0 * np.pi
+        boxes.sizes[rows] += shape[:, None] * (found.sizes - boxes.sizes[rows])
+        boxes.centers[rows, 2] += shape * (found.centers[:, 2] - boxes.centers[rows, 2])
+        boxes.centers[:, :2] = self._motions.places()
+        self._seen_s[rows] = frame.time_s
+        self._certain[rows] = self._certainty()[rows]
+
+    def _born(self, found: Boxes, frame: Frame) -> None:
+        """Boxes that show no track; those within a body that is remembered show a part of it."""
+        if len(self._ids):
+            apart = (iou_bev(found, self._boxes) <= SAME_PLACE).all(axis=1)
+            found = found.take(np.flatnonzero(apart))
+        if not len(found):
+            return
+        if frame.helpers < self._informed:
+            # Those who see more have shown nothing there.
+            found = replace(found, scores=found.scores * UNCONFIRMED)
+        self._motions.add(found.centers[:, :2], _sds(found))
+        self._boxes = Boxes.concatenate([self._boxes, found])
+        self._ids = np.append(self._ids, self._next + np.arange(len(found)))
+        self._next += len(found)
+        weight = np.repeat(found.scores[:, None] ** SHARPNESS, 2, axis=1)
+        self._weights = np.concatenate([self._weights, weight])
+        self._seen_s = np.append(self._seen_s, np.full(len(found), frame.time_s))
+        self._certain = np.append(self._certain, self._certainty()[-len(found) :])
+        self._seen_by += [frame.helpers] * len(found)
+
+    def _certainty(self) -> Floats:
+        """The chance that each track's box lies near enough to be right."""
+        return self._motions.near(NEAR_ENOUGH * self._boxes.sizes[:, :2].min(axis=1))
+
+    def _prune(self, time_s: float) -> None:
+        """The likeliest tracks, of those in one place the likeliest."""
+        boxes = self._boxes
+        alive = (boxes.scores >= GONE) & (time_s - self._seen_s <= LONGEST_S)
+        order = np.flatnonzero(alive)[np.argsort(-boxes.scores[alive], kind="stable")]
+        order = order[:MOST_TRACKS]
+        overlap = iou_among(boxes.take(order)) > SAME_PLACE
+        kept = np.ones(len(order), dtype=np.bool_)
+        for i in range(len(order)):
+            if kept[i]:
+                kept[i + 1 :] &= ~overlap[i, i + 1 :]
+        rows = order[kept]
+        self._motions.keep(rows)
+        self._boxes, self._ids = boxes.take(rows), self._ids[rows]
+        self._weights, self._seen_s = self._weights[rows], self._seen_s[rows]
+        self._certain = self._certain[rows]
+        self._seen_by = [self._seen_by[row] for row in rows]
+
+    def _told(self, time_s: float) -> Remembered:
+        scores = self._boxes.scores * np.minimum(1.0, self._certainty() / self._certain)
+        told = Remembered(
+            replace(self._boxes, scores=scores),
+            self._ids,
+            self._motions.velocities(),
+            time_s - self._seen_s,
+        )
+        return told.take(np.argsort(-scores, kind="stable"))
+
+
+def _sds(found: Boxes) -> Floats:
+    """How far boxes' middles are off along an axis: standard deviations (N,), metres."""
+    return SURE_SD_M + DOUBT_SD_M * (1.0 - found.scores)
+
+
+def _square(boxes: Boxes) -> NDArray[np.bool_]:
+    long, wide = boxes.sizes[:, 0], boxes.sizes[:, 1]
+    square: NDArray[np.bool_] = np.abs(long - wide) <= SQUARE * np.maximum(long, wide)
+    return square
+
+
+def _pooled(remembered: float, seen: float) -> float:
+    first, second = (np.log(p / (1.0 - p)) for p in np.clip([remembered, seen], CLIP, 1.0 - CLIP))
+    return float(1.0 / (1.0 + np.exp(-((1.0 - WEIGHT) * first + WEIGHT * second))))

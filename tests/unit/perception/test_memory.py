@@ -1,0 +1,275 @@
+"""Memory: objects keep their identity, live on between frames, and end where they are gone."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.memory.memory import (
+    FAINTEST,
+    JUMP_M,
+    MOST_TRACKS,
+    Frame,
+    Memory,
+    Remembered,
+    View,
+)
+from perception.types import Boxes
+from swarm.geometry import Matrix, Points, Pose
+
+SIZE = (2.5, 1.2, 2.1)
+HERE = Pose(0.0, 0.0, 1.2).matrix()
+BOTH = frozenset({"R5"})
+
+
+def boxes(*places: tuple[float, float], score: float = 0.9, label: str = "forklift") -> Boxes:
+    count = len(places)
+    return Boxes(
+        centers=np.array([(x, y, 1.05) for x, y in places]).reshape(-1, 3),
+        sizes=np.tile(SIZE, (count, 1)),
+        headings=np.zeros(count),
+        scores=np.full(count, score),
+        labels=(label,) * count,
+    )
+
+
+def floor(*walls: tuple[float, float, float]) -> Points:
+    """Returns of a sensor 1.2 m above a floor: where the floor ends at 30 m, or at a wall: azimuth
+    from, to (radians) and distance (m) of each."""
+    rays = []
+    for azimuth in np.linspace(-np.pi, np.pi, 720, endpoint=False):
+        away = min([far for low, high, far in walls if low <= azimuth < high], default=30.0)
+        for slope in np.linspace(-0.35, 0.2, 32):
+            reach = away if slope >= 0.0 else min(away, 1.2 / -slope)
+            rays.append((np.cos(azimuth) * reach, np.sin(azimuth) * reach, slope * reach))
+    return np.array(rays, dtype=np.float32)
+
+
+EMPTY_FLOOR = floor()
+WALLED = floor((-0.5, 0.5, 5.0))
+"""Nothing is seen ahead beyond 5 m."""
+
+
+def frame(
+    time_s: float,
+    found: Boxes,
+    helpers: frozenset[str] = frozenset(),
+    own: Points | None = None,
+    at: Matrix = HERE,
+) -> Frame:
+    views: dict[str, View] = {} if own is None else {"R1": (own, at)}
+    return Frame(time_s, found, helpers, views, at)
+
+
+def seen(memory: Memory, times: int = 5, step_s: float = 0.1, **where: float) -> Remembered:
+    """What is told of a forklift that was seen so often from time 0 on, at x, y with a speed vx."""
+    x, y, vx = (where.get(name, default) for name, default in (("x", 10.0), ("y", 0.0), ("vx", 0)))
+    for i in range(times):
+        found = boxes((x + vx * i * step_s, y))
+        told = memory.update(frame(i * step_s, found, BOTH, WALLED))
+    return told
+
+
+class TestIdentity:
+    def test_an_object_keeps_its_number(self) -> None:
+        memory = Memory(1.0)
+        first = seen(memory, 1).ids
+        assert seen(Memory(1.0), 8).ids.tolist() == first.tolist() == [1]
+
+    @given(st.floats(-2, 2), st.floats(0.8, 1.0))
+    def test_it_is_told_where_it_is_and_how_fast(self, speed: float, score: float) -> None:
+        memory = Memory(1.0)
+        for i in range(20):
+            told = memory.update(frame(i / 10, boxes((i / 10 * speed, 3.0), score=score)))
+        assert told.boxes.centers[0, :2] == pytest.approx([1.9 * speed, 3.0], abs=0.15)
+        assert told.velocities[0] == pytest.approx([speed, 0.0], abs=0.2)
+        assert told.ages_s.tolist() == [0.0]
+
+    def test_two_that_pass_each_other_stay_themselves(self) -> None:
+        memory = Memory(1.0)
+        for i in range(40):
+            t = i / 10
+            pair = boxes((-2.0 + t, 0.0), (2.0 - t, 1.5))
+            told = memory.update(frame(t, pair))
+            if not i:
+                left = told.ids[np.argmin(told.boxes.centers[:, 0])]
+        assert told.ids[np.argmax(told.boxes.centers[:, 0])] == left
+        assert len(told.ids) == 2
+
+    def test_classes_are_not_mixed_up(self) -> None:
+        memory = Memory(1.0)
+        memory.update(frame(0.0, boxes((5, 5))))
+        told = memory.update(frame(0.1, boxes((7.0, 8.0), label="person")))
+        assert sorted(told.boxes.labels) == ["forklift", "person"]
+
+    def test_a_number_is_never_given_twice(self) -> None:
+        memory = Memory(1.0)
+        first = set(memory.update(frame(0.0, boxes((5, 5), (9, 9)))).ids.tolist())
+        memory.clear()
+        assert not first & set(memory.update(frame(0.1, boxes((5, 5)))).ids.tolist())
+
+    def test_a_part_of_a_body_is_no_other_object(self) -> None:
+        memory = Memory(1.0)
+        seen(memory)
+        told = memory.update(frame(0.5, boxes((10.9, 0.0), label="person", score=0.4), BOTH))
+        assert told.boxes.labels == ("forklift",)
+
+
+class TestBetweenContributions:
+    def test_what_only_a_helper_sees_lives_on_and_moves(self) -> None:
+        memory = Memory(1.0)
+        before = seen(memory, vx=1.5)
+        # The helper sends nothing for half a second, and a wall hides the place.
+        for i in range(5, 10):
+            told = memory.update(frame(i / 10, Boxes.empty(), own=WALLED))
+        assert told.ids.tolist() == before.ids.tolist()
+        assert told.boxes.centers[0, 0] == pytest.approx(10.0 + 1.5 * 0.9, abs=0.3)
+        assert told.ages_s[0] == pytest.approx(0.5)
+        assert 0.25 < told.boxes.scores[0] <= before.boxes.scores[0]
+
+    def test_certainty_falls_with_age(self) -> None:
+        memory = Memory(1.0)
+        scores = [seen(memory, 2).boxes.scores[0]]
+        for i in range(2, 40):
+            told = memory.update(frame(i / 10, Boxes.empty(), own=WALLED))
+            scores.append(told.boxes.scores[0])
+        assert (np.diff(scores) <= 0).all()
+        assert scores[-1] < 0.9 * scores[0]
+
+    def test_what_stands_still_is_remembered_for_long(self) -> None:
+        memory = Memory(1.0)
+        seen(memory, 40)
+        for i in range(40, 90):
+            told = memory.update(frame(i / 10, Boxes.empty(), own=WALLED))
+        assert len(told.ids) == 1
+        assert told.boxes.scores[0] > 0.25
+        assert told.boxes.centers[0, :2] == pytest.approx([10.0, 0.0], abs=0.1)
+
+    def test_the_same_object_comes_back(self) -> None:
+        memory = Memory(1.0)
+        before = seen(memory, 10, vx=1.0)
+        for i in range(10, 20):
+            memory.update(frame(i / 10, Boxes.empty(), own=WALLED))
+        told = memory.update(frame(2.0, boxes((12.0, 0.0)), BOTH, WALLED))
+        assert told.ids.tolist() == before.ids.tolist()
+        assert told.ages_s.tolist() == [0.0]
+
+    def test_who_sees_less_does_not_make_it_doubtful(self) -> None:
+        memory = Memory(1.0)
+        before = seen(memory)
+        told = memory.update(frame(0.5, boxes((10.0, 0.0), score=0.2), own=WALLED))
+        assert told.boxes.scores[0] >= 0.95 * before.boxes.scores[0]
+
+    def test_what_those_who_see_more_do_not_show_is_doubted(self) -> None:
+        memory = Memory(1.0)
+        memory.update(frame(0.0, Boxes.empty(), BOTH, WALLED))
+        doubted = memory.update(frame(0.1, boxes((10.0, 0.0), score=0.5), own=WALLED))
+        believed = Memory(1.0).update(frame(0.1, boxes((10.0, 0.0), score=0.5), own=WALLED))
+        assert doubted.boxes.scores[0] < 0.25 < believed.boxes.scores[0]
+
+
+class TestEnding:
+    def test_what_is_seen_free_is_free_again(self) -> None:
+        memory = Memory(1.0)
+        seen(memory)
+        told = memory.update(frame(0.5, Boxes.empty(), own=EMPTY_FLOOR))
+        assert not (told.boxes.scores > 0.3).any()
+        for i in range(6, 10):
+            told = memory.update(frame(i / 10, Boxes.empty(), own=EMPTY_FLOOR))
+        assert not len(told.ids)
+
+    def test_occluded_is_not_gone(self) -> None:
+        memory = Memory(1.0)
+        seen(memory, 30)
+        for i in range(30, 60):
+            told = memory.update(frame(i / 10, Boxes.empty(), BOTH - {"R5"}, WALLED))
+        assert told.ages_s[0] == pytest.approx(3.0)
+        assert told.boxes.scores[0] > 0.25
+
+    def test_a_helper_that_showed_it_and_does_not_any_more_ends_it(self) -> None:
+        memory = Memory(1.0)
+        seen(memory)
+        for i in range(5, 9):
+            told = memory.update(frame(i / 10, Boxes.empty(), BOTH, WALLED))
+        assert not (told.boxes.scores > 0.25).any()
+
+    def test_of_two_that_contradict_each_other_who_sees_the_place_free_is_believed(self) -> None:
+        # R5 says that there is a forklift, and the ego sees through the place.
+        memory = Memory(1.0)
+        for i in range(20):
+            score = 0.9 if i % 2 else 0.0
+            told = memory.update(frame(i / 10, boxes((10, 0), score=score), BOTH, EMPTY_FLOOR))
+            if not i % 2:
+                assert not (told.boxes.scores > 0.5).any()
+
+    def test_a_single_faint_box_is_not_remembered(self) -> None:
+        memory = Memory(1.0)
+        assert not len(memory.update(frame(0.0, boxes((5, 5), score=FAINTEST / 2))).ids)
+
+
+class TestJumps:
+    def test_an_ego_that_jumps_forgets_rather_than_smears(self) -> None:
+        memory = Memory(1.0)
+        before = seen(memory)
+        there = Pose(60.0, 0.0, 1.2).matrix()
+        told = memory.update(frame(0.5, boxes((70.0, 0.0)), BOTH, WALLED, there))
+        assert told.boxes.centers[:, 0].tolist() == [70.0]
+        assert not set(told.ids.tolist()) & set(before.ids.tolist())
+
+    def test_an_ego_that_drives_does_not(self) -> None:
+        memory = Memory(1.0)
+        before = seen(memory)
+        there = Pose(JUMP_M, 0.0, 1.2).matrix()
+        told = memory.update(frame(0.5, boxes((10.0, 0.0)), BOTH, WALLED, there))
+        assert told.ids.tolist() == before.ids.tolist()
+
+    def test_a_clock_that_was_put_back_forgets(self) -> None:
+        memory = Memory(1.0)
+        seen(memory)
+        assert not len(memory.update(frame(-3.0, Boxes.empty(), BOTH, WALLED)).ids)
+
+
+def test_a_flood_of_false_boxes_is_bounded() -> None:
+    memory, rng = Memory(1.0), np.random.default_rng(0)
+    sure = boxes((0.0, 0.0))
+
+    def flooded(i: int) -> Remembered:
+        flood = boxes(*rng.uniform(50, 500, (1000, 2)).tolist(), score=0.3)
+        return memory.update(frame(i / 10, Boxes.concatenate([flood, sure]), BOTH, WALLED))
+
+    for i in range(5):
+        flooded(i)
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for i in range(5, 15):
+            told = flooded(i)
+            assert len(told.ids) <= MOST_TRACKS
+        assert tracemalloc.get_traced_memory()[0] - before < 1_000_000
+    finally:
+        tracemalloc.stop()
+    # What is sure is not lost in it.
+    assert told.boxes.scores[0] > 0.8
+    assert told.boxes.centers[0, :2] == pytest.approx([0.0, 0.0], abs=0.05)
+    assert told.ids[0] <= 1001
+
+
+def test_nothing_at_all_is_no_error() -> None:
+    memory = Memory(1.0)
+    for i in range(3):
+        told = memory.update(Frame(i / 10, Boxes.empty()))
+    assert len(told.boxes) == len(told.ids) == len(told.velocities) == len(told.ages_s) == 0
+
+
+def test_headings_of_squares_are_alike_after_a_quarter_turn() -> None:
+    memory = Memory(1.0)
+    for i in range(10):
+        one = boxes((5, 5), label="person")
+        one.sizes[:] = (0.5, 0.5, 1.75)
+        one.headings[:] = np.pi / 2 * (i % 2)
+        told = memory.update(frame(i / 10, one))
+    assert np.cos(4 * told.boxes.headings[0]) == pytest.approx(1.0, abs=0.01)
