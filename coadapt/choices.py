@@ -46,7 +46,7 @@ def check_choices(spec: SwarmSpec) -> None:
 def _check_embedded(name: str, runtime: str) -> None:
     from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL, PACKAGES, find_model
 
-    if runtime != "docker":
+    if runtime == "netns":
         find_model(name or DEFAULT_MODEL)
     elif name and name not in PACKAGES:
         # The image brings its models; files of the host are not in it.

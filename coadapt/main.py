@@ -8,14 +8,13 @@ import importlib.util
 import pkgutil
 import sys
 from collections.abc import Sequence
-from importlib import metadata
 from typing import Any
 
 from coadapt import commands
 from swarm.errors import CoAdaptError, not_installed
 from swarm.memory import keep_freed_memory
+from swarm.version import installed_version
 
-DISTRIBUTION = "coadapt-edge"
 RESEARCH = "research"
 """The package that an installed wheel leaves out."""
 
@@ -68,10 +67,7 @@ class _Version(argparse.Action):
     """Looks the version up only when it is asked for."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        try:
-            version = metadata.version(DISTRIBUTION)
-        except metadata.PackageNotFoundError:
-            version = "(sources that are not installed)"
+        version = installed_version() or "(sources that are not installed)"
         print(f"coadapt {version}")
         parser.exit()
 

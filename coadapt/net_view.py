@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from deploy.rates import format_rate
+from swarm.controllers import merged, of
 from swarm.messages import LinkState, ShapeInForce, ShapeReply
 
 
-def render(reply: ShapeReply, links: Sequence[LinkState], now_ns: int) -> str:
-    """The shapes in force, the links' state where it is known, and the controller's notes."""
+def render(replies: Mapping[str, ShapeReply], links: Sequence[LinkState], now_ns: int) -> str:
+    """The shapes in force, the links' state where it is known, and what each controller notes."""
+    reply = merged(replies)
     lines = [_shape(shape, now_ns) for shape in reply.shapes] or ["no link is shaped"]
     lines += [f"telemetry runs towards {', '.join(reply.congested)}"] if reply.congested else []
     for link in links:
         lines += ["", *_link(link)]
     lines += [f"note: {note}" for note in reply.notes]
-    lines.append(f"revision {reply.revision}")
+    lines += [f"{of(name)}revision {each.revision}" for name, each in replies.items()]
     return "\n".join(lines)
 
 

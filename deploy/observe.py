@@ -12,6 +12,7 @@ import msgspec
 
 from deploy.state import State
 from swarm import keyspace
+from swarm.controllers import Controllers
 from swarm.errors import TransportError
 from swarm.listening import listen
 from swarm.messages import (
@@ -97,6 +98,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why the LLM gateway's model does not answer."""
     stands_in_for: str | None = None
     """The ego in whose stead `ego` decides; None: in its own."""
+    unshaped: tuple[str, ...] = ()
+    """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
 
 
 @dataclass(slots=True)
@@ -108,7 +111,7 @@ class _Heard:
     decision: Decision | None = None
     detections: int = 0
     bytes: dict[str, int] | None = None
-    cell: LinkState | None = None
+    controllers: Controllers = field(default_factory=Controllers)
     gateway: GatewayState | None = None
     duties: dict[str, RobotSteered | None] = field(default_factory=dict)
     """What the robots that are not heard said when they were asked; None: nothing."""
@@ -163,15 +166,17 @@ class Watch:
     def cell(self) -> LinkState | None:
         """The cell towards the ego, where the network controller says that it is shaped."""
         with self._changed:
-            return self._heard.cell
+            return self._cell()
 
     def link_problems(self) -> tuple[str, ...]:
-        """Why links are not as they should be, in the network controller's words; nothing while it
-        does not answer."""
+        """Why links are not as they should be, in the words of the network controller that has the
+        ego's link; nothing while it does not answer."""
+        with self._changed:
+            name = self._heard.controllers.of(self._ego(), time.monotonic()) or ""
         try:
             return (
                 self._session.ask(
-                    keyspace.net_shape(self._session.swarm),
+                    keyspace.net_shape(self._session.swarm, name),
                     ShapeRequest(profile="show"),
                     ShapeReply,
                     timeout_s=CONNECT_S,
@@ -219,7 +224,7 @@ class Watch:
         with self._changed:
             now = time.monotonic()
             span_s = max(now - self._since, 1e-3)
-            heard, decision = self._heard, self._heard.decision
+            heard, decision, cell = self._heard, self._heard.decision, self._cell()
             received = heard.bytes or {}
             rows = tuple(
                 self._row(robot, now, received.get(robot, 0) / span_s) for robot in self._ids()
@@ -236,8 +241,8 @@ class Watch:
                 valid=decision.valid if decision else None,
                 reason=decision.reason if decision else None,
                 capacity_bps=decision.capacity_bps if decision else None,
-                cell_bps=heard.cell.capacity_bps if heard.cell else None,
-                cell_level=heard.cell.level if heard.cell else None,
+                cell_bps=cell.capacity_bps if cell else None,
+                cell_level=cell.level if cell else None,
                 quality=decision.quality if decision else None,
                 bytes_per_s=round(sum(received.values()) / span_s, 1),
                 frames_per_s=round(heard.detections / span_s, 2),
@@ -247,10 +252,16 @@ class Watch:
                 blind=decision.blind if decision else "",
                 model_trouble=heard.gateway.trouble if heard.gateway else "",
                 stands_in_for=decision.stands_in_for if decision else None,
+                unshaped=heard.controllers.unshaped(now),
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
         return view
+
+    def _cell(self) -> LinkState | None:
+        links = self._heard.controllers.links(time.monotonic())
+        own = (self._ego(), "down")
+        return next((link for link in links if (link.robot, link.direction) == own), None)
 
     def _ego(self) -> str:
         """The ego that decides: the specification's, or the one that stands in for it."""
@@ -335,7 +346,7 @@ class Watch:
 
     def _on_net_state(self, state: NetState) -> None:
         with self._changed:
-            self._heard.cell = state.link(self._ego(), "down")
+            self._heard.controllers.take(state, time.monotonic())
             self._changed.notify_all()
 
     def _on_gateway_state(self, state: GatewayState) -> None:

@@ -109,7 +109,7 @@ class Service:
                 return self.robot
             case "ego":
                 return TrustRole("ego", self.robot).common_name
-            case "router" | "controller" | "gateway" | "console":
+            case "router" | "authority" | "controller" | "gateway" | "console":
                 return self.role
         return ""
 
@@ -190,9 +190,10 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         host=INFRA,
         argv=(place.python, "-m", "deploy.trust"),
         env={
+            **_common_environment(
+                spec, place, place.router_host, "authority", AUTHORITY_METRICS_PORT
+            ),
             "COADAPT_KEYSTORE": f"{place.var_dir}/{KEYSTORE}",
-            "COADAPT_METRICS_HOST": "0.0.0.0",
-            "COADAPT_METRICS_PORT": str(AUTHORITY_METRICS_PORT),
         },
         metrics_port=AUTHORITY_METRICS_PORT,
     )

@@ -28,6 +28,10 @@ from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
 from swarm.metrics import MetricsServer, show_free_disk
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
+from swarm.trust.roles import Role
+
+MAX_TOLD, MAX_TROUBLES, MAX_WHY = 1024, 64, 300
+"""As many robots, troubles and characters of one as a `NetState` may have."""
 
 
 def main() -> int:
@@ -35,7 +39,8 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.check_router(settings.router, "controller")
+        role = Role("controller", settings.controller)
+        transport.check_router(settings.router, role.common_name)
         run(settings, stop, LoopWatch(make_logger("network_controller", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"network_controller: {error}", file=sys.stderr)
@@ -166,7 +171,7 @@ class _Link:
         except TransportError:
             return
         hear(session, {NetDemand: self._controller.on_demand})
-        key = keyspace.net_shape(session.swarm)
+        key = keyspace.net_shape(session.swarm, self._settings.controller)
         session.serve(key, ShapeRequest, self._controller.request, workers=1)
         self._session = session
         self._log.info("router_reached")
@@ -176,11 +181,18 @@ class _Link:
         self._seq += 1
         if self._session is None:
             return
+        name = self._settings.controller
         state = NetState(
-            controller=self._number, seq=self._seq, sent_ns=self._clock.now_ns(), links=states
+            controller=self._number,
+            seq=self._seq,
+            sent_ns=self._clock.now_ns(),
+            links=states,
+            name=name,
+            robots=self._controller.robots()[:MAX_TOLD],
+            unshaped=tuple(why[:MAX_WHY] for why in self._controller.troubles()[:MAX_TROUBLES]),
         )
         try:
-            self._session.put(keyspace.net_state(self._session.swarm), state)
+            self._session.put(keyspace.net_state(self._session.swarm, name), state)
         except TransportError as error:
             self._log.debug("state_unpublished", error=str(error))
 

@@ -21,7 +21,7 @@ from network_controller.drivers.base import Driver
 from network_controller.enforce import Enforcer
 from network_controller.journal import Journal
 from network_controller.metrics import ControllerMetrics
-from network_controller.model import Link
+from network_controller.model import Link, lacking
 from network_controller.notes import Notes
 from network_controller.observe import Observer, link_state
 from network_controller.operators import Operators
@@ -104,6 +104,7 @@ class Controller:
         self._lock = threading.RLock()
         self._wake = threading.Event()
         self._unready = ""
+        self._lacking: tuple[str, ...] = ()
         self._adopted = False
         self._closed = False
         self._looks = 0
@@ -219,6 +220,16 @@ class Controller:
         self._metrics.show(states)
         return states
 
+    def robots(self) -> tuple[str, ...]:
+        """Whose links are on this host, as last found, sorted; none once it has ended."""
+        return () if self._closed else tuple(sorted(self._robots))
+
+    @_locked
+    def troubles(self) -> tuple[str, ...]:
+        """Why links cannot be shaped here, or are not as they should be."""
+        problems = (f"{link}: {why}" for link, why in sorted(self._enforcer.problems.items()))
+        return (*((self._unready,) if self._unready else self._lacking), *problems)
+
     def on_demand(self, demand: NetDemand) -> None:
         """Takes an ego's demand; never waits, so it may be called on Zenoh's threads."""
         self._heard.append((demand, time.monotonic()))
@@ -309,7 +320,7 @@ class Controller:
         try:
             self._robots = self._driver.robots()
             if self._unready or not self._enforcer.links():
-                self._driver.capabilities()
+                self._lacking = lacking(self._driver.capabilities())
         except NetworkError as error:
             if str(error) != self._unready:
                 self._notes.note("unready", str(error))

@@ -81,4 +81,19 @@ class Capabilities:
 
 FEATURES = ("htb", "bfifo", "u32", "ingress", "mirred", "ifb", "netem", "fq_codel")
 NEEDED = ("htb", "bfifo", "u32")
-"""For shaping towards robots; from robots also takes `ingress`, `mirred` and `ifb`."""
+"""For shaping towards robots."""
+NEEDED_UP = ("ingress", "mirred", "ifb")
+"""For shaping from robots, beside the others."""
+
+
+def lacking(found: Capabilities) -> tuple[str, ...]:
+    """What cannot be shaped with these capabilities, and why; nothing where all can."""
+    for what, needed in (("links", NEEDED), ("links from robots", NEEDED_UP)):
+        missing = [
+            f"{feature} ({found.missing[feature]})"
+            for feature in needed
+            if feature in found.missing
+        ]
+        if missing:
+            return (f"{what} cannot be shaped: this kernel lacks {', '.join(missing)}",)
+    return ()

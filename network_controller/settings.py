@@ -13,7 +13,11 @@ from swarm.http_access import token_of
 from swarm.http_hosts import HostNames
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
-from swarm.settings import Name, Port, Secret, load, shown
+from swarm.settings import NAME_RULE, Name, Port, Secret, load, shown
+
+MAX_NAME = 21
+"""Of a controller's name: a certificate's common name has the role before it."""
+_NAME = rf"^[A-Za-z0-9_-]{{0,{MAX_NAME}}}(?!\n)$"
 
 Rate = Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, le=MAX_RATE_BPS)]
 
@@ -22,6 +26,11 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """How the links of one host are controlled. Field `driver` is read from `COADAPT_DRIVER`."""
 
     driver: Name = "netns"
+    controller: Annotated[
+        str, msgspec.Meta(pattern=_NAME, description=f"empty, or {NAME_RULE} of {MAX_NAME} at most")
+    ] = ""
+    """Its name, where hosts have one each: it answers on `net/shape/<controller>`, and in a secure
+    swarm its certificate says `controller-<controller>`. Empty for the only one."""
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
     ego_standby: Name | None = None

@@ -54,8 +54,9 @@ class Connection:
         shown, and TransportError when `timeout_s` has passed or `stop` was set first.
         """
         self._config = transport.client_config(router)
-        self._identity = transport.shown_identity(self._config)
-        self._shown = self._identity.version() if self._identity else ()
+        self.identity = transport.shown_identity(self._config)
+        """Whose certificate its sessions show; None where they show none."""
+        self._shown = self.identity.version() if self.identity else ()
         self._expected = transport.expected_links(self._config)
         self._log = log
         self._lock = threading.Lock()
@@ -146,12 +147,12 @@ class Connection:
 
     def _renewed(self) -> bool:
         """Whether the certificate that the session shows has been replaced by a newer one."""
-        return self._identity is not None and self._identity.version() not in (self._shown, ())
+        return self.identity is not None and self.identity.version() not in (self._shown, ())
 
     def _replace(self, least: int, what: str) -> bool:
         """Moves everything to a new session; False when that would have less links than `least`.
         `what` is logged where it is done."""
-        up, shown = self.links(), self._identity.version() if self._identity else ()
+        up, shown = self.links(), self.identity.version() if self.identity else ()
         try:
             fresh = transport.open_zenoh(self._config, timeout_s=OPEN_S, stop=self._closing)
         except (TransportError, IdentityError) as error:

@@ -38,6 +38,14 @@ def _net_key(swarm: str, leaf: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/net/{leaf}"
 
 
+def _controller_key(swarm: str, leaf: str, controller: str) -> str:
+    if controller == ANY:
+        return _net_key(swarm, f"{leaf}/**")  # also the one without a name
+    if controller:
+        return _net_key(swarm, f"{leaf}/{check_name('controller name', controller)}")
+    return _net_key(swarm, leaf)
+
+
 def _llm_key(swarm: str, leaf: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/llm/{leaf}"
 
@@ -91,9 +99,14 @@ def robot_steering(swarm: str, robot: str) -> str:
     return _robot_key(swarm, robot, "steering")
 
 
-def net_state(swarm: str) -> str:
-    """`messages.NetState`, 1 Hz, from the network controller."""
-    return _net_key(swarm, "state")
+def net_state(swarm: str, controller: str = "") -> str:
+    """`messages.NetState`, 1 Hz, from the network controller, or from the one of that name where
+    there is one a host; ANY is all of them.
+
+    >>> net_state("local"), net_state("local", "hall-2"), net_state("local", ANY)
+    ('coadapt/local/net/state', 'coadapt/local/net/state/hall-2', 'coadapt/local/net/state/**')
+    """
+    return _controller_key(swarm, "state", controller)
 
 
 def net_tcp(swarm: str) -> str:
@@ -106,9 +119,10 @@ def net_demand(swarm: str) -> str:
     return _net_key(swarm, "demand")
 
 
-def net_shape(swarm: str) -> str:
-    """Queryable of the network controller: `messages.ShapeRequest` -> `messages.ShapeReply`."""
-    return _net_key(swarm, "shape")
+def net_shape(swarm: str, controller: str = "") -> str:
+    """Queryable of the network controller, or of the one of that name: `messages.ShapeRequest` ->
+    `messages.ShapeReply`."""
+    return _controller_key(swarm, "shape", controller)
 
 
 def llm_decide(swarm: str) -> str:
@@ -126,6 +140,12 @@ def llm_alive(swarm: str) -> str:
     return _llm_key(swarm, "alive")
 
 
+def trust_certificate(swarm: str) -> str:
+    """Queryable of a secure swarm's authority: `messages.CertificateRequest` ->
+    `messages.RenewedCertificate`."""
+    return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
+
+
 def by(key: str, asker: str) -> str:
     """Where a role asks what is served on a key, in a secure swarm: the router lets each ask by its
     own name only, so that who serves knows who asks. Served is `by(key, ANY)`.
@@ -140,6 +160,12 @@ def asker_of(key: str) -> str:
     """By whose name a query came; empty where its key is not one of `by`."""
     head, _, asker = key.rpartition("/")
     return asker if head.endswith("/by") else ""
+
+
+def controller_of(key: str) -> str:
+    """Which network controller a key of `net_state` is of; empty: the one without a name."""
+    parts = key.split("/")
+    return parts[4] if len(parts) > 4 else ""
 
 
 def belongs_to_robot(key: str) -> bool:

@@ -31,7 +31,7 @@ _KEYS: dict[type[Message], Callable[[str, str], str]] = {
     Detections: keyspace.detections,
     GatewayState: lambda swarm, ego: keyspace.llm_state(swarm),
     NetDemand: lambda swarm, ego: keyspace.net_demand(swarm),
-    NetState: lambda swarm, ego: keyspace.net_state(swarm),
+    NetState: lambda swarm, ego: keyspace.net_state(swarm, keyspace.ANY),
     TcpState: lambda swarm, ego: keyspace.net_tcp(swarm),
 }
 

@@ -23,15 +23,25 @@ from swarm.connection import Connection
 from swarm.credit import Window
 from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
 from swarm.log import Logger, make_logger
-from swarm.messages import Message, decode, encode
+from swarm.messages import (
+    CertificateRequest,
+    Message,
+    NetState,
+    RenewedCertificate,
+    decode,
+    encode,
+)
 from swarm.metrics import start_at_zero
 from swarm.serving import MAX_WAITING_QUERIES, Server
 from swarm.traffic import TrafficClass
+from swarm.trust.renewal import Renewal
 
 __all__ = ["MAX_WAITING_QUERIES", "Answer", "Session"]
 
 M = TypeVar("M", bound=Message)
 MAX_REMEMBERED_SENDERS = 256
+CERTIFICATE_S = 10.0
+"""How long the authority is given to answer."""
 
 
 class Session:
@@ -59,6 +69,8 @@ class Session:
         self.name = identity.name if identity is not None else ""
         """As whom this process asks, in a secure swarm; else empty."""
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
+        shown = self._connection.identity
+        self._renewal = Renewal(shown, self._certificate, self._log) if shown else None
         self._servers: list[Server[Any]] = []
         self._present: list[set[str]] = []
         """Robots that are alive, as each `watch_alive` was told."""
@@ -114,6 +126,10 @@ class Session:
                     and keyspace.robot_of(sender) != named
                 ):
                     raise MessageError(f"{kind.__name__} of {named!r} came on {sender}")
+                if isinstance(message, NetState) and (
+                    keyspace.controller_of(sender) != message.name
+                ):
+                    raise MessageError(f"the state of controller {message.name!r} came on {sender}")
             except (MessageError, KeyspaceError) as error:
                 self._drop(kind, sender, error)
                 return
@@ -286,10 +302,25 @@ class Session:
 
     def close(self) -> None:
         """Withdraws everything and closes; never waits longer than a few seconds."""
+        if self._renewal is not None:
+            self._renewal.close()
         for server in self._servers:
             server.close()
         self._servers.clear()
         self._connection.close()
+
+    def _certificate(self) -> str:
+        """What the authority issued last to who this process is. Raises TransportError, and
+        RefusedError."""
+        key = keyspace.trust_certificate(self.swarm)
+        asked = self.ask(
+            key,
+            CertificateRequest(role=self.name),
+            RenewedCertificate,
+            timeout_s=CERTIFICATE_S,
+            traffic=TrafficClass.CONTROL,
+        )
+        return asked.result().message.certificate
 
     def _drop(self, kind: type[Message], sender: str, error: CoAdaptError) -> None:
         self._invalid.labels(kind.__name__).inc()

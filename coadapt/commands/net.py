@@ -10,13 +10,14 @@ from pathlib import Path
 import msgspec
 
 from coadapt.arguments import add_swarm
-from coadapt.net_client import ask, watch_state
+from coadapt.net_client import NetClient
 from coadapt.net_view import render
 from coadapt.operator import operator
 from deploy.rates import parse_link_rate, parse_seconds, parse_share
 from deploy.state import need_state
 from network_controller.mahimahi import read_trace
 from swarm import keyspace
+from swarm.controllers import merged, of
 from swarm.errors import DeployError, NetworkError, TransportError
 from swarm.messages import ShapeRequest
 from swarm.messages.net import MAX_DURATION_S
@@ -84,19 +85,29 @@ def run(args: argparse.Namespace) -> int:
         session = Session(swarm.router, swarm.spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:
         raise DeployError(f"the router of swarm {args.swarm!r} does not answer: {error}") from error
+    show = request.profile == "show"
     with session:
-        newest = watch_state(session) if request.profile == "show" else None
-        reply = ask(session, request)
-        state = newest() if newest is not None else None
+        client = NetClient(session, swarm.spec.ego)
+        replies = client.ask(request)
+        links = client.links() if show else ()
+        states = client.states() if show else {}
     if args.json:
-        table = msgspec.to_builtins(reply)
-        if newest is not None:
-            table["links"] = msgspec.to_builtins(state.links if state else ())
-            table["state_ns"] = state.sent_ns if state else None
+        table = msgspec.to_builtins(merged(replies))
+        table["revisions"] = {name: reply.revision for name, reply in replies.items()}
+        if show:
+            table["links"] = msgspec.to_builtins(links)
+            table["state_ns"] = max((state.sent_ns for state in states.values()), default=None)
+            table["controllers"] = [
+                {"name": name, "robots": state.robots, "unshaped": state.unshaped}
+                for name, state in states.items()
+            ]
         print(msgspec.json.encode(table).decode())
         return 0
-    print(render(reply, state.links if state else (), time.time_ns()))
-    if newest is not None and state is None:
+    print(render(replies, links, time.time_ns()))
+    for name, state in states.items():
+        for why in state.unshaped:
+            print(f"note: {of(name)}{why}; C(t) is only measured there")
+    if show and not states:
         print("note: no net/state came: nothing is known of what links carry")
     return 0
 

@@ -124,6 +124,7 @@ def render(
         ]
     )
     lines += ["", *_decision(view)]
+    lines += [f"links      {why}; C(t) is only measured there" for why in view.unshaped]
     if view.model_trouble:
         lines.append(f"model      does not answer: {view.model_trouble}")
     if trust is not None:

@@ -88,28 +88,9 @@ NEEDED = ("aiohttp", "docker", "jsonschema", "starlette", "uvicorn")
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Adds `up` to the command line."""
     parser = subparsers.add_parser("up", help="start a swarm", description=__doc__)
-    parser.add_argument(
-        "--robots",
-        type=int,
-        help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
-    )
+    add_roster(parser)
     parser.add_argument("--runtime", choices=("auto", *runtimes.names()), default="auto")
-    parser.add_argument(
-        "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
-    )
-    parser.add_argument("--ego", help="which robot fuses (default: the first)")
-    parser.add_argument(
-        "--ego-standby", metavar="ROBOT", help="which robot fuses while the ego is away"
-    )
-    parser.add_argument(
-        "--comm-range", dest="comm_range_m", type=float, metavar="M", help="metres around the ego"
-    )
-    parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
     parser.add_argument("--grafana", action="store_true", help="start Grafana, too (in Docker)")
-    for name, what in (("prometheus", "Prometheus"), ("console", "the console")):
-        parser.add_argument(
-            f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
-        )
     parser.add_argument(
         "--secure",
         action=argparse.BooleanOptionalAction,
@@ -121,6 +102,32 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="PORT",
         help="take the ports from this one on (default: the usual ones, or the next free ones)",
     )
+    parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
+    parser.set_defaults(run=run)
+
+
+def add_roster(parser: argparse.ArgumentParser) -> None:
+    """Options that say what a swarm consists of, wherever it runs."""
+    parser.add_argument(
+        "--robots",
+        type=int,
+        help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
+    )
+    parser.add_argument(
+        "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
+    )
+    parser.add_argument("--ego", help="which robot fuses (default: the first)")
+    parser.add_argument(
+        "--ego-standby", metavar="ROBOT", help="which robot fuses while the ego is away"
+    )
+    parser.add_argument(
+        "--comm-range", dest="comm_range_m", type=float, metavar="M", help="metres around the ego"
+    )
+    parser.add_argument("--link", metavar="RATE", help="shape the cell to the ego, like 55mbit")
+    for name, what in (("prometheus", "Prometheus"), ("console", "the console")):
+        parser.add_argument(
+            f"--no-{name}", dest=name, action="store_false", help=f"go without {what}"
+        )
     for option, (name, words) in OPTIONS.items():
         field = PROPERTIES[name]
         if name in PORT_FIELDS:
@@ -137,8 +144,6 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
             metavar=None if choices or name == "world" else option.lstrip("-").upper(),
             help=f"{words} (default: {_usual(name)})" if field.default else words,
         )
-    parser.add_argument("--wait", type=float, help="seconds to wait for the first decision")
-    parser.set_defaults(run=run)
 
 
 def _usual(name: str) -> str:
@@ -201,7 +206,7 @@ def _runtime(args: argparse.Namespace, state: State | None) -> tuple[Runtime, st
 def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> SwarmSpec:
     """The swarm that is wished for. Raises DeployError that names an option and what it may be."""
     try:
-        spec = _wished(args, runtime)
+        spec = _wished(args, runtime.name)
         named = {name for name in PORT_FIELDS if getattr(args, name) is not None}
         if args.port_base is not None:
             based = based_on(args.port_base)
@@ -210,9 +215,7 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
                 raise DeployError(f"--port-base {args.port_base} is not free: {taken[0]}")
             named = set(PORT_FIELDS)
     except PropertyError as error:
-        option = _OPTION_OF.get(error.name, f"--{error.name}")
-        text = f"{option} {error.value} is not valid; it must be {error.rule}"
-        raise DeployError(text) from error
+        raise _by_option(error) from error
     check_choices(spec)
     if running is not None:
         kept = {n: getattr(running.spec, n) for n in PORT_FIELDS if n not in named}
@@ -223,7 +226,24 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
     return spec
 
 
-def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
+def wished(args: argparse.Namespace, runtime: str, **more: object) -> SwarmSpec:
+    """The swarm that the options of `add_roster` describe, for what runs it, with more properties.
+
+    Raises DeployError that names an option and what it may be, and what `check_choices` raises."""
+    try:
+        spec = _wished(args, runtime, **more)
+    except PropertyError as error:
+        raise _by_option(error) from error
+    check_choices(spec)
+    return spec
+
+
+def _by_option(error: PropertyError) -> DeployError:
+    option = _OPTION_OF.get(error.name, f"--{error.name}")
+    return DeployError(f"{option} {error.value} is not valid; it must be {error.rule}")
+
+
+def _wished(args: argparse.Namespace, runtime: str, **more: object) -> SwarmSpec:
     count = _PROCESS.world_robots if args.robots is None else args.robots
     if not MIN_ROBOTS <= count <= MAX_ROBOTS:
         raise PropertyError("robots", count, str(count), f"{MIN_ROBOTS} to {MAX_ROBOTS}")
@@ -253,8 +273,7 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
         if name in PROPERTIES and not (value is None and name in (*PORT_FIELDS, "secure"))
     }
     values |= {
-        "runtime": runtime.name,
-        **({} if args.secure is None else {"secure": args.secure}),
+        "runtime": runtime,
         "world": kind.name,
         "robots": robots,
         "data": str(Path(data).absolute()) if data else "",
@@ -264,7 +283,7 @@ def _wished(args: argparse.Namespace, runtime: Runtime) -> SwarmSpec:
     }
     if args.ego is None:
         del values["ego"]
-    return make_spec(**values)
+    return make_spec(**values | more)
 
 
 def _print_where(state: State) -> None:

@@ -87,7 +87,7 @@ SECRETS = {
 }
 """Where a container finds the file that a setting names on the host."""
 _IN_HOST_NETWORK = ("controller", "gateway", "console")
-_NOT_FOR_PROCESSES = frozenset(
+NOT_FOR_PROCESSES = frozenset(
     {
         *("COADAPT_BASE_IMAGE", "COADAPT_CONFIG", "COADAPT_DATA", "COADAPT_GRAFANA_IMAGE"),
         *("COADAPT_REQUIRE", "COADAPT_RUN_DIR"),
@@ -195,7 +195,7 @@ def _settings(service: Service) -> dict[str, str | None]:
     found: dict[str, str | None] = {
         name: value
         for name, value in roster.inherited(service.role, os.environ).items()
-        if name.startswith("COADAPT_") and name not in _NOT_FOR_PROCESSES
+        if name.startswith("COADAPT_") and name not in NOT_FOR_PROCESSES
     }
     for secret in roster.KEPT:
         if secret in found:
@@ -215,7 +215,8 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
             volumes.append(f"{Path(file).absolute()}:{place}:ro")
     if folder := FOLDERS.get(service.role):
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
-    if spec.secure and service.common_name:
+    # The authority has the whole keystore, its own identity in it.
+    if spec.secure and service.common_name and service.role != "authority":
         here = roster.identity_path(spec.var_dir, service.common_name)
         there = roster.identity_path(PLACE.var_dir, service.common_name)
         volumes.append(f"{here}:{there}:ro")

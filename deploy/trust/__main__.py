@@ -1,4 +1,7 @@
-"""Renews a swarm's certificates while it runs: `python -m deploy.trust`."""
+"""Renews a swarm's certificates while it runs: `python -m deploy.trust`.
+
+Who has a copy of its own on another machine asks for the new one at the router.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +14,17 @@ from typing import Annotated
 import msgspec
 from prometheus_client import CollectorRegistry, Gauge
 
+from deploy.trust.copies import Copies
 from deploy.trust.keystore import Keystore
 from deploy.trust.metrics import AuthorityMetrics
 from deploy.trust.prepare import LifeSettings
+from swarm.defaults import SWARM
 from swarm.errors import CoAdaptError, IdentityError
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
 from swarm.metrics import MetricsServer
 from swarm.process import leave, stop_on_signals
-from swarm.settings import Port, load
+from swarm.settings import Name, Port, load
 
 LOOKS = 12
 """So often in a certificate's life it is looked at."""
@@ -30,6 +35,9 @@ class AuthoritySettings(LifeSettings, frozen=True, kw_only=True):
     """Settings of the authority's process."""
 
     keystore: Annotated[str, msgspec.Meta(min_length=1)]
+    swarm: Name = SWARM
+    router: str = ""
+    """Where it gives its copies to processes on other machines; empty: to none."""
     metrics_host: str = "127.0.0.1"
     metrics_port: Port = 9108
 
@@ -73,6 +81,7 @@ def main() -> int:
         return 1
     life_s = settings.certificate_life_s
     store = Keystore(Path(settings.keystore), timedelta(seconds=life_s))
+    copies = Copies(store, settings.router, settings.swarm, log) if settings.router else None
     log.info("authority_up", keystore=settings.keystore, life_s=life_s)
     turned = LoopWatch(log).loop("authority")
     due = 0.0
@@ -86,6 +95,8 @@ def main() -> int:
             told = renew_due(store, told, metrics.left, log)
         except IdentityError as error:
             log.error("not_renewed", error=str(error))
+    if copies is not None:
+        copies.close()
     server.close()
     log.info("authority_down")
     return 0

@@ -108,7 +108,7 @@ class Keystore:
                     "has that would have its rights back; use another name, or `coadapt certs "
                     f"issue {name} --again` where nobody has it"
                 )
-            known = dict.fromkeys([*self._addresses(name), *addresses])
+            known = dict.fromkeys([*self.addresses(name), *addresses])
             if role.kind == "router" and not known:
                 raise IdentityError(
                     "the router's certificate needs the addresses under which others reach it: "
@@ -123,7 +123,7 @@ class Keystore:
         the two files while this is done finds a pair. Returns when it ends."""
         with self._alone():
             key = certificates.read_key(self.identity(name).key, name)
-            return self._issue(name, key, self._addresses(name)).not_valid_after_utc
+            return self._issue(name, key, self.addresses(name)).not_valid_after_utc
 
     def _issue(
         self, name: str, key: ec.EllipticCurvePrivateKey, addresses: Sequence[str]
@@ -216,7 +216,7 @@ class Keystore:
             )
         return ca, key
 
-    def _addresses(self, name: str) -> list[str]:
+    def addresses(self, name: str) -> list[str]:
         """Those in the certificate that a role has; none where it has none that can be read."""
         try:
             held = certificates.read_certificate(self.identity(name).certificate, name)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
 
+from deploy.ports import LOCALHOST
 from deploy.services import KEYSTORE, Place, services
 from deploy.spec import SwarmSpec
-from deploy.trust.keystore import LIFE, Keystore
+from deploy.trust.keystore import AUTHORITY, LIFE, Keystore
 from swarm.errors import IdentityError
 from swarm.settings import load
+from swarm.trust.certificates import read_certificate
+from swarm.trust.identity import CA
 from swarm.trust.roles import Role
 
 SHORTEST_S = 30
@@ -40,14 +44,57 @@ def prepare(spec: SwarmSpec, place: Place, operator: Role) -> None:
     """
     store = keystore_of(spec.var_dir)
     store.init(spec.swarm)
-    names = [member.common_name for member in services(spec, place) if member.common_name]
-    revoked = store.revoked() & {*names, operator.common_name}
+    members = [member.common_name for member in services(spec, place) if member.common_name]
+    for name in _allowed([*members, operator.common_name], store):
+        store.issue(name, _addresses(name, place))
+
+
+def keep(spec: SwarmSpec, place: Place, names: Iterable[str]) -> tuple[str, ...]:
+    """Issues certificates to those of these roles that have none, or whose it is time to renew: for
+    processes on other machines, which start anew with what is new. Returns whose.
+
+    Raises IdentityError, also for a robot that was revoked.
+    """
+    store = keystore_of(spec.var_dir)
+    store.init(spec.swarm)
+    now = datetime.now(UTC)
+    issued = {one.name: one for one in store.issued() if one.end > now}
+    new = []
+    for name in _allowed(names, store):
+        if name not in issued or set(_addresses(name, place)) - set(store.addresses(name)):
+            store.issue(name, _addresses(name, place))
+        elif store.due(issued[name], now):
+            store.renew(name)
+        else:
+            continue
+        new.append(name)
+    return tuple(new)
+
+
+def begun(var_dir: str, swarm: str) -> int:
+    """When the authority of a swarm with this directory began, nanoseconds since the Unix epoch: a
+    time that is the same whenever a description of the swarm is written. Makes the authority where
+    there is none. Raises IdentityError."""
+    store = keystore_of(var_dir)
+    store.init(swarm)
+    begin = read_certificate(store.folder / AUTHORITY / CA).not_valid_before_utc
+    return int(begin.timestamp()) * 1_000_000_000
+
+
+def _allowed(names: Iterable[str], store: Keystore) -> list[str]:
+    """The names. Raises IdentityError for one that was revoked."""
+    wanted = list(names)
+    revoked = store.revoked() & set(wanted)
     if revoked:
         name = min(revoked)
         raise IdentityError(
             f"{name} was revoked in {store.folder}; `coadapt certs issue {name} --again` gives it "
             "its rights back"
         )
-    for name in [*names, operator.common_name]:
-        own = (place.router_host, "127.0.0.1", "localhost") if name == "router" else ()
-        store.issue(name, tuple(dict.fromkeys(own)))
+    return wanted
+
+
+def _addresses(name: str, place: Place) -> tuple[str, ...]:
+    """Those that a new certificate gets."""
+    own = (place.router_host, LOCALHOST, "localhost") if name == "router" else ()
+    return tuple(dict.fromkeys(own))

@@ -11,6 +11,32 @@ BLOCK_SHARE = 3
 remain however many robots see the same object."""
 
 
+SLACK = 1.001
+"""A search tree rounds distances in its own way: it is asked for a little more, and what it finds
+is measured."""
+
+
+def are_near(
+    xy: NDArray[np.float64], places: NDArray[np.float64], distance_m: float
+) -> NDArray[np.bool_]:
+    """Which of the points (N, 2) are no farther than that from one of the places (M, 2), which may
+    be any finite ones: bool (N,)."""
+    near = np.zeros(len(xy), dtype=np.bool_)
+    if not len(xy):
+        return near
+    # A beacon may claim any finite place, whose square would not be finite.
+    reach = SLACK * distance_m
+    around = (places >= xy.min(axis=0) - reach) & (places <= xy.max(axis=0) + reach)
+    places = places[around.all(axis=1)]
+    if not len(places):
+        return near
+    found = cKDTree(xy).sparse_distance_matrix(cKDTree(places), reach, output_type="ndarray")
+    point, place = found["i"], found["j"]
+    gaps = xy[point] - places[place]
+    near[point[(gaps**2).sum(axis=1) <= distance_m**2]] = True
+    return near
+
+
 def merge_nearby(
     xy: NDArray[np.float64], weight: NDArray[np.float64], distance_m: float
 ) -> NDArray[np.intp]:
@@ -24,8 +50,10 @@ def merge_nearby(
     if not len(xy):
         return np.zeros(0, dtype=np.intp)
     block = np.floor(xy / (distance_m / BLOCK_SHARE)).astype(np.int64)
-    _, member = np.unique(block, axis=0, return_inverse=True)
-    member = member.reshape(-1)
+    block -= block.min(axis=0)
+    # One number a block, in the order of its row and then its column.
+    numbers = block[:, 0] * (block[:, 1].max() + 1) + block[:, 1]
+    _, member = np.unique(numbers, return_inverse=True)
     total = np.bincount(member, weight).astype(np.float64)
     middle = np.column_stack([np.bincount(member, weight * xy[:, i]) / total for i in range(2)])
     leader = _leaders(middle, total, distance_m)

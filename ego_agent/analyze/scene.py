@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.analyze.grid import Grid
-from ego_agent.analyze.merge import merge_nearby
+from ego_agent.analyze.merge import are_near, merge_nearby
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, RobotView, Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
@@ -266,11 +266,8 @@ def _merge(
     owner = np.repeat(np.arange(len(seen)), [len(s.objects) for s in seen])
     keep = grid.contains(objects[:, _X], objects[:, _Y]) & (evidence > 0.0)
     objects, evidence, owner = objects[keep], evidence[keep], owner[keep]
-    if len(robots) and len(objects):
-        # A beacon may claim any finite place, whose square would not be finite.
-        gaps = np.clip(objects[:, None, :2] - robots[None], -2 * SELF_M, 2 * SELF_M)
-        keep = (gaps**2).sum(axis=2).min(axis=1) > SELF_M**2
-        objects, evidence, owner = objects[keep], evidence[keep], owner[keep]
+    apart = ~are_near(objects[:, :2], robots, SELF_M)
+    objects, evidence, owner = objects[apart], evidence[apart], owner[apart]
     group = merge_nearby(objects[:, :2], evidence, MERGE_M)
     count = int(group.max()) + 1 if len(group) else 0
     weight = np.bincount(group, evidence, count)

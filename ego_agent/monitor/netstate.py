@@ -2,7 +2,8 @@
 is concerned.
 
 There is one controller a host, and each speaks for the links that it has shaped. A link that its
-own controller no longer mentions is unshaped; that another one does not mention it means nothing. A
+own controller no longer mentions is unshaped; that another one does not mention it means nothing,
+and what another one says of it counts only once its own has been silent (`FRESH_S`). A
 router tells of the queues of its sockets; an ego knows its own by their addresses.
 """
 
@@ -14,6 +15,7 @@ from dataclasses import dataclass, field
 
 from ego_agent.monitor.evidence import MIN_STOOD_MS, Queues
 from ego_agent.monitor.link import LinkEstimate
+from swarm.controllers import FRESH_S
 from swarm.messages import Direction, LinkState, NetState, TcpState
 from swarm.tcp import connections
 from swarm.traffic import TrafficClass
@@ -34,6 +36,9 @@ class _Word:
     """What was said last of one link."""
 
     controller: int
+    name: str = ""
+    at: float = 0.0
+    """When."""
     configured: tuple[int, int] = (0, 0)
     """Capacity and level."""
     recent: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=16))
@@ -84,7 +89,7 @@ class LinkWatch:
         for link in state.links:
             if link.direction == "up" or link.robot == self._ego:
                 heard.add((link.robot, link.direction))
-                self._hear(state.controller, link, now_s)
+                self._hear(state, link, now_s)
         for name, word in list(self._words.items()):
             if word.controller == state.controller and name not in heard:
                 del self._words[name]
@@ -113,13 +118,16 @@ class LinkWatch:
             self._seqs.popitem(last=False)
         return True
 
-    def _hear(self, controller: int, link: LinkState, now_s: float) -> None:
+    def _hear(self, state: NetState, link: LinkState, now_s: float) -> None:
         name: _Link = (link.robot, link.direction)
         word = self._words.get(name)
-        if word is None or word.controller != controller:
+        if word is None or word.controller != state.controller:
             if word is None and len(self._words) >= MAX_LINKS and link.robot != self._ego:
                 return
-            word = self._words[name] = _Word(controller)
+            if word is not None and word.name != state.name and now_s - word.at <= FRESH_S:
+                return  # Another host's controller has this link.
+            word = self._words[name] = _Word(state.controller, state.name)
+        word.at = now_s
         if word.configured != (link.capacity_bps, link.level):
             word.configured = (link.capacity_bps, link.level)
             word.recent.clear()

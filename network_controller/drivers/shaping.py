@@ -17,7 +17,14 @@ from network_controller.drivers.command import attempt, run, words
 from network_controller.drivers.interfaces import facts_of, index_of
 from network_controller.drivers.probe import probe
 from network_controller.drivers.readings import filters, parse, read_devices
-from network_controller.model import NEEDED, Capabilities, ClassShape, LinkReading, LinkShape
+from network_controller.model import (
+    NEEDED,
+    NEEDED_UP,
+    Capabilities,
+    ClassShape,
+    LinkReading,
+    LinkShape,
+)
 from swarm.errors import LinkGoneError, NetworkError
 from swarm.messages import Direction
 
@@ -63,7 +70,7 @@ class Shaper:
 
     def _check(self, direction: Direction, shape: LinkShape) -> None:
         missing = self.capabilities().missing
-        needed = NEEDED if direction == "down" else (*NEEDED, "ingress", "mirred", "ifb")
+        needed = NEEDED if direction == "down" else (*NEEDED, *NEEDED_UP)
         wants = [f for f in needed if f in missing]
         if shape.delay_ms or shape.loss:
             wants += ["netem"] if "netem" in missing else []

@@ -15,18 +15,20 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from options.console.controls import CONTROLS
+from options.console.controls import CONTROLS, Control
 from options.console.files import Recordings
 from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, same_origin
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
 from options.console.past import STEPS_S, Past
 from options.console.watch import Watch
-from swarm.errors import CoAdaptError, KeyspaceError, RefusedError, TransportError
+from swarm.controllers import merged
+from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
 from swarm.http_events import EventStream
 from swarm.http_hosts import Hosts
 from swarm.http_serving import media_type
 from swarm.log import Logger
+from swarm.messages import Message, ShapeRequest
 
 PAGE = Path(__file__).parent / "page"
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
@@ -127,12 +129,12 @@ def make_app(
         asked = msgspec.structs.replace(asked, operator=OPERATOR)
         robot = request.path_params.get("robot", "")
         try:
-            reply = await asyncio.wrap_future(watch.ask(CONTROLS[what], asked, robot))
+            reply = await _asked(watch, CONTROLS[what], asked, robot)
         except RefusedError as error:
             metrics.requests.labels(what, "refused").inc()
             log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
             return _refused(409, error.reason)
-        except KeyspaceError as error:
+        except (KeyspaceError, NetworkError) as error:
             metrics.requests.labels(what, "refused").inc()
             return _refused(400, str(error))
         except CoAdaptError as error:
@@ -142,7 +144,7 @@ def make_app(
             return _refused(504, f"{WHO[what]} does not answer: {error}")
         metrics.requests.labels(what, "done").inc()
         log.debug("console_asked", what=what, robot=robot)
-        return Response(msgspec.json.encode(reply.message), media_type="application/json")
+        return Response(msgspec.json.encode(reply), media_type="application/json")
 
     app = Starlette(
         routes=[
@@ -174,6 +176,16 @@ async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:
             metrics.sent.inc(len(event))
     finally:
         await stream.aclose()
+
+
+async def _asked(watch: Watch, control: Control, request: Message, robot: str) -> Message:
+    """The reply; of several controllers, theirs as one. Raises what `Watch.ask` does."""
+    if not isinstance(request, ShapeRequest):
+        reply: Message = (await asyncio.wrap_future(watch.ask(control, request, robot))).message
+        return reply
+    futures = watch.ask_controllers(request)
+    answers = await asyncio.gather(*map(asyncio.wrap_future, futures.values()))
+    return merged(dict(zip(futures, (answer.message for answer in answers), strict=True)))
 
 
 def _refused(status: int, why: str) -> JSONResponse:

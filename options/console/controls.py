@@ -24,15 +24,17 @@ class Control:
     request: type[Message]
     reply: type[Message]
     key: Callable[[str, str, str], str]
-    """From the swarm, its ego and the robot that is named."""
+    """From the swarm, its ego and the robot or controller that is named."""
 
 
 CONTROLS = {
-    "shape": Control(ShapeRequest, ShapeReply, lambda swarm, ego, robot: keyspace.net_shape(swarm)),
+    "shape": Control(
+        ShapeRequest, ShapeReply, lambda swarm, ego, who: keyspace.net_shape(swarm, who)
+    ),
     "ego": Control(
-        EgoSteering, EgoSteered, lambda swarm, ego, robot: keyspace.ego_steering(swarm, ego)
+        EgoSteering, EgoSteered, lambda swarm, ego, who: keyspace.ego_steering(swarm, ego)
     ),
     "robot": Control(
-        RobotSteering, RobotSteered, lambda swarm, ego, robot: keyspace.robot_steering(swarm, robot)
+        RobotSteering, RobotSteered, lambda swarm, ego, who: keyspace.robot_steering(swarm, who)
     ),
 }

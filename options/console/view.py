@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from time import monotonic
 from typing import Any
 
@@ -10,6 +11,7 @@ from options.console.board import FAULTS, HISTORY, Board, now_s
 from options.console.faults import SILENT_S, Faults
 from options.console.figures import Tally, link_figures
 from swarm.arrays import unpack_finite
+from swarm.controllers import Controllers
 from swarm.errors import MessageError
 from swarm.messages import (
     Beacon,
@@ -20,6 +22,7 @@ from swarm.messages import (
     NetState,
     RobotSteered,
     SceneDescription,
+    ShapeRequest,
 )
 
 MAX_ROBOTS = 256
@@ -51,6 +54,7 @@ class View:
             "since": now_s(),
             "gateway": None,
         }
+        self._controllers = Controllers()
         self._heard_at: dict[str, float] = {}
         """When each robot joined or sent its last beacon."""
         self._sizes: dict[str, dict[str, int]] = {}
@@ -263,10 +267,18 @@ class View:
 
     def on_net_state(self, state: NetState) -> None:
         """What links carry."""
+        now = monotonic()
         with self._lock:
-            links = [link_figures(link) for link in state.links]
-            self._board.put("net", {"at": now_s(), "links": links})
-            self._faults.net_state(monotonic())
+            self._controllers.take(state, now)
+            links = [link_figures(link) for link in self._controllers.links(now)]
+            unshaped = self._controllers.unshaped(now)
+            self._board.put("net", {"at": now_s(), "links": links, "unshaped": unshaped})
+            self._faults.net_state(now)
+
+    def addressees(self, request: ShapeRequest) -> Mapping[str, ShapeRequest]:
+        """Which network controllers a request goes to; see `Controllers.addressees`."""
+        with self._lock:
+            return self._controllers.addressees(request, self.ego, monotonic())
 
     def sees(self) -> None:
         """Robots are listened to from now on."""

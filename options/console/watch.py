@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
@@ -27,6 +28,8 @@ from swarm.messages import (
     RobotSteered,
     RobotSteering,
     SceneDescription,
+    ShapeReply,
+    ShapeRequest,
 )
 from swarm.session import Session
 from swarm.traffic import TrafficClass
@@ -81,16 +84,23 @@ class Watch:
         """Whether beacons, scenes and detections are listened to."""
         return self._second is not None
 
-    def ask(self, control: Control, request: Message, robot: str = "") -> Future[Answer[Any]]:
-        """Asks who answers such requests; see `Session.ask`.
+    def ask_controllers(self, request: ShapeRequest) -> Mapping[str, Future[Answer[ShapeReply]]]:
+        """Asks each network controller that has to do with it; see `ask`. Raises NetworkError, too:
+        where none has the link."""
+        requests = self._view.addressees(request)
+        return {name: self.ask(CONTROLS["shape"], one, name) for name, one in requests.items()}
 
-        Raises TransportError while the swarm cannot be reached, KeyspaceError for a robot id that
-        is none.
+    def ask(self, control: Control, request: Message, who: str = "") -> Future[Answer[Any]]:
+        """Asks who answers such requests, the robot or the network controller of that name; see
+        `Session.ask`.
+
+        Raises TransportError while the swarm cannot be reached, KeyspaceError for a name that is
+        none.
         """
         session = self._first
         if session is None or not session.links():
             raise TransportError(f"the router of swarm {self._swarm!r} cannot be reached")
-        key = control.key(self._swarm, self._view.ego, robot)
+        key = control.key(self._swarm, self._view.ego, who)
         return session.ask(
             key, request, control.reply, timeout_s=ANSWER_S, traffic=TrafficClass.CONTROL
         )

@@ -1,5 +1,5 @@
-"""Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage`,
-and, apart, of the demand that is told the network controller after it.
+"""Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage` and
+whom it doubts, and, apart, of the demand that is told the network controller after it.
 
 The messages of a synthetic floor go through the real Monitor, encoded and decoded as on the wire;
 only the cycle itself is timed. Between two cycles every robot moves, sees other things, and C(t)
@@ -14,6 +14,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.objective import Objective
@@ -23,6 +24,7 @@ from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.policies.registry import make_policy
+from perception.detector import configuration
 from research.benchmarks.report import write_report
 from swarm.arrays import pack
 from swarm.messages import (
@@ -37,6 +39,7 @@ from swarm.messages import (
 )
 
 ROBOTS = (6, 12, 50)
+BODY = configuration("factory").usual_body
 CYCLES = 400
 WARM_UP = 20
 OBJECTS_A_ROBOT = 60
@@ -137,6 +140,7 @@ def run(robots: int, cycles: int = CYCLES) -> tuple[list[float], list[float]]:
         snapshot = monitor.snapshot(cycle, now_ns)
         scene = analyze(snapshot, knowledge)
         previous = plan(snapshot, scene, policy, knowledge, previous, cycle, now_ns)
+        doubted(snapshot, knowledge.objective, BODY)
         decided = time.perf_counter()
         meter.take(scene, knowledge, previous, sent_ns=now_ns, now_s=time.monotonic())
         demands.append((time.perf_counter() - decided) * 1e3)

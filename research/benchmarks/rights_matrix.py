@@ -28,6 +28,7 @@ ROLES = [
     Role("robot", "R2"),
     Role("robot", "R3"),
     Role("ego", "R1"),
+    Role("controller", "hall-2"),
     Role("operator", "ann"),
     Role("reader", "bob"),
 ]
@@ -39,12 +40,13 @@ EGO_KEYS = (
 )  # fmt: skip
 SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
-    keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive,
+    keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive, keyspace.trust_certificate,
 )  # fmt: skip
 KEYS = [
     *(key(SWARM, robot) for key in ROBOT_KEYS for robot in ("R1", "R2", "R3")),
     *(key(SWARM, ego) for key in EGO_KEYS for ego in ("R1", "R2")),
     *(key(SWARM) for key in SITE_KEYS),
+    *(key(SWARM, "hall-2") for key in (keyspace.net_state, keyspace.net_shape)),
 ]
 WILD = [f"coadapt/{SWARM}/**", f"coadapt/{SWARM}/robot/*/beacon", "**"]
 QUIET_S = 0.4

@@ -58,6 +58,7 @@ from swarm.messages.net import (
 )
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
+from swarm.messages.trust import CertificateRequest, RenewedCertificate
 from swarm.messages.wire import decode, encode
 
 __all__ = [
@@ -74,6 +75,7 @@ __all__ = [
     "Assignment",
     "Backlog",
     "Beacon",
+    "CertificateRequest",
     "ChatMessage",
     "ClassName",
     "Count",
@@ -101,6 +103,7 @@ __all__ = [
     "Probe",
     "Profile",
     "Refusal",
+    "RenewedCertificate",
     "RobotId",
     "RobotSteered",
     "RobotSteering",

@@ -84,6 +84,15 @@ class NetState(Message, frozen=True, kw_only=True):
     seq: Count
     sent_ns: Ns
     links: tuple[LinkState, ...] = ()
+    name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{0,32}(?!\n)$")] = ""
+    """The controller's, where there is one a host; it is the last part of its keys."""
+    robots: Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=1024)] = ()
+    """Whose links it has, shaped or not: requests for these go to it."""
+    unshaped: Annotated[
+        tuple[Annotated[str, msgspec.Meta(max_length=300)], ...], msgspec.Meta(max_length=64)
+    ] = ()
+    """Why links cannot be shaped here, or are not as they should be. Of such a link only what egos
+    measure is known."""
 
     def link(self, robot: str, direction: Direction) -> LinkState | None:
         """The state of one direction of a robot's link, or None where it is not shaped."""

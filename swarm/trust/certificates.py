@@ -17,8 +17,11 @@ from swarm.trust.identity import Identity
 AUTHORITY = "the authority"
 
 
-def check(identity: Identity, now: datetime | None = None) -> x509.Certificate:
-    """The certificate of an identity that can be shown now, and that the others will believe.
+def check(
+    identity: Identity, now: datetime | None = None, *, fresh: bytes | None = None
+) -> x509.Certificate:
+    """The certificate of an identity that can be shown now, and that the others will believe;
+    with `fresh`, in PEM, that one in place of the one in the file.
 
     Raises IdentityError that names the file, the role and the remedy: a file is missing or
     cannot be read, the certificate is of another role than its folder, key and certificate do not
@@ -27,7 +30,7 @@ def check(identity: Identity, now: datetime | None = None) -> x509.Certificate:
     """
     now = now or datetime.now(UTC)
     authority = read_certificate(identity.ca)
-    own = read_certificate(identity.certificate, identity.name)
+    own = read_certificate(identity.certificate, identity.name, fresh)
     name = common_name(own)
     if name != identity.name:
         raise IdentityError(
@@ -69,10 +72,15 @@ def check_time(path: Path, held: x509.Certificate, whose: str, now: datetime) ->
         )
 
 
-def read_certificate(path: Path, whose: str = AUTHORITY) -> x509.Certificate:
-    """A certificate in PEM. Raises IdentityError that names the file and the role."""
+def read_certificate(
+    path: Path, whose: str = AUTHORITY, text: bytes | None = None
+) -> x509.Certificate:
+    """A certificate in PEM: the file's, or `text`, which is to take its place. Raises IdentityError
+    that names the file and the role."""
     try:
-        return x509.load_pem_x509_certificate(_read(path, f"the certificate of {whose}", whose))
+        return x509.load_pem_x509_certificate(
+            _read(path, f"the certificate of {whose}", whose) if text is None else text
+        )
     except ValueError as error:
         raise IdentityError(
             f"{path} holds no certificate in PEM: {error}; {remedy(whose)}"

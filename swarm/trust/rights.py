@@ -26,7 +26,10 @@ class Right:
 
 def rights_of(role: Role, swarm: str) -> tuple[Right, ...]:
     """All that a role may do in a swarm."""
-    return tuple(Right(act, key) for act, keys in _acts(role, swarm).items() for key in keys)
+    acts = _acts(role, swarm)
+    if role.kind not in ("router", "authority"):
+        acts["ask"] = (*acts.get("ask", ()), keyspace.trust_certificate(swarm))
+    return tuple(Right(act, key) for act, keys in acts.items() for key in keys)
 
 
 def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
@@ -55,7 +58,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                     keyspace.beacon(swarm, ANY),
                     keyspace.scene(swarm, ANY),
                     keyspace.decision(swarm, ANY),
-                    keyspace.net_state(swarm),
+                    keyspace.net_state(swarm, ANY),
                     keyspace.net_tcp(swarm),
                 ),
                 "watch": (
@@ -75,11 +78,13 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             # Its own process is a part of it, and not subject to its rules; another router has no
             # business here.
             return {}
+        case "authority":
+            return {"serve": (keyspace.trust_certificate(swarm),)}
         case "controller":
             return {
-                "put": (keyspace.net_state(swarm),),
+                "put": (keyspace.net_state(swarm, own),),
                 "listen": (keyspace.net_demand(swarm),),
-                "serve": (keyspace.net_shape(swarm),),
+                "serve": (keyspace.net_shape(swarm, own),),
             }
         case "gateway":
             return {
@@ -91,7 +96,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
             return {
                 **_reading(swarm),
                 "ask": (
-                    keyspace.net_shape(swarm),
+                    keyspace.net_shape(swarm, ANY),
                     keyspace.ego_steering(swarm, ANY),
                     keyspace.robot_steering(swarm, ANY),
                 ),
@@ -108,7 +113,7 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
-            keyspace.net_state(swarm),
+            keyspace.net_state(swarm, ANY),
             keyspace.net_tcp(swarm),
             keyspace.llm_state(swarm),
         ),

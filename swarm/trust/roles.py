@@ -9,16 +9,22 @@ from typing import Literal, get_args
 from swarm.errors import IdentityError, KeyspaceError
 from swarm.keyspace import check_name
 
-Kind = Literal["robot", "ego", "router", "controller", "gateway", "console", "operator", "reader"]
-SITE = ("router", "controller", "gateway", "console")
+Kind = Literal[
+    "robot", "ego", "router", "authority", "controller", "gateway", "console", "operator", "reader"
+]
+SITE = ("router", "authority", "controller", "gateway", "console")
 """Roles of which a swarm has one: the common name is the role's."""
-PREFIXES: dict[Kind, str] = {"ego": "ego-", "operator": "operator-", "reader": "reader-"}
+PREFIXES: dict[Kind, str] = {
+    "ego": "ego-", "controller": "controller-", "operator": "operator-", "reader": "reader-"
+}  # fmt: skip
+"""Of roles that have a name: of controllers, those of hosts of their own."""
 RULE = f"a robot's id, {', '.join(SITE)}, or {', '.join(p + 'NAME' for p in PREFIXES.values())}"
 
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """A role, and whose: the robot's, ego's, operator's or reader's name, else empty."""
+    """A role, and whose: the robot's, ego's, operator's or reader's name, or the name of a host's
+    own controller; else empty."""
 
     kind: Kind
     name: str = ""
@@ -30,7 +36,7 @@ class Role:
         >>> Role("ego", "R1").common_name
         'ego-R1'
         """
-        if self.kind in SITE:
+        if self.kind in SITE and not self.name:
             return self.kind
         return f"{PREFIXES.get(self.kind, '')}{self.name}"
 

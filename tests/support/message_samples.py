@@ -18,6 +18,7 @@ from swarm.messages import (
     Assignment,
     Backlog,
     Beacon,
+    CertificateRequest,
     ChatMessage,
     DecideAnswer,
     DecideRequest,
@@ -39,6 +40,7 @@ from swarm.messages import (
     ObservationRequest,
     Probe,
     Refusal,
+    RenewedCertificate,
     RobotSteered,
     RobotSteering,
     SceneDescription,
@@ -217,6 +219,9 @@ SAMPLES: tuple[Message, ...] = (
                 grants={"R2": 15_000_000},
             ),
         ),
+        name="hall-2",
+        robots=("R2", "R7"),
+        unshaped=("R7 down: tc refuses to shape eth1",),
     ),
     TcpState(
         router=281_474_976_710_655,
@@ -258,6 +263,8 @@ SAMPLES: tuple[Message, ...] = (
     EgoSteered(
         request=12, ego="R1", policy="static-late", q_min=0.6, policies=("coverage", "static-late")
     ),
+    CertificateRequest(request=14, role="R7", operator="R7"),
+    RenewedCertificate(request=14, certificate="-----BEGIN CERTIFICATE-----"),
     RobotSteering(request=13, operator="ann@floor", duty="off"),
     RobotSteered(request=13, robot="R3", on_duty=False, operator="ann@floor", since_ns=NOW),
     ShapeReply(

@@ -52,6 +52,7 @@ function own(stream) {
     found.push(`Q_min ${demand.q_min} is out of reach: ${demand.possible ? "C(t) is too small" : "no choice of robots reaches it"}`);
   }
   if (net && now - net.at > OLD_S.net) found.push("telemetry of the links is stale");
+  else for (const why of net?.unshaped ?? []) found.push(`${why}; C(t) is only measured there`);
   if (swarm.gateway && !swarm.gateway.alive) found.push("the LLM gateway is away");
   const kinds = new Map();
   for (const robot of stream.all("robot/").sort(byId)) {

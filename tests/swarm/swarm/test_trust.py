@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -14,9 +15,11 @@ from urllib.request import urlopen
 import msgspec
 import pytest
 
+from deploy.trust.copies import Copies
 from deploy.trust.keystore import Keystore
 from swarm import keyspace
-from swarm.errors import IdentityError, RefusedError, TransportError
+from swarm.errors import CoAdaptError, IdentityError, RefusedError, TransportError
+from swarm.log import make_logger
 from swarm.messages import (
     Beacon,
     Message,
@@ -27,6 +30,9 @@ from swarm.messages import (
     encode,
 )
 from swarm.session import Session
+from swarm.trust.certificates import check, read_certificate
+from swarm.trust.identity import Identity
+from swarm.trust.renewal import Renewal
 from tests.support.free_ports import free_port
 from tests.support.message_samples import SAMPLES
 from tests.support.secure_swarm import HOST, SecureRouter, made_keystore, secure_router
@@ -283,6 +289,45 @@ def test_both_sides_say_why_a_session_is_refused(
         told = urlopen(f"http://{HOST}:{port}/metrics", timeout=WAIT_S).read().decode()
         (refused,) = re.findall(r"^coadapt_router_refused_links_total (\S+)$", told, re.M)
         assert float(refused) > 1
+
+
+def test_an_identity_on_another_machine_is_renewed_over_the_network(
+    store: Keystore, router: SecureRouter, open_session: SessionMaker, tmp_path: Path
+) -> None:
+    store.issue("authority")
+    elsewhere = Identity(Path(shutil.copytree(store.identity("R3").folder, tmp_path / "R3")))
+    session = open_session(f"tls/{HOST}:{router.port}#identity={elsewhere.folder}")
+    log = make_logger("authority")
+    copies = Copies(store, router.of("authority"), session.swarm, log)
+    renewal = Renewal(elsewhere, session._certificate, log, share=1.0)
+    try:
+        before = read_certificate(elsewhere.certificate)
+        store.renew("R3")
+        after = read_certificate(store.identity("R3").certificate)
+        assert after.not_valid_after_utc > before.not_valid_after_utc
+        until(lambda: read_certificate(elsewhere.certificate) == after, "it is here", 60.0)
+        check(elsewhere)
+        until(lambda: session._connection.reopened == 1, "the session shows it", 60.0)
+        store.revoke("R3")
+        with pytest.raises(CoAdaptError):
+            session._certificate()
+    finally:
+        renewal.close()
+        copies.close()
+
+
+def test_a_certificate_that_is_not_ones_own_is_not_taken(
+    store: Keystore, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    foreign = made_keystore(tmp_path / "foreign", "other", "R3")
+    mine = store.identity("R3")
+    held = mine.certificate.read_bytes()
+    for other in (store.identity("R1"), foreign.identity("R3")):
+        text = other.certificate.read_text()
+        renewal = Renewal(mine, lambda text=text: text, make_logger("r"), share=1.0)  # type: ignore[misc]
+        until(lambda: "certificate_not_renewed" in capsys.readouterr().err, "that is said")
+        renewal.close()
+    assert mine.certificate.read_bytes() == held
 
 
 def started(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from coadapt.main import main
@@ -67,10 +68,11 @@ def state(seq: int) -> NetState:
 class Controller:
     """Answers requests as a network controller does, and keeps them."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, name: str = "") -> None:
         self.requests: list[ShapeRequest] = []
         self.session = session
-        session.serve(keyspace.net_shape(session.swarm), ShapeRequest, self._answer, workers=1)
+        self.key = keyspace.net_shape(session.swarm, name)
+        session.serve(self.key, ShapeRequest, self._answer, workers=1)
 
     def _answer(self, request: ShapeRequest) -> ShapeReply:
         self.requests.append(request)
@@ -112,14 +114,95 @@ def swarm(swarm_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> C
 
 @pytest.fixture
 def controller(
-    swarm: Callable[[str], str], shared_router: RouterProcess, open_session: SessionMaker
+    swarm: Callable[[str], str],
+    shared_router: RouterProcess,
+    open_session: SessionMaker,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> Controller:
+    monkeypatch.setattr("coadapt.net_client.GATHER_S", 0.2)
     swarm(shared_router.address)
     controller = Controller(open_session(shared_router.address))
     wait_until_served(
         open_session(shared_router.address), keyspace.net_shape(controller.session.swarm)
     )
     return controller
+
+
+@pytest.fixture
+def halls(
+    swarm: Callable[[str], str], shared_router: RouterProcess, open_session: SessionMaker
+) -> Iterator[tuple[Controller, Controller]]:
+    """The controllers of two hosts: R1, the ego, is on one, R7 on the other, which shapes none."""
+    swarm(shared_router.address)
+    session = open_session(shared_router.address)
+    both = Controller(session, "hall-1"), Controller(session, "hall-2")
+    asker = open_session(shared_router.address)
+    for one in both:
+        wait_until_served(asker, one.key)
+    over = threading.Event()
+
+    def publish() -> None:
+        seq = 0
+        why = ("R7 down: tc refuses to shape eth1",)
+        while not over.wait(0.1):
+            seq += 1
+            here = msgspec.structs.replace(state(seq), name="hall-1", robots=("R1", "R2"))
+            there = NetState(
+                controller=2, seq=seq, sent_ns=NOW_NS, name="hall-2", robots=("R7",), unshaped=why
+            )
+            for one in (here, there):
+                session.put(keyspace.net_state(session.swarm, one.name), one)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    yield both
+    over.set()
+    thread.join()
+
+
+@pytest.mark.parametrize(
+    ("argv", "asked"),
+    [
+        ("shape --rate 5mbit", ("R1", None)),
+        ("shape --rate 5mbit --robot R2", ("R2", None)),
+        ("shape --rate 5mbit --robot R7 --direction up", (None, "R7")),
+        ("congest --stop", ("", "")),
+        ("shape --profile off", ("", "")),
+        ("shape --profile off --robot R7", (None, "R7")),
+    ],
+)
+def test_a_request_reaches_the_controller_of_the_host_that_has_the_link(
+    argv: str, asked: tuple[str | None, ...], halls: tuple[Controller, Controller]
+) -> None:
+    assert net(halls[0], *argv.split()) == 0
+    for one, robot in zip(halls, asked, strict=True):
+        assert [request.robot for request in one.requests] == ([] if robot is None else [robot])
+
+
+def test_a_robot_that_no_host_has_is_told(
+    halls: tuple[Controller, Controller], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert net(halls[0], "shape", "--rate", "5mbit", "--robot", "R9") == 1
+    assert "no network controller has a link of robot 'R9'" in capsys.readouterr().err
+    assert not halls[0].requests
+    assert not halls[1].requests
+
+
+def test_show_tells_of_all_hosts(
+    halls: tuple[Controller, Controller], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert net(halls[0], "show", "--json") == 0
+    table = json.loads(capsys.readouterr().out)
+    assert table["revisions"] == {"hall-1": 8, "hall-2": 8}
+    assert [link["robot"] for link in table["links"]] == ["R1"]
+    assert [(one["name"], one["robots"]) for one in table["controllers"]] == [
+        ("hall-1", ["R1", "R2"]),
+        ("hall-2", ["R7"]),
+    ]
+    assert net(halls[0], "show") == 0
+    out = capsys.readouterr().out
+    assert "note: controller hall-2: R7 down: tc refuses to shape eth1; C(t) is only measu" in out
+    assert "controller hall-1: revision 8" in out
 
 
 def net(controller: Controller, *argv: str) -> int:

@@ -80,10 +80,14 @@ def test_robots_are_fused_and_status_says_who_is_trusted(swarm: State, cli: Cli)
     await_(lambda: all_take_part(cli), "all robots are fused")
     names = {one["name"] for one in status(cli)["trust"]}
     assert names == {
-        *("R1", "R2", "R3", "ego-R1", "router", "controller", "console", "operator-local"),
+        *("R1", "R2", "R3", "ego-R1", "router", "authority", "controller", "console"),
+        "operator-local",
     }
     text = cli("status").stdout
-    assert "trust      R1, R2, R3, console, controller, ego-R1, operator-local, router" in text
+    assert (
+        "trust      R1, R2, R3, authority, console, controller, ego-R1, operator-local, router"
+        in text
+    )
 
 
 def test_who_acts_stands_in_the_journal_as_the_router_let_them_in(swarm: State, cli: Cli) -> None:

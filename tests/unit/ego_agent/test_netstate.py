@@ -10,6 +10,7 @@ from ego_agent.monitor.evidence import Sample
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import MAX_LINKS, MAX_SENDERS, STEADY_S, LinkWatch
 from ego_agent.monitor.snapshot import Monitor
+from swarm.controllers import FRESH_S
 from swarm.messages import Backlog, Direction, LinkClass, LinkState, NetState, TcpState
 
 PRIOR = 55e6
@@ -25,10 +26,12 @@ class Ego:
         self.monitor = Monitor(EGO, self.link, monotonic=lambda: self.now_s)
         self._seq = 0
 
-    def hear(self, *links: LinkState, controller: int = 1, seq: int | None = None) -> None:
+    def hear(
+        self, *links: LinkState, controller: int = 1, seq: int | None = None, name: str = ""
+    ) -> None:
         self._seq += 1
         number = self._seq if seq is None else seq
-        state = NetState(controller=controller, seq=number, sent_ns=0, links=links)
+        state = NetState(controller=controller, seq=number, sent_ns=0, links=links, name=name)
         self.monitor.on_net_state(state)
 
     @property
@@ -136,6 +139,18 @@ def test_the_restarted_controller_speaks_for_the_cell_from_then_on(ego: Ego) -> 
     assert ego.capacity == (6e6, "net/state")
     ego.hear(controller=2)
     assert ego.capacity == (PRIOR, "prior")
+
+
+def test_another_hosts_controller_has_no_say_about_a_link_that_has_one(ego: Ego) -> None:
+    ego.hear(state(5e6), controller=1, name="hall-1")
+    ego.hear(state(9e6), controller=2, name="hall-2")
+    assert ego.capacity == (5e6, "net/state")
+    ego.hear(controller=2, name="hall-2")
+    assert ego.capacity == (5e6, "net/state")
+    # The link's own controller is away, or has given it up.
+    ego.now_s += FRESH_S + 0.5
+    ego.hear(state(9e6), controller=2, name="hall-2")
+    assert ego.capacity == (9e6, "net/state")
 
 
 def test_a_robots_link_upwards_bounds_what_it_can_deliver(ego: Ego) -> None:

@@ -13,7 +13,16 @@ from tests.support.paths import REPOSITORY
 
 PAGE = REPOSITORY / "docs" / "security.md"
 BEGIN, END = "<!-- rights -->\n", "<!-- /rights -->"
-NAMES = ("R3", "ego-R1", "controller", "gateway", "console", "operator-ann", "reader-bob")
+NAMES = (
+    "R3",
+    "ego-R1",
+    "controller",
+    "controller-hall-2",
+    "gateway",
+    "console",
+    "operator-ann",
+    "reader-bob",
+)
 ACTS: tuple[Act, ...] = ("put", "listen", "serve", "ask", "hold", "watch")
 
 

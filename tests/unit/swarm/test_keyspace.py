@@ -39,6 +39,18 @@ def test_the_network_state_has_one_key_a_swarm() -> None:
     assert keyspace.net_shape("S") == "coadapt/S/net/shape"
 
 
+def test_controllers_of_their_own_hosts_have_keys_of_their_own() -> None:
+    assert keyspace.net_state("S", "hall-2") == "coadapt/S/net/state/hall-2"
+    assert keyspace.net_shape("S", "hall-2") == "coadapt/S/net/shape/hall-2"
+    everybody = zenoh.KeyExpr(keyspace.net_state("S", keyspace.ANY))
+    for name in ("", "hall-2"):
+        key = keyspace.net_state("S", name)
+        assert everybody.includes(zenoh.KeyExpr(key))
+        assert keyspace.controller_of(key) == name
+    with pytest.raises(KeyspaceError, match="controller name"):
+        keyspace.net_shape("S", "hall/2")
+
+
 @every_key
 @given(swarm=names, robot=names)
 def test_the_id_in_a_key_can_be_read_back(key: Key, swarm: str, robot: str) -> None:

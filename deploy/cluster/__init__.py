@@ -1,0 +1,1 @@
+"""A swarm on many machines, described for an engine that people already run."""

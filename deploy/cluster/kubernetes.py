@@ -1,0 +1,344 @@
+"""A swarm as objects of Kubernetes: one for each thing that the API has a word for."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import PurePosixPath
+from typing import Any
+
+import yaml
+
+from deploy.cluster import plan
+from deploy.cluster.plan import Cluster, Container
+from deploy.dashboards import ALERTS as ALERT_RULES
+from deploy.docker import compose
+from deploy.services import SCRAPE_S
+from deploy.spec import SwarmSpec
+from swarm.errors import DeployError
+
+Object = dict[str, Any]
+
+ROUTER = "router"
+"""The router's Service, by whose name all reach it."""
+METRICS = "metrics"
+"""The Service, and the port of each container, where Prometheus finds metrics."""
+ROBOT_LABEL, SITE_LABEL = "coadapt/robot", "coadapt/site"
+"""Of a node: the robot that it is, and whether it runs the router."""
+PROCESS_LABEL = "coadapt/process"
+"""Of a pod: the process's name, by which exactly its own objects select it."""
+COMPONENT = "app.kubernetes.io/component"
+MONITORING = "monitoring"
+"""The namespace from which Prometheus comes."""
+_ON_HOSTS = ("router", "robot", "ego")
+"""Whose packets keep their marks in the nodes' own network; the others have an address of the
+cluster's, where its rules for networks hold."""
+_STAYS: Sequence[Object] = [
+    # A node that the control plane does not hear goes on with what it has.
+    {"key": f"node.kubernetes.io/{trouble}", "operator": "Exists", "effect": "NoExecute"}
+    for trouble in ("not-ready", "unreachable")
+]
+_PULLED = "200m"
+_CPU: Mapping[str, str] = {"ego": "1", "robot": _PULLED}
+"""What a process is sure to get; others 50m."""
+
+
+def objects(
+    spec: SwarmSpec, cluster: Cluster, monitoring: str = MONITORING
+) -> dict[str, list[Object]]:
+    """All objects but the secrets, by the file in which they belong. They name no namespace: a
+    swarm has one of its own. `monitoring`: the namespace from which Prometheus comes; empty: nobody
+    is to look.
+
+    Raises DeployError for what Kubernetes cannot have.
+    """
+    wanted = plan.containers(spec, cluster)
+    _check_names(one.service.name for one in wanted)
+    by_role: dict[str, list[Container]] = {}
+    for one in wanted:
+        by_role.setdefault(one.service.role, []).append(one)
+    robots = [_workload(spec, cluster, one, "StatefulSet") for one in by_role.pop("robot")]
+    files = {
+        "services.yaml": [_router_service(spec), _metrics_service(spec)],
+        "robots.yaml": [*robots, _disruption_budget(spec)],
+        **{
+            f"{role}.yaml": [_workload(spec, cluster, one, "Deployment") for one in own]
+            for role, own in by_role.items()
+        },
+        "network-policy.yaml": [_network_policy(spec, monitoring)],
+    }
+    if monitoring:
+        files["monitoring.yaml"] = [_service_monitor(spec), _alerts(spec)]
+    return files
+
+
+def secrets(spec: SwarmSpec, cluster: Cluster) -> list[Object]:
+    """The Secrets that `objects` refers to, with certificates and keys in them. Raises DeployError
+    for a file that cannot be read."""
+    made: dict[str, Object] = {}
+    for one in plan.containers(spec, cluster):
+        for name, folder in _secret_names(one).items():
+            own = {p: f for p, f in one.files.items() if str(PurePosixPath(p).parent) == folder}
+            try:
+                data = {
+                    PurePosixPath(place).name: base64.b64encode(file.read_bytes()).decode()
+                    for place, file in own.items()
+                }
+            except OSError as error:
+                raise DeployError(f"{error.filename}: {error.strerror}") from error
+            made[name] = {
+                "apiVersion": "v1",
+                "kind": "Secret",
+                "metadata": {"name": name, "labels": _labels(spec)},
+                "type": "Opaque",
+                "data": data,
+            }
+    return list(made.values())
+
+
+def name_of(text: str) -> str:
+    """A name as Kubernetes allows it.
+
+    >>> name_of("ego-R1"), name_of("arm_7")
+    ('ego-r1', 'arm-7')
+    """
+    return re.sub(r"[^a-z0-9-]", "-", text.lower()).strip("-")
+
+
+def _check_names(names: Iterable[str]) -> None:
+    seen: dict[str, str] = {}
+    for name in names:
+        other = seen.setdefault(name_of(name), name)
+        if other != name:
+            raise DeployError(f"{other} and {name} have one name in Kubernetes, {name_of(name)}")
+
+
+def _workload(spec: SwarmSpec, cluster: Cluster, one: Container, kind: str) -> Object:
+    """What keeps one process running, and one only: neither a StatefulSet nor a Deployment that
+    recreates begins a pod before the last one is known to have ended."""
+    labels = {
+        **_labels(spec),
+        COMPONENT: one.service.role,
+        PROCESS_LABEL: one.service.name,
+        **({ROBOT_LABEL: one.robot} if one.robot else {}),
+    }
+    return {
+        "apiVersion": "apps/v1",
+        "kind": kind,
+        "metadata": {"name": name_of(one.service.name), "labels": labels},
+        "spec": {
+            "replicas": 1,
+            "selector": {"matchLabels": {**_labels(spec), PROCESS_LABEL: one.service.name}},
+            **(
+                {"serviceName": METRICS}
+                if kind == "StatefulSet"
+                else {"strategy": {"type": "Recreate"}}
+            ),
+            "template": {"metadata": {"labels": labels}, "spec": _pod(cluster, one)},
+        },
+    }
+
+
+def _pod(cluster: Cluster, one: Container) -> Object:
+    on_host = cluster.network == "host" and one.service.role in _ON_HOSTS
+    if one.robot:
+        where = {ROBOT_LABEL: one.robot}
+    else:
+        where = {SITE_LABEL: "true"} if one.service.role == "router" else {}
+    return {
+        **({"nodeSelector": where, "tolerations": list(_STAYS)} if where else {}),
+        **({"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"} if on_host else {}),
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        "terminationGracePeriodSeconds": plan.ENDS_S,
+        "securityContext": {
+            "runAsNonRoot": True,
+            "runAsUser": plan.USER,
+            "runAsGroup": plan.USER,
+            "fsGroup": plan.USER,
+            "seccompProfile": {"type": "RuntimeDefault"},
+        },
+        "containers": [_container(one)],
+        "volumes": _volumes(one),
+    }
+
+
+def _container(one: Container) -> Object:
+    container: Object = {
+        "name": one.service.role,
+        "image": one.image,
+        "command": list(one.service.argv),
+        "env": [{"name": name, "value": value} for name, value in one.env.items()],
+        "resources": {
+            "requests": {"cpu": _CPU.get(one.service.role, "50m"), "memory": str(one.memory // 4)},
+            "limits": {"memory": str(one.memory)},
+        },
+        "securityContext": {
+            "allowPrivilegeEscalation": False,
+            "readOnlyRootFilesystem": True,
+            "capabilities": {"drop": ["ALL"]}
+            | ({"add": list(one.capabilities)} if one.capabilities else {}),
+        },
+        "volumeMounts": _mounts(one),
+    }
+    ports = [{"name": f"port-{port}", "containerPort": port} for port in one.ports]
+    if one.service.metrics_port is not None:
+        ports.append({"name": METRICS, "containerPort": one.service.metrics_port})
+        asked = {"httpGet": {"path": "/metrics", "port": METRICS}}
+        often = {
+            "periodSeconds": plan.HEALTH_PERIOD_S,
+            "timeoutSeconds": plan.HEALTH_TIMEOUT_S,
+            "failureThreshold": plan.HEALTH_RETRIES,
+        }
+        begins = plan.HEALTH_START_S // plan.HEALTH_PERIOD_S
+        container["startupProbe"] = {**asked, **often, "failureThreshold": begins}
+        container["livenessProbe"] = container["readinessProbe"] = {**asked, **often}
+    return container | ({"ports": ports} if ports else {})
+
+
+def _mounts(one: Container) -> list[Object]:
+    found: list[Object] = [{"name": "tmp", "mountPath": "/tmp"}]
+    found += [
+        {"name": name, "mountPath": folder, "readOnly": True}
+        for name, folder in _secret_names(one).items()
+    ]
+    if one.folder:
+        there = f"{compose.PLACE.var_dir}/{one.folder}"
+        found.append({"name": one.folder, "mountPath": there})
+    if one.data:
+        found.append({"name": "data", "mountPath": compose.DATA, "readOnly": True})
+    return found
+
+
+def _volumes(one: Container) -> list[Object]:
+    found: list[Object] = [
+        {"name": "tmp", "emptyDir": {"medium": "Memory", "sizeLimit": str(plan.TMP_BYTES)}}
+    ]
+    found += [
+        {"name": name, "secret": {"secretName": name, "defaultMode": 0o440}}
+        for name in _secret_names(one)
+    ]
+    if one.folder:
+        found.append({"name": one.folder, "emptyDir": {}})
+    if one.data:
+        found.append({"name": "data", "hostPath": {"path": one.data, "type": "Directory"}})
+    return found
+
+
+def _secret_names(one: Container) -> dict[str, str]:
+    """The Secrets of a container, and the folder in which each appears."""
+    found = {}
+    for folder in dict.fromkeys(str(PurePosixPath(place).parent) for place in one.files):
+        own = one.service.common_name and PurePosixPath(folder).name == one.service.common_name
+        what = f"identity-{one.service.common_name}" if own else f"settings-{one.service.name}"
+        found[name_of(what)] = folder
+    return found
+
+
+def _labels(spec: SwarmSpec) -> dict[str, str]:
+    return {"app.kubernetes.io/name": "coadapt-edge", "app.kubernetes.io/instance": spec.swarm}
+
+
+def _router_service(spec: SwarmSpec) -> Object:
+    """Without an address of its own: the name leads to the router's node or pod itself."""
+    ports = range(spec.router_port, spec.router_port + 3)
+    return {
+        "apiVersion": "v1",
+        "kind": "Service",
+        "metadata": {"name": ROUTER, "labels": _labels(spec)},
+        "spec": {
+            "clusterIP": "None",
+            "publishNotReadyAddresses": True,
+            "selector": {**_labels(spec), PROCESS_LABEL: ROUTER},
+            "ports": [{"name": f"port-{port}", "port": port} for port in ports],
+        },
+    }
+
+
+def _metrics_service(spec: SwarmSpec) -> Object:
+    return {
+        "apiVersion": "v1",
+        "kind": "Service",
+        "metadata": {"name": METRICS, "labels": {**_labels(spec), COMPONENT: METRICS}},
+        "spec": {
+            "clusterIP": "None",
+            "publishNotReadyAddresses": True,
+            "selector": _labels(spec),
+            # Each pod's own number behind the one name.
+            "ports": [{"name": METRICS, "port": 9100, "targetPort": METRICS}],
+        },
+    }
+
+
+def _disruption_budget(spec: SwarmSpec) -> Object:
+    """Who empties nodes for maintenance takes one robot at a time."""
+    return {
+        "apiVersion": "policy/v1",
+        "kind": "PodDisruptionBudget",
+        "metadata": {"name": "robots", "labels": _labels(spec)},
+        "spec": {
+            "maxUnavailable": 1,
+            "selector": {"matchLabels": {**_labels(spec), COMPONENT: "robot"}},
+        },
+    }
+
+
+def _network_policy(spec: SwarmSpec, monitoring: str) -> Object:
+    """Who may reach the pods: the swarm's own, and Prometheus their metrics."""
+    prometheus = {"matchLabels": {"kubernetes.io/metadata.name": monitoring}}
+    metrics = {"from": [{"namespaceSelector": prometheus}], "ports": [{"port": METRICS}]}
+    return {
+        "apiVersion": "networking.k8s.io/v1",
+        "kind": "NetworkPolicy",
+        "metadata": {"name": "swarm", "labels": _labels(spec)},
+        "spec": {
+            "podSelector": {"matchLabels": _labels(spec)},
+            "policyTypes": ["Ingress"],
+            "ingress": [
+                {"from": [{"podSelector": {"matchLabels": _labels(spec)}}]},
+                *([metrics] if monitoring else []),
+            ],
+        },
+    }
+
+
+def _service_monitor(spec: SwarmSpec) -> Object:
+    """Tells Prometheus' operator what to scrape, with the labels that dashboards and alerts ask
+    for."""
+    named = {COMPONENT: "role", PROCESS_LABEL: "instance", ROBOT_LABEL: "robot"}
+    return {
+        "apiVersion": "monitoring.coreos.com/v1",
+        "kind": "ServiceMonitor",
+        "metadata": {"name": "swarm", "labels": _labels(spec)},
+        "spec": {
+            "selector": {"matchLabels": {**_labels(spec), COMPONENT: METRICS}},
+            "endpoints": [
+                {
+                    "port": METRICS,
+                    "interval": f"{SCRAPE_S}s",
+                    "scrapeTimeout": f"{SCRAPE_S}s",
+                    # A robot process and the ego name robots in their own metrics.
+                    "honorLabels": True,
+                    "relabelings": [
+                        {
+                            "sourceLabels": [
+                                "__meta_kubernetes_pod_label_" + re.sub(r"\W", "_", label)
+                            ],
+                            "targetLabel": target,
+                        }
+                        for label, target in named.items()
+                    ],
+                }
+            ],
+        },
+    }
+
+
+def _alerts(spec: SwarmSpec) -> Object:
+    return {
+        "apiVersion": "monitoring.coreos.com/v1",
+        "kind": "PrometheusRule",
+        "metadata": {"name": "swarm", "labels": _labels(spec)},
+        "spec": yaml.safe_load(ALERT_RULES.read_text()),
+    }

@@ -1,0 +1,190 @@
+"""The roster's processes as containers on machines of a cluster, before an engine is named.
+
+Docker Swarm (`deploy.cluster.stack`) and Kubernetes (`deploy.cluster.kubernetes`) write the same
+containers down, each in its own words.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+from deploy import services as roster
+from deploy.docker import compose
+from deploy.ports import LOCALHOST
+from deploy.services import Place, Service
+from deploy.spec import EMBEDDED, SwarmSpec
+from swarm.errors import DeployError
+from swarm.trust.identity import CA, CERTIFICATE, KEY, Identity
+from swarm.trust.members import MEMBERS
+
+Network = Literal["host", "overlay"]
+NETWORK: Network = "host"
+USER = 10001
+"""Who the processes are in a cluster's containers, where no user of the host is meant; the image's
+folders below `PLACE.var_dir` are that user's (Dockerfile)."""
+TMP_BYTES = 64 << 20
+PIDS = 512
+ENDS_S = 5
+"""A process that has not ended so long after SIGTERM is killed, as in Docker."""
+HEALTH_PERIOD_S, HEALTH_TIMEOUT_S, HEALTH_RETRIES, HEALTH_START_S = 10, 5, 3, 60
+"""A process whose metrics do not answer three times is started anew; it has a minute to begin."""
+IMAGE = "COADAPT_IMAGE"
+"""The setting that names the image, as `--image` does."""
+IMAGE_RULE = "[HOST[:PORT]/]NAME[:TAG][@sha256:DIGEST]"
+_IMAGE = re.compile(
+    r"([A-Za-z0-9.-]+(:\d{1,5})?/)?[a-z0-9]+([._-]+[a-z0-9]+)*(/[a-z0-9]+([._-]+[a-z0-9]+)*)*"
+    r"(:\w[\w.-]{0,127})?(@sha256:[0-9a-f]{64})?"
+)
+_NOT_FOR_PROCESSES = compose.NOT_FOR_PROCESSES | {IMAGE}
+_UNITS = {"m": 1 << 20, "g": 1 << 30}
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """What an operator says of the machines. Make it with `make_cluster`."""
+
+    image: str
+    """The swarm's image by its name in a registry that all machines reach."""
+    router: str
+    """Name or address at which all machines reach the router."""
+    network: Network = NETWORK
+    llm_image: str = ""
+    """The image of the gateway where it runs the embedded model; empty: `image`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Container:
+    """One process in a container."""
+
+    service: Service
+    image: str
+    env: Mapping[str, str]
+    memory: int
+    """Bytes that it may take."""
+    files: Mapping[str, Path]
+    """Secrets: where the container finds each, and the file of this machine that holds it."""
+    folder: str = ""
+    """What it writes and what should outlive it: a folder of `PLACE.var_dir`."""
+    capabilities: tuple[str, ...] = ()
+    data: str = ""
+    """Recorded data: a folder that is the same on every machine, read only, at `compose.DATA`."""
+    ports: tuple[int, ...] = field(default=())
+    """Where others of the swarm reach it, beside its metrics."""
+
+    @property
+    def robot(self) -> str:
+        """The robot on whose machine it runs; empty: on the site's."""
+        return self.service.robot
+
+
+def make_cluster(
+    image: str, router: str, network: Network = NETWORK, llm_image: str = ""
+) -> Cluster:
+    """A checked description. Raises DeployError that names what is not valid."""
+    for option, name in (("--image", image), ("--llm-image", llm_image)):
+        if name and not _IMAGE.fullmatch(name):
+            raise DeployError(f"{option} {name!r} is not valid; it must be {IMAGE_RULE}")
+    if not image:
+        raise DeployError(
+            f"the cluster's machines pull the swarm's image: name it by --image or {IMAGE}, "
+            f"{IMAGE_RULE}"
+        )
+    if not re.fullmatch(r"[A-Za-z0-9.:_-]+", router):
+        raise DeployError(
+            f"--router {router!r} is not valid; it must be a host's name or IP address"
+        )
+    return Cluster(image, router, network, llm_image)
+
+
+def place_of(spec: SwarmSpec, cluster: Cluster) -> Place:
+    """Where the processes find things inside their containers."""
+    return Place(
+        listen_host=compose.PLACE.listen_host,
+        router_host=cluster.router,
+        var_dir=compose.PLACE.var_dir,
+        prometheus_config=compose.PLACE.prometheus_config,
+        data=compose.DATA if spec.data else "",
+        prometheus_host_port=spec.prometheus_port,
+    )
+
+
+def containers(spec: SwarmSpec, cluster: Cluster) -> tuple[Container, ...]:
+    """The containers of a swarm, in the order of the roster.
+
+    Who renews certificates is left out, as the keystore stays with the operator; so is the network
+    controller, whose links are those of one machine's containers. Raises DeployError for a secret
+    that would stand in what is written.
+    """
+    if spec.llm == EMBEDDED and not cluster.llm_image:
+        raise DeployError(
+            "--llm embedded needs --llm-image, an image with the model (deploy/docker/llm_image.py)"
+        )
+    members = roster.services(spec, place_of(spec, cluster))
+    return tuple(
+        _container(spec, cluster, member)
+        for member in members
+        if member.role not in ("authority", "controller", "grafana")
+    )
+
+
+def roles(spec: SwarmSpec, cluster: Cluster) -> list[str]:
+    """The common names of those who need a certificate there."""
+    names = [one.service.common_name for one in containers(spec, cluster)]
+    return [name for name in names if name]
+
+
+def identity_files(var_dir: str, common_name: str) -> dict[str, Path]:
+    """A role's identity: the place in a container of each file, and where it lies here."""
+    identity = Identity(Path(roster.identity_path(var_dir, common_name)))
+    there = roster.identity_path(compose.PLACE.var_dir, common_name)
+    names = (CA, CERTIFICATE, KEY, *((MEMBERS,) if common_name == "router" else ()))
+    return {f"{there}/{name}": identity.folder / name for name in names}
+
+
+def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container:
+    if service.role == "prometheus" and cluster.network == "host":
+        # It asks nobody who it is: for whoever is on its node.
+        local = (word.replace("=0.0.0.0:", f"={LOCALHOST}:") for word in service.argv)
+        service = replace(service, argv=tuple(local))
+    own, files = _settings(service)
+    if spec.secure and service.common_name:
+        files |= identity_files(spec.var_dir, service.common_name)
+    limit = compose.MEMORY[service.role]
+    ports = range(spec.router_port, spec.router_port + 3) if service.role == "router" else ()
+    gateway = service.role == "gateway" and cluster.llm_image
+    return Container(
+        service=service,
+        image=cluster.llm_image if gateway else cluster.image,
+        env={**own, **service.env, "HOME": "/tmp", **compose.CACHES.get(service.role, {})},
+        memory=int(limit[:-1]) * _UNITS[limit[-1]],
+        files=files,
+        folder=compose.FOLDERS.get(service.role, ""),
+        data=spec.data if service.role in ("ego", "robot") else "",
+        ports=tuple(ports),
+    )
+
+
+def _settings(service: Service) -> tuple[dict[str, str], dict[str, Path]]:
+    """Settings from the caller's environment that there is no option for, and the files that some
+    of them name. Raises DeployError for a secret's value: what is written here is kept and sent."""
+    if service.role not in ("robot", "ego", "gateway", "console"):
+        return {}, {}
+    own = roster.inherited(service.role, os.environ)
+    found = {k: v for k, v in own.items() if k.startswith("COADAPT_")}
+    found = {k: v for k, v in found.items() if k not in _NOT_FOR_PROCESSES}
+    files: dict[str, Path] = {}
+    for secret in roster.KEPT:
+        if found.get(secret):
+            raise DeployError(
+                f"{secret} is set, and its value would stand in what is written; name a file that "
+                f"holds it by {secret}_FILE"
+            )
+        if file := found.get(f"{secret}_FILE"):
+            found[f"{secret}_FILE"] = compose.SECRETS[secret]
+            files[compose.SECRETS[secret]] = Path(file).absolute()
+    return found, files
