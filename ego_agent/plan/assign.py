@@ -19,9 +19,9 @@ from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.union import Union
 from swarm.messages import Algorithm, Assignment, Decision
 
-CARRIED_S = 2.0
+CARRIED_S = 1.1
 """In this time of mean age, what memory carries on of a contribution loses two thirds of its worth:
-measured on floors that nothing was set on (docs/decision.md)."""
+measured on eight floors (docs/results.md)."""
 SAME = 0.002
 """A rate stays where another one is better by no more than this, in quality."""
 

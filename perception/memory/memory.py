@@ -60,7 +60,7 @@ UNCONFIRMED = 0.2
 """Of the chance of a new box where robots that showed more in the last INFORMED_S seconds, and send
 less often, have not shown it."""
 INFORMED_S = 1.5
-NEAR_ENOUGH = 0.35
+NEAR_ENOUGH = 0.5
 """Of a body's width: an offset beyond which a box of it is wrong."""
 SQUARE = 0.1
 """By how much of the longer side those of a square differ at most."""
