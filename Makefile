@@ -2,6 +2,7 @@
 ROBOTS ?=
 WORLD ?=
 DATA ?=
+EGOS ?=
 EGO_STANDBY ?=
 DATA_URL ?=
 DATA_COMMIT ?=
@@ -13,6 +14,8 @@ LLM ?=
 MODEL ?=
 GRAFANA ?=
 SECURE ?=
+LISTEN ?=
+WORLD_ROBOTS ?=
 EXTRA ?= $(if $(filter embedded,$(LLM)),llm)
 SWARM ?= local
 LINK ?=
@@ -30,7 +33,7 @@ ARGS ?=
 PARALLEL = --numprocesses $(shell expr $$(nproc) + 1) --maxprocesses 8 --dist loadfile
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec detector compute peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console trust
+BENCHMARKS = sam codec detector compute peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console trust egos
 # Without what is C (perception/kernels/_coding.c ...).
 DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent network_controller llm_gateway deploy \
 	'!perception.kernels._' '!worlds.factory._'
@@ -42,8 +45,9 @@ DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent n
 help: ## Show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo "  variables: ROBOTS=number WORLD=factory|road|opv2v|bag|scans|recording DATA=path RUNTIME=auto|docker|netns"
-	@echo "             POLICY=coverage|llm|... LINK=20mbit EGO_STANDBY=R2 SWARM=$(SWARM) ARGS='more options'"
+	@echo "             POLICY=coverage|llm|... LINK=20mbit EGOS=R1,R4|all EGO_STANDBY=R2 SWARM=$(SWARM) ARGS='more options'"
 	@echo "             LLM=embedded|http://host:port/v1 MODEL=name GRAFANA=1"
+	@echo "             LISTEN=address of this machine, for robots elsewhere; WORLD_ROBOTS=room for so many"
 	@echo "             of shape: RATE=5mbit, or PROFILE=shift|trace|off TRACE=file TIME_SCALE=3600;"
 	@echo "             of shape and congest: ROBOT=R3 DIRECTION=up|down|both DURATION=60s;"
 	@echo "             of train: CONFIG=factory|road; of data: DATA_URL=repository DATA_COMMIT= DATA_TREE="
@@ -57,10 +61,11 @@ data: setup ## Bring the public OPV2V sample to var/data (229 MB), for WORLD=opv
 
 up: setup ## Start a swarm: router, robots, ego, console (localhost:8080), Prometheus
 	@$(COADAPT) up --swarm $(SWARM) $(if $(ROBOTS),--robots $(ROBOTS)) $(if $(WORLD),--world $(WORLD)) \
-		$(if $(RUNTIME),--runtime $(RUNTIME)) $(if $(EGO_STANDBY),--ego-standby $(EGO_STANDBY)) \
+		$(if $(RUNTIME),--runtime $(RUNTIME)) $(if $(EGOS),--egos $(EGOS)) $(if $(EGO_STANDBY),--ego-standby $(EGO_STANDBY)) \
 		$(if $(POLICY),--policy $(POLICY)) $(if $(LLM),--llm '$(LLM)') \
 		$(if $(MODEL),--llm-model '$(MODEL)') $(if $(DATA),--data $(DATA)) $(if $(LINK),--link $(LINK)) \
-		$(if $(GRAFANA),--grafana) $(if $(filter 0,$(SECURE)),--no-secure,$(if $(SECURE),--secure)) $(ARGS)
+		$(if $(GRAFANA),--grafana) $(if $(filter 0,$(SECURE)),--no-secure,$(if $(SECURE),--secure)) \
+		$(if $(LISTEN),--listen $(LISTEN)) $(if $(WORLD_ROBOTS),--world-robots $(WORLD_ROBOTS)) $(ARGS)
 
 down: setup ## Stop it and leave nothing behind
 	@$(COADAPT) down --swarm $(SWARM)

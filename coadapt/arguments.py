@@ -43,6 +43,11 @@ def add_swarm(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--swarm", default=SWARM, help="name of the swarm (default: %(default)s)")
 
 
+def add_ego(parser: argparse.ArgumentParser) -> None:
+    """Adds --ego, for swarms in which several robots decide."""
+    parser.add_argument("--ego", metavar="ROBOT", help="which ego (default: the first)")
+
+
 def add_algorithm(parser: argparse._ActionsContainer) -> None:
     """Adds --algorithm."""
     parser.add_argument(

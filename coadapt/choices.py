@@ -32,7 +32,7 @@ def check_choices(spec: SwarmSpec) -> None:
     if not world_kind(spec.world).data:
         open_world(
             spec.world,
-            robots=len(spec.robots),
+            robots=spec.room(),
             seed=spec.seed,
             rings=spec.rings,
             scenario=spec.scenario,

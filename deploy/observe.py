@@ -14,7 +14,7 @@ from deploy.state import State
 from swarm import keyspace
 from swarm.controllers import Controllers
 from swarm.errors import TransportError
-from swarm.listening import listen
+from swarm.listening import hear, listen
 from swarm.messages import (
     AdviceReport,
     Beacon,
@@ -64,6 +64,22 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     """Why the ego leaves it out or gets nothing of it, or who took it off duty."""
 
 
+class EgoRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One ego of several, and the newest decision that was heard of it; None before the first."""
+
+    ego: str
+    cycle: int | None = None
+    age_s: float | None = None
+    """Since the decision came."""
+    selected: tuple[str, ...] = ()
+    algorithm: str = ""
+    policy: str = ""
+    source: str = ""
+    valid: bool = False
+    quality: float = 0.0
+    capacity_bps: float | None = None
+
+
 class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """The swarm over the last moments. Fields about the decision are None before the first."""
 
@@ -100,6 +116,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """The ego in whose stead `ego` decides; None: in its own."""
     unshaped: tuple[str, ...] = ()
     """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
+    egos: tuple[EgoRow, ...] = ()
+    """Every ego of the swarm, the one that is shown among them."""
 
 
 @dataclass(slots=True)
@@ -109,10 +127,13 @@ class _Heard:
     beacons: dict[str, tuple[Beacon, float]]
     alive: set[str]
     decision: Decision | None = None
+    decision_at: float = 0.0
     detections: int = 0
     bytes: dict[str, int] | None = None
     controllers: Controllers = field(default_factory=Controllers)
     gateway: GatewayState | None = None
+    decided: dict[str, tuple[Decision, float]] = field(default_factory=dict)
+    """The newest decision of each ego, a standby's as its ego's, and when it came."""
     duties: dict[str, RobotSteered | None] = field(default_factory=dict)
     """What the robots that are not heard said when they were asked; None: nothing."""
 
@@ -141,6 +162,8 @@ class Watch:
             on_leave=self._on_leave,
             timeout_s=timeout_s,
         )
+        if len(state.spec.all_egos) > 1:
+            hear(self._session, {Decision: self._on_any_decision})
 
     def __enter__(self) -> Watch:
         return self
@@ -162,6 +185,12 @@ class Watch:
         """Whether a valid decision has come."""
         with self._changed:
             return self._heard.decision is not None and self._heard.decision.valid
+
+    def undecided(self) -> tuple[str, ...]:
+        """The egos of which no valid decision has come yet."""
+        with self._changed:
+            heard = {ego: one.valid for ego, (one, _) in self._decided().items()}
+            return tuple(ego for ego in self._state.spec.all_egos if not heard.get(ego))
 
     def cell(self) -> LinkState | None:
         """The cell towards the ego, where the network controller says that it is shaped."""
@@ -253,6 +282,7 @@ class Watch:
                 model_trouble=heard.gateway.trouble if heard.gateway else "",
                 stands_in_for=decision.stands_in_for if decision else None,
                 unshaped=heard.controllers.unshaped(now),
+                egos=self._egos(now),
             )
             heard.detections, heard.bytes = 0, None
             self._since = now
@@ -267,6 +297,36 @@ class Watch:
         """The ego that decides: the specification's, or the one that stands in for it."""
         decision = self._heard.decision
         return decision.ego if decision else self._state.spec.ego
+
+    def _decided(self) -> dict[str, tuple[Decision, float]]:
+        """The newest decision of each ego."""
+        heard = self._heard
+        if heard.decision is None:
+            return heard.decided
+        return {self._state.spec.ego: (heard.decision, heard.decision_at), **heard.decided}
+
+    def _egos(self, now: float) -> tuple[EgoRow, ...]:
+        decided = self._decided()
+        rows = []
+        for ego in self._state.spec.all_egos:
+            if ego not in decided:
+                rows.append(EgoRow(ego=ego))
+                continue
+            decision, at = decided[ego]
+            row = EgoRow(
+                ego=decision.ego,
+                cycle=decision.cycle,
+                age_s=round(now - at, 2),
+                selected=decision.participants,
+                algorithm=decision.algorithm,
+                policy=decision.policy,
+                source=decision.source,
+                valid=decision.valid,
+                quality=round(decision.quality, 4),
+                capacity_bps=decision.capacity_bps,
+            )
+            rows.append(row)
+        return tuple(rows)
 
     def _ids(self) -> list[str]:
         """The swarm's robots in their order, then those that joined from elsewhere."""
@@ -322,7 +382,7 @@ class Watch:
             return f"by {duty.operator or 'an operator'}"
         if decision is None:
             return ""
-        told = (decision.silent, decision.excluded, decision.doubted)
+        told = (decision.silent, decision.excluded, decision.doubted, decision.remarks)
         return next((reasons[robot] for reasons in told if robot in reasons), "")
 
     def _on_join(self, robot: str) -> None:
@@ -342,7 +402,15 @@ class Watch:
     def _on_decision(self, decision: Decision) -> None:
         with self._changed:
             self._heard.decision = decision
+            self._heard.decision_at = time.monotonic()
             self._changed.notify_all()
+
+    def _on_any_decision(self, decision: Decision) -> None:
+        ego = decision.stands_in_for or decision.ego
+        with self._changed:
+            if ego in self._state.spec.all_egos:
+                self._heard.decided[ego] = (decision, time.monotonic())
+                self._changed.notify_all()
 
     def _on_net_state(self, state: NetState) -> None:
         with self._changed:

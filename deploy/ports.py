@@ -21,7 +21,12 @@ _SEARCHED = 500
 _LAST = 65532
 """The last that may be the first of several."""
 
-Endpoint = Literal["ego metrics", "prometheus", "qod", "llm", "grafana", "console"]
+Endpoint = Literal[
+    "ego metrics", "prometheus", "qod", "llm", "grafana", "console",
+    "router control", "router fusion", "router background",
+]  # fmt: skip
+ROUTER: tuple[Endpoint, ...] = ("router control", "router fusion", "router background")
+"""Of each traffic class, in their order."""
 
 
 class PortUse(msgspec.Struct, frozen=True):
@@ -35,25 +40,29 @@ class PortUse(msgspec.Struct, frozen=True):
     """Where it must be free; ANYWHERE where the address is known only when it starts."""
     count: int = 1
     """Of ports that follow one another."""
-    endpoint: Endpoint | None = None
-    """Which of what people on the host reach it is."""
+    endpoints: tuple[Endpoint, ...] = ()
+    """Which of what is reached from outside of the swarm's network they are, each with a port."""
 
 
 def ports_of(spec: SwarmSpec) -> Iterator[PortUse]:
     """All that a swarm needs of the host, in the runtime in which it is to run."""
-    yield PortUse("the ego's metrics", "ego_metrics_port", endpoint="ego metrics")
-    yield PortUse("the Quality-on-Demand API", "qod_port", endpoint="qod")
+    yield PortUse("the ego's metrics", "ego_metrics_port", endpoints=("ego metrics",))
+    yield PortUse("the Quality-on-Demand API", "qod_port", endpoints=("qod",))
     if spec.llm:
-        yield PortUse("the LLM gateway's HTTP endpoint", "llm_port", endpoint="llm")
+        yield PortUse("the LLM gateway's HTTP endpoint", "llm_port", endpoints=("llm",))
     if spec.prometheus:
-        yield PortUse("Prometheus", "prometheus_port", endpoint="prometheus")
+        yield PortUse("Prometheus", "prometheus_port", endpoints=("prometheus",))
     if spec.grafana:
-        yield PortUse("Grafana", "grafana_port", endpoint="grafana")
+        yield PortUse("Grafana", "grafana_port", endpoints=("grafana",))
     if spec.console:
-        yield PortUse("the console", "console_port", endpoint="console")
+        yield PortUse("the console", "console_port", endpoints=("console",))
     if spec.runtime != "docker":
+        if spec.listen:
+            yield PortUse("the router", "router_port", spec.listen, LINKS, ROUTER)
         return  # What follows lies inside of the swarm's namespaces.
-    yield PortUse("the router", "router_port", count=LINKS)
+    # It answers on the host's loopback in any case.
+    host = ANYWHERE if spec.listen not in ("", LOCALHOST) else LOCALHOST
+    yield PortUse("the router", "router_port", host, LINKS)
     yield PortUse("the network controller's metrics", "controller_metrics_port", ANYWHERE)
     if spec.llm:
         yield PortUse("the LLM gateway's metrics", "gateway_metrics_port", ANYWHERE)
@@ -109,16 +118,16 @@ def listen(port: int, what: str, host: str = LOCALHOST) -> socket.socket:
 
 @contextlib.contextmanager
 def listen_endpoints(spec: SwarmSpec) -> Iterator[dict[Endpoint, socket.socket]]:
-    """Listening sockets for what people on the host reach of a swarm, closed at the end.
+    """Listening sockets for what is reached of a swarm from outside, closed at the end.
 
     Raises DeployError when a port is taken; none is held then.
     """
     with contextlib.ExitStack() as stack:
         endpoints: dict[Endpoint, socket.socket] = {}
         for use in ports_of(spec):
-            if use.endpoint is not None:
-                port = getattr(spec, use.field)
-                endpoints[use.endpoint] = stack.enter_context(listen(port, _words(use)))
+            for port, endpoint in zip(_range(spec, use), use.endpoints, strict=False):
+                listener = stack.enter_context(listen(port, _words(use), use.host))
+                endpoints[endpoint] = listener
         yield endpoints
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections import deque
+from collections.abc import Sequence
 
 from deploy.observe import Watch
 from deploy.progress import say
@@ -18,15 +19,16 @@ POLL_S = 0.5
 
 
 def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
-    """Returns once every robot is alive and senses, the ego has published a valid decision, and
-    the cell has the rate that was asked for.
+    """Returns once every robot is alive and senses, every ego has published a valid decision,
+    and the cell has the rate that was asked for.
 
     Raises DeployError with the end of the log of a process that keeps ending, or that what was
     awaited did not come in time.
     """
     deadline = time.monotonic() + timeout_s
     robots = frozenset(state.spec.robots)
-    say(f"waiting for {len(robots)} robots and the first decision of {state.spec.ego} ...")
+    egos = ", ".join(state.spec.all_egos)
+    say(f"waiting for {len(robots)} robots and the first decision of {egos} ...")
     told = -1
     with _watch(runtime, state, deadline) as watch:
         while True:
@@ -36,8 +38,9 @@ def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
                 say(f"  {told} of {len(robots)} robots are alive")
             blind = robots - watch.sensing()
             shaped = state.spec.link_bps is None or watch.cell() is not None
-            if alive == robots and not blind and watch.decided() and shaped:
-                say(f"  {state.spec.ego} decides")
+            undecided = watch.undecided()
+            if alive == robots and not blind and not undecided and shaped:
+                say(f"  {egos} {'decide' if state.spec.egos else 'decides'}")
                 return
             _check(runtime, state)
             if not shaped and (problems := watch.link_problems()):
@@ -46,7 +49,7 @@ def wait_ready(runtime: Runtime, state: State, timeout_s: float) -> None:
                     f"bit/s: {'; '.join(problems)}; start without --link otherwise"
                 )
             if time.monotonic() > deadline:
-                raise _too_late(runtime, state, robots - alive, blind, shaped, timeout_s)
+                raise _too_late(runtime, state, robots - alive, blind, undecided, shaped, timeout_s)
             watch.wait(POLL_S)
 
 
@@ -82,6 +85,7 @@ def _too_late(
     state: State,
     missing: frozenset[str],
     blind: frozenset[str],
+    undecided: Sequence[str],
     shaped: bool,
     timeout_s: float,
 ) -> DeployError:
@@ -95,8 +99,8 @@ def _too_late(
         what = f"the link towards {state.spec.ego} was not shaped"
         service = "controller"
     else:
-        what = f"{state.spec.ego} published no valid decision"
-        service = f"ego-{state.spec.ego}"
+        what = f"{', '.join(undecided)} published no valid decision"
+        service = f"ego-{undecided[0]}"
     tail = _tail(runtime, state, service)
     return DeployError(f"{what} within {timeout_s:.0f} s\n{tail}")
 

@@ -27,8 +27,9 @@ SCRAPE_S = 2
 EVALUATE_S = 5
 """How often Prometheus looks whether an alert fires."""
 RETENTION = "512MB"
-EGO_THREADS = "2"
-"""An ego decodes for everybody within a cycle: more than one core helps it."""
+EGO_THREADS, MANY_EGOS_THREADS = "2", "1"
+"""An ego decodes for everybody within a cycle: more than one core helps it, unless others want it,
+too."""
 JOURNAL = "journal"
 NET = "net"
 """The controller's part of `var_dir`."""
@@ -159,7 +160,10 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
         )
         for robot in spec.robots
     ]
-    egos = [_ego(spec, place, spec.ego, _standby_environment(spec))]
+    egos = [
+        _ego(spec, place, ego, _standby_environment(spec) if ego == spec.ego else {})
+        for ego in spec.all_egos
+    ]
     if spec.ego_standby:
         egos.append(_ego(spec, place, spec.ego_standby, {"COADAPT_STANDS_IN_FOR": spec.ego}))
     console = Service(
@@ -244,7 +248,7 @@ def _ego(spec: SwarmSpec, place: Place, ego: str, part: Mapping[str, str]) -> Se
         argv=(place.python, "-m", "ego_agent"),
         env=_environment(spec, place, TrustRole("ego", ego).common_name, EGO_METRICS_PORT)
         | {
-            "OMP_NUM_THREADS": EGO_THREADS,
+            "OMP_NUM_THREADS": MANY_EGOS_THREADS if spec.egos else EGO_THREADS,
             "COADAPT_EGO": ego,
             "COADAPT_POLICY": spec.policy,
             "COADAPT_PERIOD_S": str(spec.period_s),
@@ -258,6 +262,11 @@ def _ego(spec: SwarmSpec, place: Place, ego: str, part: Mapping[str, str]) -> Se
         metrics_port=EGO_METRICS_PORT,
         robot=ego,
     )
+
+
+def _egos_environment(spec: SwarmSpec) -> dict[str, str]:
+    """Of those that have to know every ego."""
+    return {"COADAPT_EGO": spec.ego} | ({"COADAPT_EGOS": ",".join(spec.egos)} if spec.egos else {})
 
 
 def _standby_environment(spec: SwarmSpec) -> dict[str, str]:
@@ -278,7 +287,8 @@ def _controller_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     return {
         **_site_environment(spec, place, "controller", spec.controller_metrics_port),
         "COADAPT_DRIVER": place.driver,
-        "COADAPT_EGO": spec.ego,
+        **_egos_environment(spec),
+        "COADAPT_CELL": spec.cell,
         **_standby_environment(spec),
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
         "COADAPT_STATE_FILE": f"{place.var_dir}/{NET}/shapes-{_begun(spec)}.json",
@@ -306,13 +316,13 @@ def _console_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
     """The console's settings (`options.console.settings`)."""
     return {
         **_site_environment(spec, place, "console", spec.console_metrics_port),
-        "COADAPT_EGO": spec.ego,
+        **_egos_environment(spec),
         **_range_environment(spec),
         "COADAPT_CONSOLE_PORT": str(spec.console_port),
         "COADAPT_CONSOLE_RECORDINGS": f"{place.var_dir}/{RECORDINGS}",
         **(_prometheus_environment(spec, place) if spec.prometheus else {}),
         "COADAPT_WORLD": spec.world,
-        "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),
+        "COADAPT_WORLD_ROBOTS": str(spec.room()),
         "COADAPT_WORLD_SEED": str(spec.seed),
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
@@ -367,7 +377,7 @@ def _environment(
         **_common_environment(spec, place, place.router_host, common_name, metrics_port),
         "COADAPT_WORLD": spec.world,
         "COADAPT_WORLD_DATA": place.data,
-        "COADAPT_WORLD_ROBOTS": str(len(spec.robots)),
+        "COADAPT_WORLD_ROBOTS": str(spec.room()),
         "COADAPT_WORLD_SEED": str(spec.seed),
         "COADAPT_WORLD_RINGS": str(spec.rings),
         "COADAPT_WORLD_SCENARIO": spec.scenario,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import ipaddress
 import math
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 import msgspec
@@ -59,6 +60,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
         msgspec.Meta(min_length=MIN_ROBOTS, max_length=MAX_ROBOTS, description=_ROBOTS),
     ]
     ego: Name
+    egos: tuple[Name, ...] = ()
+    """The robots that decide each for itself, `ego` first; empty: `ego` alone does."""
     ego_standby: Name | None = None
     """The robot whose ego stands in for the first one; None: nobody does."""
     world: str = _PROCESS.world
@@ -84,10 +87,21 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the Quality-on-Demand API answers on the host's 127.0.0.1."""
     controller_metrics_port: HostPort = 9103
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
+    listen: str = ""
+    """IPv4 address of this machine on which robots and tools elsewhere reach the router; empty:
+    only this machine does."""
+    world_robots: (
+        Annotated[int, msgspec.Meta(ge=MIN_ROBOTS, le=MAX_ROBOTS, description="a number of robots")]
+        | None
+    ) = None
+    """For how many robots a simulated world has room, as others may join those that `up` starts;
+    None: for no others."""
     comm_range_m: CommRange | None = None
     """How far from the ego a robot may take part; None leaves it to the ego and its world."""
     link_bps: Annotated[int, msgspec.Meta(ge=MIN_RATE_BPS, description="bit/s")] | None = None
     """Rate of the cell towards the ego; None leaves it unshaped."""
+    cell: Literal["own", "shared"] = "own"
+    """Whether each ego has a cell of its own, or all egos share one of that rate."""
     llm: Annotated[str, msgspec.Meta(pattern=_LLM, description=_LLM_RULE)] = ""
     """Where language models answer: `embedded`, or the URL of a server; empty runs no gateway."""
     llm_model: Annotated[str, msgspec.Meta(max_length=200)] = ""
@@ -114,6 +128,11 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     var_dir: str
     """Journals, logs and Prometheus' data; kept by `down`."""
 
+    @property
+    def all_egos(self) -> tuple[str, ...]:
+        """The robots that decide, the first ego first; a standby is not one of them."""
+        return self.egos or (self.ego,)
+
     def differences(self, other: SwarmSpec) -> tuple[str, ...]:
         """The names of the properties in which two specifications differ, but for when they were
         started."""
@@ -122,6 +141,10 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
             for name in PROPERTIES
             if name != "epoch_ns" and getattr(self, name) != getattr(other, name)
         )
+
+    def room(self) -> int:
+        """For how many robots a simulated world has room."""
+        return self.world_robots or len(self.robots)
 
     def llm_server(self) -> tuple[str, int] | None:
         """Host and port of the model server; None without one."""
@@ -147,8 +170,8 @@ def factory_robots(count: int) -> tuple[str, ...]:
 def make_spec(**values: Any) -> SwarmSpec:
     """A checked specification.
 
-    `ego` defaults to the first robot, `epoch_ns` to now, `run_dir` to `run_dir_of`, and `var_dir`
-    to `var_dir_of`; `comm_range_m` to what is usual with the world's
+    `ego` defaults to the first of `egos`, or else of the robots, `epoch_ns` to now, `run_dir` to
+    `run_dir_of`, and `var_dir` to `var_dir_of`; `comm_range_m` to what is usual with the world's
     detector, or it is left to the ego, where only the data says which that is.
 
     Raises DeployError that names the field, its value and what is allowed.
@@ -172,9 +195,19 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise _invalid("world", name, f"one of {', '.join(swarm_worlds())}")
     world = world_kind(name)
     swarm = values.get("swarm", _PROCESS.swarm)
-    values.setdefault("ego", robots[0])
+    egos = tuple(values.get("egos", ()))
+    values.setdefault("ego", (egos or robots)[0])
+    near = _is_near(values.get("listen", ""))
     # Containers hear of each other over a network that others may share.
-    values.setdefault("secure", values.get("runtime") == "docker")
+    values.setdefault("secure", values.get("runtime") == "docker" or not near)
+    if not (near or values["secure"]):
+        raise _invalid(
+            "listen",
+            values["listen"],
+            "an address of the loopback (127.0.0.1) in a plain swarm, as whoever reaches its "
+            "router is believed; leave out --no-secure (SECURE=0) for another one",
+        )
+    _check_room(world, robots, values.get("world_robots"))
     if values.get("comm_range_m") is None:
         values["comm_range_m"] = world.comm_range_m
     values.setdefault("epoch_ns", time.time_ns())
@@ -182,9 +215,12 @@ def make_spec(**values: Any) -> SwarmSpec:
     values.setdefault("var_dir", str(var_dir_of(swarm)))
     if values["ego"] not in robots:
         raise DeployError(f"ego {values['ego']!r} is not one of the robots {', '.join(robots)}")
+    if egos:
+        values["egos"] = _egos(egos, values["ego"], robots)
     standby = values.get("ego_standby")
-    if standby is not None and (standby not in robots or standby == values["ego"]):
-        others = ", ".join(robot for robot in robots if robot != values["ego"])
+    deciding = values.get("egos") or (values["ego"],)
+    if standby is not None and (standby not in robots or standby in deciding):
+        others = ", ".join(robot for robot in robots if robot not in deciding)
         raise _invalid("ego_standby", standby, f"a robot that is not the ego: {others}")
     if not _has_data(world, values.get("data", "")):
         raise _invalid("data", values.get("data", ""), f"{world.needs} (needed by {world.name})")
@@ -205,6 +241,39 @@ def make_spec(**values: Any) -> SwarmSpec:
     if spec.grafana and not spec.prometheus:
         raise DeployError("--grafana shows what Prometheus has: leave out --no-prometheus")
     return spec
+
+
+def _egos(egos: tuple[str, ...], first: str, robots: tuple[str, ...]) -> tuple[str, ...]:
+    """Those that decide, the first one first; none where it is alone. Raises PropertyError."""
+    if len(set(egos)) != len(egos) or not set(egos) <= set(robots) or first not in egos:
+        rule = f"different ones of the robots {', '.join(robots)}, with the ego {first}"
+        raise _invalid("egos", egos, rule)
+    return (first, *(ego for ego in egos if ego != first)) if len(egos) > 1 else ()
+
+
+def _is_near(listen: str) -> bool:
+    """Whether only this machine reaches an address. Raises DeployError for no IPv4 address."""
+    if not listen:
+        return True
+    rule = "an IPv4 address of this machine, like 192.168.1.10"
+    try:
+        address = ipaddress.IPv4Address(listen)
+    except ValueError as error:
+        raise _invalid("listen", listen, rule) from error
+    # A certificate is for an address, and others need one that they can type.
+    if address.is_unspecified or address.is_multicast:
+        raise _invalid("listen", listen, rule)
+    return address.is_loopback
+
+
+def _check_room(world: WorldKind, robots: tuple[str, ...], room: int | None) -> None:
+    """Raises DeployError for a world that cannot have room for others, or has too little."""
+    if room is None:
+        return
+    if not world.numbered:
+        raise _invalid("world_robots", room, f"left out: world {world.name} has the robots it has")
+    if room < len(robots):
+        raise _invalid("world_robots", room, f"{len(robots)} at least, as that many are started")
 
 
 def _check_names(robots: tuple[str, ...]) -> None:

@@ -79,6 +79,22 @@ def need_state(swarm: str) -> State:
     return state
 
 
+def seen_by(state: State, ego: str | None) -> State:
+    """The record as commands see it that are about one of several egos; None: the first one.
+
+    Raises DeployError for a robot that does not decide.
+    """
+    if ego is None or ego == state.spec.ego:
+        return state
+    if ego not in state.spec.all_egos:
+        raise DeployError(
+            f"robot {ego!r} does not decide in swarm {state.spec.swarm!r}; "
+            f"egos are {', '.join(state.spec.all_egos)}"
+        )
+    spec = msgspec.structs.replace(state.spec, ego=ego, ego_standby=None)
+    return msgspec.structs.replace(state, spec=spec)
+
+
 def swarms() -> tuple[str, ...]:
     """Names of this user's swarms that have a record, sorted. Raises DeployError."""
     try:

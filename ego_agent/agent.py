@@ -17,6 +17,7 @@ from pathlib import Path
 import msgspec
 
 from ego_agent.analyze.doubts import doubted
+from ego_agent.analyze.fit import remarks, told
 from ego_agent.analyze.scene import analyze
 from ego_agent.execute.ask import Asker
 from ego_agent.execute.fusion_loop import (
@@ -50,6 +51,7 @@ from perception.detector import configuration
 from perception.detector.calibration import calibration_of
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
+from sensing.mark import mark_of
 from swarm import keyspace
 from swarm.body import Body
 from swarm.errors import JournalError, SettingError, TransportError
@@ -59,6 +61,7 @@ from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
 from swarm.settings import PREFIX
+from swarm.version import installed_version
 from worlds.base import World, comm_range_of
 
 LOOK_S = 0.1
@@ -161,7 +164,7 @@ class EgoAgent:
         )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)
-        monitor = Monitor(settings.ego, link, clock=clock)
+        monitor = Monitor(settings.ego, link, clock=clock, mark=mark_of(settings, world))
         tally = TallyKeeper()
         body = configuration(world.detector).usual_body
         sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
@@ -175,6 +178,7 @@ class EgoAgent:
             1.0 / world.rate_hz,
             max_error_m=settings.max_error_m,
             keep_ground=settings.keep_ground,
+            share=settings.share,
         )
         lead = make_lead(settings, log)
         fusion = FusionLoop(
@@ -312,7 +316,9 @@ class EgoAgent:
             scene = analyze(snapshot, self.knowledge)
             decision = plan(snapshot, scene, policy, self.knowledge, previous, number, now_ns)
             doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
-            decision = msgspec.structs.replace(decision, probe=self._probe, doubted=doubts)
+            decision = msgspec.structs.replace(
+                decision, probe=self._probe, doubted=doubts, remarks=remarks(snapshot)
+            )
         except Exception as error:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)
@@ -326,7 +332,7 @@ class EgoAgent:
         self.fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
-        demand = self._say_demand(scene, decision, control)
+        demand = self._say_demand(snapshot, scene, decision, control)
         self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
@@ -343,9 +349,10 @@ class EgoAgent:
             return decision
 
     def _say_demand(
-        self, scene: UnifiedScene | None, decision: Decision, control: Wish
+        self, snapshot: Snapshot, scene: UnifiedScene | None, decision: Decision, control: Wish
     ) -> NetDemand | None:
-        """Tells the network controller what Q_min takes; no fault of it harms the cycle."""
+        """Tells the network controller what Q_min takes, and robots how they fit; no fault of it
+        harms the cycle."""
         if scene is None:
             return None
         try:
@@ -357,6 +364,12 @@ class EgoAgent:
                 steady_ns=self.monitor.stamp(),
                 control=control,
                 now_s=time.monotonic(),
+            )
+            demand = msgspec.structs.replace(
+                demand,
+                world=self.monitor.mark,
+                software=installed_version(),
+                told=told(snapshot),
             )
             self._publish(lambda swarm, _: keyspace.net_demand(swarm), demand)
             self._metrics.demand(demand)

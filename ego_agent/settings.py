@@ -63,6 +63,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
     """Ask for ground points too."""
+    share: bool = True
+    """Take what robots publish once for several egos, in place of answers of one's own."""
     llm_period_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 5.0
     """Policy `llm` asks at once when the scene or C(t) moves, else this often."""
     llm_deadline_s: Annotated[float, msgspec.Meta(ge=0.05, le=600)] = 20.0

@@ -62,8 +62,8 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
     clock = Clock()
     driver = make_driver(settings.driver, settings.swarm)
     wishes = Wishes(Path(settings.state_file) if settings.state_file else None, clock.now_ns())
-    for ego in (settings.ego, settings.ego_standby):
-        first = _first_wish(settings, ego, clock.now_ns()) if ego else None
+    for ego in settings.cells:
+        first = _first_wish(settings, ego, clock.now_ns())
         if first is not None:
             wishes.put(first)
     journal = Journal(Path(settings.net_journal)) if settings.net_journal else None
@@ -77,7 +77,8 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
         journal,
         log,
         ego=settings.ego,
-        standby=settings.ego_standby,
+        others=settings.cells[1:],
+        cell=settings.egos if settings.cell == "shared" else (),
         clock=clock,
     )
     api = Server(

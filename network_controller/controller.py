@@ -10,13 +10,14 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import msgspec
 
 from network_controller import ladder
+from network_controller.cell import Cell
 from network_controller.drivers.base import Driver
 from network_controller.enforce import Enforcer
 from network_controller.journal import Journal
@@ -71,9 +72,12 @@ class Controller:
         log: Logger,
         *,
         ego: str,
-        standby: str | None = None,
+        others: Sequence[str] = (),
+        cell: Sequence[str] = (),
         clock: Clock | None = None,
     ) -> None:
+        """`others`: robots whose links are shaped as the ego's is, by requests that name nobody.
+        `cell`: egos whose links are one medium."""
         clock = clock or Clock()
         self._driver = driver
         self._wishes = wishes
@@ -86,7 +90,9 @@ class Controller:
         self._enforcer = Enforcer(driver, self._link_event)
         self._observer = Observer(metrics)
         self._queues = QueueWatch(log)
-        self._targets = Targets(wishes, loop, clock)
+        self._ego = ego
+        self._cell = Cell(cell)
+        self._targets = Targets(wishes, loop, clock, self._cell)
         self._operators = Operators(
             driver,
             wishes,
@@ -97,7 +103,7 @@ class Controller:
             self._notes,
             clock,
             ego=ego,
-            standby=standby,
+            others=others,
             on_unshaped=self._unshaped,
         )
         self._robots: Mapping[str, str] = {}
@@ -205,6 +211,10 @@ class Controller:
         self._metrics.show_demands(
             {ego: (d.needed_bytes_s, d.unreachable_s) for ego, d in demands.items()}
         )
+        needs = {ego: 8.0 * demand.needed_bytes_s for ego, demand in demands.items()}
+        cell_bps = self._targets.cell_bps(self._ego)
+        if self._cell.divide(cell_bps, needs):
+            self._wake.set()
         states = tuple(
             link_state(
                 link,
@@ -217,6 +227,13 @@ class Controller:
             )
             for link, reading in sorted(readings.items())
         )
+        if grants := self._cell.grants(cell_bps):
+            states = tuple(
+                msgspec.structs.replace(state, grants=grants)
+                if state.direction == "down" and state.robot in grants
+                else state
+                for state in states
+            )
         self._metrics.show(states)
         return states
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from network_controller.drivers.base import Driver
@@ -34,7 +34,7 @@ class Operators:
         clock: Clock,
         *,
         ego: str,
-        standby: str | None,
+        others: Sequence[str],
         on_unshaped: Callable[[Link], None],
     ) -> None:
         """`on_unshaped(link)` hears of links that have no shape any more."""
@@ -47,7 +47,7 @@ class Operators:
         self._notes = notes
         self._clock = clock
         self._ego = ego
-        self._standby = standby
+        self._others = others
         self._on_unshaped = on_unshaped
 
     def carry_out(self, request: ShapeRequest) -> ShapeReply:
@@ -198,7 +198,7 @@ class Operators:
         return () if ended else ("no telemetry was running there",)
 
     def _links(self, request: ShapeRequest) -> tuple[Link, ...]:
-        return links_of(request, self._ego, frozenset(self._driver.robots()), self._standby)
+        return links_of(request, self._ego, frozenset(self._driver.robots()), self._others)
 
     def _in_force(self) -> tuple[ShapeInForce, ...]:
         now_ns = self._clock.now_ns()

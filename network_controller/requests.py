@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from network_controller.model import DIRECTIONS, Link
 from network_controller.wishes import Wish
 from swarm.errors import NetworkError
@@ -15,10 +17,10 @@ _NS = 1_000_000_000
 
 
 def links_of(
-    request: ShapeRequest, ego: str, present: frozenset[str], standby: str | None = None
+    request: ShapeRequest, ego: str, present: frozenset[str], others: Sequence[str] = ()
 ) -> tuple[Link, ...]:
     """The links that a request means; without a robot the cell towards the ego first, and towards
-    the one that stands in for it.
+    the others that decide, or stand in for it.
 
     Raises NetworkError for a robot that is not on this host.
     """
@@ -30,8 +32,8 @@ def links_of(
             else f"robot {robot!r} has no link on this host: no robot is here"
         )
     directions = DIRECTIONS if request.direction == "both" else (request.direction,)
-    robots = (robot,) if request.robot or standby not in present else (robot, standby)
-    return tuple(Link(r, direction) for r in robots if r for direction in directions)
+    more = () if request.robot else tuple(r for r in others if r in present and r != robot)
+    return tuple(Link(r, direction) for r in (robot, *more) for direction in directions)
 
 
 def wish_of(request: ShapeRequest, link: Link, now_ns: int) -> Wish:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -33,6 +33,12 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     swarm its certificate says `controller-<controller>`. Empty for the only one."""
     ego: Name = "R1"
     """Whose link is the cell that a request without a robot means."""
+    egos: tuple[Name, ...] = ()
+    """All egos, where there are several: their links are shaped alike, from the start and by such
+    requests."""
+    cell: Literal["own", "shared"] = "own"
+    """Whether each ego's link is a cell of its own, or all together are one medium: a capacity is
+    then that of all of them, and each has its part."""
     ego_standby: Name | None = None
     """The ego that stands in for it: its link is shaped alike, from the start and by such requests.
     """
@@ -63,6 +69,12 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """Unix socket to answer on instead of the port."""
     qod_sinks: Annotated[tuple[str, ...], msgspec.Meta(max_length=64)] = ()
     """Networks, addresses and host names that events may be sent to though they are not public."""
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The robots towards which the cells are, the first ego's first."""
+        others = (*self.egos, *((self.ego_standby,) if self.ego_standby else ()))
+        return tuple(dict.fromkeys((self.ego, *others)))
 
     def __repr__(self) -> str:
         return shown(self)

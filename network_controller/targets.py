@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 
 from network_controller import ladder
+from network_controller.cell import Cell
 from network_controller.model import Link, LinkShape
 from network_controller.slow_loop import SlowLoop
-from network_controller.wishes import Wish, Wishes
+from network_controller.wishes import TRACE_FLOOR_BPS, Wish, Wishes
 from swarm.process import Clock
 
 
 class Targets:
     """Joins operators' wishes with the levels of the slow loop and of API sessions."""
 
-    def __init__(self, wishes: Wishes, loop: SlowLoop, clock: Clock) -> None:
+    def __init__(
+        self, wishes: Wishes, loop: SlowLoop, clock: Clock, cell: Cell | None = None
+    ) -> None:
+        self._cell = cell or Cell()
         self._wishes = wishes
         self._loop = loop
         self._clock = clock
@@ -24,6 +28,12 @@ class Targets:
         """The shape of every link that should have one."""
         now_ns = self._clock.now_ns()
         return {wish.link: self._shape(wish, now_ns) for wish in self._wishes}
+
+    def cell_bps(self, robot: str) -> int:
+        """The capacity that is wanted now for the medium that a robot's link is a part of; 0 where
+        nobody wants it shaped."""
+        wish = self._wishes.get(Link(robot, "down"))
+        return wish.rate_bps(self._clock.now_ns()) if wish is not None else 0
 
     def level(self, link: Link) -> int:
         """What the slow loop says, or a session that needs more."""
@@ -50,4 +60,6 @@ class Targets:
     def _shape(self, wish: Wish, now_ns: int) -> LinkShape:
         level = self.level(wish.link)
         rate_bps = wish.rate_bps(now_ns)
+        if wish.direction == "down":
+            rate_bps = max(TRACE_FLOOR_BPS, int(rate_bps * self._cell.part(wish.robot)))
         return ladder.shape(rate_bps, level, delay_ms=wish.delay_ms, loss=wish.loss)

@@ -11,9 +11,11 @@ from prometheus_client import CollectorRegistry
 from perception.fusion.detectors import detector_backend
 from robot_agent.agent import RobotAgent
 from robot_agent.encoder import Encoder
+from robot_agent.fit import Fit
 from robot_agent.host import RobotHost
 from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
+from sensing.mark import mark_of
 from sensing.opening import open_world_of
 from swarm import transport
 from swarm.errors import CoAdaptError, SettingError
@@ -26,9 +28,13 @@ from swarm.session import Session
 from swarm.settings import PREFIX
 from worlds.base import World
 
+MOVED = 75
+"""Exit status (EX_TEMPFAIL of sysexits.h): the same command works, in the world that is now."""
+
 
 def main() -> int:
-    """Runs the robots of the settings until SIGTERM or SIGINT."""
+    """Runs the robots of the settings until SIGTERM or SIGINT; 1 for settings that are wrong, MOVED
+    where the world that was learnt is another one."""
     keep_freed_memory()
     stop = stop_on_signals()
     try:
@@ -38,29 +44,40 @@ def main() -> int:
         with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
             _check_robots(settings, world)
             watch = LoopWatch(make_logger("robot_agent", swarm=settings.swarm))
-            run(settings, world, stop, watch.loop)
+            moved = run(settings, world, stop, watch.loop)
     except CoAdaptError as error:
         if stop.is_set():
             return 0
         print(f"robot_agent: {error}", file=sys.stderr)
         return 1
+    if moved:
+        print(f"robot_agent: {moved}; ended to be started again", file=sys.stderr)
+        return MOVED
     return 0
 
 
 def run(
     settings: RobotSettings, world: World, stop: threading.Event, loops: Loops = unwatched
-) -> None:
-    """Hosts the robots in a world until `stop` is set.
+) -> str:
+    """Hosts the robots in a world until `stop` is set; why it was, where the world was learnt and
+    is another one now, else empty.
 
     Raises SettingError for a metrics port that is taken and TransportError when `stop` was set
     before the router could be reached.
     """
+    moved: list[str] = []
+
+    def on_moved(why: str) -> None:
+        moved.append(why)
+        stop.set()
+
     instance = secrets.randbits(48)
     log = make_logger(
         "robot_agent", level=settings.log_level, swarm=settings.swarm, instance=instance
     )
     registry = CollectorRegistry()
     metrics = RobotMetrics(registry)
+    mark = mark_of(settings, world)
     encoder = Encoder(world.detector, metrics, settings.algorithms)
     metrics.hosts(settings.robots, encoder.algorithms)
     server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
@@ -78,6 +95,7 @@ def run(
                 log=log,
                 ring_frames=settings.ring_frames,
                 size_period_s=1 / settings.measure_rate_hz,
+                mark=mark,
             )
             for robot in settings.robots
         ]
@@ -93,6 +111,13 @@ def run(
                 workers=settings.workers,
                 metrics=metrics,
                 log=log,
+                fit=Fit(
+                    settings.robots,
+                    mark,
+                    f"swarm {settings.swarm!r} at {settings.router.partition('#')[0]}",
+                    log,
+                    on_moved if settings.world_learnt else None,
+                ),
                 loops=loops,
             )
             backend = detector_backend(world.detector)
@@ -102,6 +127,7 @@ def run(
     finally:
         server.close()
     log.info("robots_down")
+    return "".join(moved[:1])
 
 
 def _check_robots(settings: RobotSettings, world: World) -> None:

@@ -13,6 +13,7 @@ from robot_agent.encoder import Encoder
 from robot_agent.frames import Frame, Ring
 from robot_agent.metrics import RobotMetrics
 from robot_agent.sensor import Sensor
+from robot_agent.sharing import Sharing
 from robot_agent.sizes import Sizes
 from sensing.telling import Teller
 from swarm.errors import CoAdaptError, PerceptionError
@@ -28,7 +29,7 @@ MAX_GAP_S = 0.25
 class RobotAgent:
     """One robot without its network: every method gives a message or changes the robot.
 
-    `sense`, `describe`, `beacon` and `observe` may run on threads of their own.
+    `sense`, `describe`, `beacon`, `observe` and `share` may run on threads of their own.
     """
 
     def __init__(
@@ -44,10 +45,11 @@ class RobotAgent:
         log: Logger,
         ring_frames: int = 10,
         size_period_s: float = 20.0,
+        mark: str = "",
     ) -> None:
-        """`size_period_s`: how old an announced size may be."""
+        """`size_period_s`: how old an announced size may be. `mark`: of the robot's world."""
         self.robot = robot
-        self._teller = Teller(world, robot, instance, clock.now_ns)
+        self._teller = Teller(world, robot, instance, clock.now_ns, mark)
         self._encoder = encoder
         self._clock = clock
         self._metrics = metrics
@@ -62,6 +64,9 @@ class RobotAgent:
             metrics=metrics,
             log=self._log,
         )
+        self._sharing = Sharing(encoder.shareable, world.rate_hz)
+        self._shared: Frame | None = None
+        """The newest frame that was looked at for those who share it."""
         self._sizes = Sizes(world.detector, encoder.algorithms, size_period_s)
         self._options = EncodeOptions()
         self._answering = 0
@@ -134,8 +139,12 @@ class RobotAgent:
         time asked for, the algorithm does not exist, or the payload is larger than asked for.
         """
         begun = time.perf_counter()
+        shared_s = self._sharing.asked(request, time.monotonic())
         self._options = EncodeOptions(request.max_error_m, request.keep_ground)
         frame = self._frame_for(request)
+        if shared_s and request.listens:
+            self._count(request, "shared")
+            return self._observation(frame, request.algorithm, b"", request.request, shared_s)
         options = replace(
             self._options,
             pose=frame.scan.pose,
@@ -149,6 +158,7 @@ class RobotAgent:
             self._count(request, "failed")
             raise
         self._note_size(request.algorithm, payload)
+        self._sharing.answered(request.algorithm, len(payload))
         if len(payload) > request.max_bytes:
             self._count(request, "too_large")
             raise PerceptionError(
@@ -157,16 +167,54 @@ class RobotAgent:
             )
         self._count(request, "sent")
         self._metrics.sent_bytes.labels(self.robot, request.algorithm).inc(len(payload))
+        encode_ms = (time.perf_counter() - begun) * 1e3
+        return self._observation(
+            frame, request.algorithm, payload, request.request, shared_s, encode_ms
+        )
+
+    def share(self) -> list[Observation]:
+        """What is to be published of the newest frame for several egos; nothing the second time.
+
+        Raises PerceptionError when the scan cannot be encoded; egos are answered one by one then.
+        """
+        frame, now = self._ring.newest(), time.monotonic()
+        if frame is None or frame is self._shared:
+            return []
+        self._shared = frame
+        found = []
+        for algorithm, form in self._sharing.due(frame.number, now):
+            begun = time.perf_counter()
+            with self._answers():
+                options = replace(form, pose=frame.scan.pose)
+                payload = self._encoder.encode(frame, algorithm, options)
+            if not self._sharing.published(algorithm, len(payload), now):
+                continue
+            encode_ms = (time.perf_counter() - begun) * 1e3
+            self._note_size(algorithm, payload)
+            self._metrics.sent_bytes.labels(self.robot, algorithm).inc(len(payload))
+            found.append(self._observation(frame, algorithm, payload, encode_ms=encode_ms))
+        return found
+
+    def _observation(
+        self,
+        frame: Frame,
+        algorithm: str,
+        payload: bytes,
+        request: int = 0,
+        shared_s: float = 0.0,
+        encode_ms: float = 0.0,
+    ) -> Observation:
         return Observation(
             robot=self.robot,
             instance=self._teller.instance,
-            request=request.request,
-            algorithm=request.algorithm,
+            request=request,
+            algorithm=algorithm,
             capture_ns=frame.capture_ns,
             frame=frame.number,
             pose=frame.scan.pose.as_tuple(),
             payload=payload,
-            encode_ms=(time.perf_counter() - begun) * 1e3,
+            encode_ms=encode_ms,
+            shared_s=shared_s,
         )
 
     @contextmanager

@@ -27,6 +27,11 @@ class Encoder:
         """The algorithms whose sizes are announced."""
         return self._measured
 
+    def shareable(self, algorithm: str) -> bool:
+        """Whether several egos can use one payload of an algorithm."""
+        fusion = self._fusions.get(algorithm)
+        return fusion is not None and fusion.shareable
+
     def encode(self, frame: Frame, algorithm: str, options: EncodeOptions) -> bytes:
         """The payload of a frame; the same form of the same frame is encoded once.
 

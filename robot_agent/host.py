@@ -11,18 +11,24 @@ import msgspec
 
 from robot_agent.agent import RobotAgent
 from robot_agent.duty import Duty
+from robot_agent.fit import Fit
 from robot_agent.metrics import RobotMetrics
 from robot_agent.pace import Pace
 from robot_agent.thinning import Thinner
 from swarm import keyspace
 from swarm.errors import CoAdaptError
+from swarm.listening import hear
 from swarm.log import Logger
 from swarm.loop_watch import Loops, unwatched
+from swarm.messages import NetDemand
 from swarm.session import Session
 from swarm.tcp_watch import TcpWatch
+from swarm.traffic import TrafficClass
 
 JOIN_S = 0.5
 IDLE_S = 0.005
+SHARE_WAIT_S = 0.5
+"""The loop turns at least so often, also where nothing is sensed."""
 MEASURE_S = 0.5
 """From one algorithm's measurement to the next one's: a robot's are spread over time."""
 
@@ -41,6 +47,7 @@ class RobotHost:
         workers: int,
         metrics: RobotMetrics,
         log: Logger,
+        fit: Fit,
         loops: Loops = unwatched,
     ) -> None:
         self._session = session
@@ -52,8 +59,10 @@ class RobotHost:
         self._duties: dict[str, Duty] = {}
         self._uplink = TcpWatch()
         self._thinners = {agent.robot: Thinner() for agent in agents}
+        self._sensed = threading.Event()
         self._pace = Pace()
-        self._pace.attach(session)
+        self._fit = fit
+        hear(session, {NetDemand: self._on_demand})
         self._threads = [self._thread("beacon", 1 / beacon_rate_hz, agents, self._beacon)]
         for part in (agents[i::workers] for i in range(min(workers, len(agents)))):
             self._threads.append(self._thread("scene", 1 / scene_rate_hz, part, self._scene))
@@ -62,6 +71,9 @@ class RobotHost:
             self._threads.append(
                 threading.Thread(target=self._sense, args=(part,), name="sense", daemon=True)
             )
+        self._threads.append(
+            threading.Thread(target=self._share, args=(agents,), name="share", daemon=True)
+        )
         for thread in self._threads:
             thread.start()
         for agent in agents:
@@ -70,10 +82,15 @@ class RobotHost:
     def close(self) -> None:
         """Stops the loops. Does not wait for one that is stuck in a scan."""
         self._stop.set()
+        self._sensed.set()
         self._uplink.close()
         deadline = time.monotonic() + JOIN_S
         for thread in self._threads:
             thread.join(max(0.0, deadline - time.monotonic()))
+
+    def _on_demand(self, demand: NetDemand) -> None:
+        self._pace.on_demand(demand)
+        self._fit.on_demand(demand)
 
     def _thread(
         self,
@@ -101,8 +118,29 @@ class RobotHost:
         while not self._stop.is_set():
             for agent in agents:
                 turned()
-                self._guarded("sense", lambda agent: agent.sensor.sense(), agent)
+                self._guarded("sense", self._sense_one, agent)
             self._stop.wait(max(IDLE_S, min(a.sensor.next_frame_in_s() for a in agents)))
+
+    def _sense_one(self, agent: RobotAgent) -> None:
+        if agent.sensor.sense():
+            self._sensed.set()
+
+    def _share(self, agents: Sequence[RobotAgent]) -> None:
+        """Publishes what several egos share of each new frame."""
+        turned = self._loops("share", 0.0)
+        while not self._stop.is_set():
+            turned()
+            if self._sensed.wait(SHARE_WAIT_S):
+                self._sensed.clear()
+                for agent in agents:
+                    self._guarded("share", self._share_one, agent)
+
+    def _share_one(self, agent: RobotAgent) -> None:
+        swarm = self._session.swarm
+        for observation in agent.share():
+            told = msgspec.structs.replace(observation, uplink=self._uplink.total())
+            key = keyspace.shared(swarm, agent.robot, observation.algorithm)
+            self._session.put(key, told, TrafficClass.FUSION)
 
     def _beacon(self, agent: RobotAgent) -> None:
         thinner, now = self._thinners[agent.robot], time.monotonic()
@@ -120,6 +158,7 @@ class RobotHost:
             self._session.put(keyspace.scene(self._session.swarm, agent.robot), scene)
 
     def _measure(self, agent: RobotAgent) -> None:
+        self._fit.look()
         agent.measure()
 
     def _guarded(self, loop: str, work: Callable[[RobotAgent], object], agent: RobotAgent) -> None:

@@ -9,7 +9,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from swarm.metrics import start_at_zero
 
 _SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
-_OUTCOMES = ("sent", "no_frame", "too_old", "too_large", "failed")
+_OUTCOMES = ("sent", "shared", "no_frame", "too_old", "too_large", "failed")
 
 
 class RobotMetrics:
@@ -64,7 +64,7 @@ class RobotMetrics:
         )
         self.requests = Counter(
             "coadapt_robot_requests_total",
-            "Requests for an observation: sent, no_frame, too_old, too_large or failed.",
+            "Requests for an observation: sent, shared, no_frame, too_old, too_large or failed.",
             ["robot", "algorithm", "outcome"],
             registry=registry,
         )
@@ -80,7 +80,7 @@ class RobotMetrics:
             ["loop"],
             registry=registry,
         )
-        start_at_zero(self.faults, ("sense", "beacon", "scene", "measure"))
+        start_at_zero(self.faults, ("sense", "share", "beacon", "scene", "measure"))
 
     def hosts(self, robots: Sequence[str], algorithms: Sequence[str]) -> None:
         """Shows what these robots may do at 0."""

@@ -7,9 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from swarm.listening import hear
 from swarm.messages import NetDemand
-from swarm.session import Session
 
 MAX_EGOS = 8
 HOLD_S = 5.0
@@ -39,10 +37,6 @@ class Pace:
         self._egos: dict[str, _Ego] = {}
         self._echoed: dict[tuple[str, str], int] = {}
         """By robot and ego: `steady_ns` of the word that was echoed last."""
-
-    def attach(self, session: Session) -> None:
-        """Listens to every ego."""
-        hear(session, {NetDemand: self.on_demand})
 
     def on_demand(self, demand: NetDemand) -> None:
         """Takes an ego's word."""

@@ -29,6 +29,9 @@ class RobotSettings(ProcessSettings, frozen=True, kw_only=True):
     size; one after the other."""
     ring_frames: Annotated[int, msgspec.Meta(ge=1, le=100)] = 10
     """Recent frames that a robot keeps to answer queries from."""
+    world_learnt: bool = False
+    """The world is the one that an ego told: where it tells of another one, the process ends, to be
+    started anew."""
     workers: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
     """Threads that sense, and as many that describe; more than one pays with many robots."""
 

@@ -20,6 +20,8 @@ BEACON_SHARE = 0.7
 """Of the budget; scenes have the rest."""
 SIZES_PERIOD_S = 2.0
 """Sizes that stay the same are told this often."""
+MARK_PERIOD_S = 1.0
+"""The robot's world and version are told this often, so that who has just come hears of them."""
 MAX_SCENE_GAP_S = 3.0
 """Egos forget a scene after 5 s; rather a small one in time than a large one too late."""
 MIN_SECTORS = 24
@@ -36,6 +38,7 @@ class Thinner:
     _sizes: dict[str, int] = field(default_factory=dict)
     """Told last, and when."""
     _sizes_at: float = float("-inf")
+    _marked_at: float = float("-inf")
 
     def beacon_is_due(self, now: float) -> bool:
         """Whether a beacon may be sent at `now`, seconds on a steady clock."""
@@ -46,7 +49,12 @@ class Thinner:
         return now >= self._scene_due
 
     def beacon(self, beacon: Beacon, budget_bps: int | None, now: float) -> Beacon:
-        """The beacon to send now, without a budget as it is."""
+        """The beacon to send now; without a budget it tells all but its world, which never
+        changes."""
+        if now - self._marked_at < MARK_PERIOD_S:
+            beacon = msgspec.structs.replace(beacon, world="", software="")
+        else:
+            self._marked_at = now
         if budget_bps is None:
             self._beacon_due = 0.0
             return beacon

@@ -13,6 +13,7 @@ from perception.scene import describe, to_array, visible_range
 from swarm.arrays import pack
 from swarm.geometry import Points, Pose
 from swarm.messages import Beacon, SceneDescription
+from swarm.version import installed_version
 from worlds.base import World, body_of
 
 SECTORS = 72
@@ -22,9 +23,18 @@ SECTORS = 72
 class Teller:
     """Makes one robot's messages, each kind with numbers of its own."""
 
-    def __init__(self, world: World, robot: str, instance: int, now_ns: Callable[[], int]) -> None:
-        """`instance` tells this start of the robot from others; `now_ns` is its clock."""
+    def __init__(
+        self,
+        world: World,
+        robot: str,
+        instance: int,
+        now_ns: Callable[[], int],
+        mark: str = "",
+    ) -> None:
+        """`instance` tells this start of the robot from others; `now_ns` is its clock, `mark` that
+        of its world (`sensing.mark`)."""
         self.robot = robot
+        self._mark = mark
         self.instance = instance
         self._range_m = world.range_m
         self._body = body_of(world, robot)
@@ -59,6 +69,8 @@ class Teller:
             range_m=self._range_m,
             body=self._body,
             sizes=dict(sizes),
+            world=self._mark,
+            software=installed_version(),
         )
 
     def description(

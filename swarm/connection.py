@@ -65,7 +65,13 @@ class Connection:
         self._entities: list[Entity] = []
         self.reopened = 0
         """How often a session was replaced, for its links or its certificate."""
-        self._zenoh = transport.open_zenoh(self._config, timeout_s=timeout_s, stop=stop)
+        place = router.partition("#")[0]
+        self._zenoh = transport.open_zenoh(
+            self._config,
+            timeout_s=timeout_s,
+            stop=stop,
+            on_wait=lambda why: log.warning("router_away", router=place, why=why),
+        )
         self._watcher = threading.Thread(target=self._watch, name="links", daemon=True)
         self._watcher.start()
 

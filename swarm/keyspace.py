@@ -74,6 +74,15 @@ def observation(swarm: str, robot: str) -> str:
     return _robot_key(swarm, robot, "observation")
 
 
+def shared(swarm: str, robot: str, algorithm: str) -> str:
+    """`messages.Observation` that a robot publishes once for several egos, every frame.
+
+    >>> shared("local", "R1", "early")
+    'coadapt/local/robot/R1/shared/early'
+    """
+    return _robot_key(swarm, robot, f"shared/{algorithm}")
+
+
 def decision(swarm: str, ego: str) -> str:
     """`messages.Decision`, every control cycle."""
     return _ego_key(swarm, ego, "decision")
@@ -146,6 +155,15 @@ def trust_certificate(swarm: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
 
 
+def everything(name: str) -> str:
+    """All keys of the swarm of that name: what its routers pass on to each other.
+
+    >>> everything("local")
+    'coadapt/local/**'
+    """
+    return f"coadapt/{check_name('swarm name', name)}/**"
+
+
 def by(key: str, asker: str) -> str:
     """Where a role asks what is served on a key, in a secure swarm: the router lets each ask by its
     own name only, so that who serves knows who asks. Served is `by(key, ANY)`.
@@ -177,6 +195,7 @@ def belongs_to_robot(key: str) -> bool:
 def robot_of(key: str) -> str:
     """The robot or ego id in a key of this key space. Raises KeyspaceError for another key."""
     parts = key.split("/")
-    if len(parts) != 5 or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
+    whole = len(parts) == 5 or (len(parts) == 6 and parts[4] == "shared")
+    if not whole or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
         raise KeyspaceError(f"key {key!r} is not coadapt/<swarm>/(robot|ego)/<id>/<leaf>")
     return check_name("robot id", parts[3])

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from swarm import keyspace
+from swarm.errors import CoAdaptError
 from swarm.log import Logger
 from swarm.messages import (
     Beacon,
@@ -36,17 +37,24 @@ _KEYS: dict[type[Message], Callable[[str, str], str]] = {
 }
 
 
-def hear(session: Session, handlers: Handlers, ego: str = keyspace.ANY) -> None:
+def hear(
+    session: Session,
+    handlers: Handlers,
+    ego: str = keyspace.ANY,
+    *,
+    on_invalid: Callable[[str, CoAdaptError], object] | None = None,
+) -> None:
     """Hands over what comes from now on: of one ego or all, of all robots and the network. Of one
     ego is also what another says while it stands in for it.
 
-    A message that does not validate is dropped, and logged once a sender (`Session.subscribe`).
+    A message that does not validate is dropped, and logged once a sender; `on_invalid` hears of it
+    (`Session.subscribe`).
     """
     if ego != keyspace.ANY and handlers.keys() & _OF_EGOS:
         handlers = _Led(ego).handlers(handlers)
         ego = keyspace.ANY
     for kind, handler in handlers.items():
-        session.subscribe(_KEYS[kind](session.swarm, ego), kind, handler)
+        session.subscribe(_KEYS[kind](session.swarm, ego), kind, handler, on_invalid)
 
 
 _OF_EGOS: set[type[Message]] = {Decision, Detections}

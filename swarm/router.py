@@ -12,27 +12,36 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
-from swarm import transport
+from swarm import keyspace, transport
+from swarm.asking import Question
+from swarm.credit import Window
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
+from swarm.messages import CertificateRequest, RenewedCertificate
 from swarm.metrics import MetricsServer
+from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
 from swarm.tcp_reporter import TcpReporter
+from swarm.tcp_stuck import Way
+from swarm.traffic import TrafficClass
 from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
+from swarm.trust.renewal import Renewal
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
+CERTIFICATE_S = 5.0
 REOPEN_S = 10.0
 """How long a router that opens anew may take to close and to have its ports back; less than what it
 is watched for."""
@@ -107,6 +116,23 @@ class Router:
         except zenoh.ZError:
             return 0, 0  # It is opening anew.
 
+    def ends(self) -> list[str]:
+        """The far ends of its links."""
+        try:
+            return [str(link.dst) for link in self.session.info.links()]
+        except zenoh.ZError:
+            return []  # It is opening anew.
+
+    def certificate(self, name: str) -> str:
+        """What the authority, at another machine's router, issued last to this one. Raises
+        TransportError, and RefusedError."""
+        key = keyspace.by(keyspace.trust_certificate(self._swarm or ""), name)
+        asked: Question[RenewedCertificate] = Question(
+            key, RenewedCertificate, CERTIFICATE_S, Window(), lambda error: None
+        )
+        asked.send(self.session, CertificateRequest(role=name), TrafficClass.CONTROL)
+        return asked.future.result().message.certificate
+
     def close(self) -> None:
         """Lets go of all."""
         if self._reporter is not None:
@@ -142,6 +168,17 @@ def main() -> int:
         metavar="FOLDER",
         help="let in only who has a certificate of this router's authority (docs/security.md)",
     )
+    parser.add_argument(
+        "--scouting", action="store_true", help="answer who looks for a router by multicast"
+    )
+    parser.add_argument(
+        "--peer",
+        action="append",
+        default=[],
+        metavar="ROUTER",
+        help="another machine's router, tls/HOST:PORT (plain: tcp/HOST:PORT); repeatable. Of two "
+        "routers one names the other",
+    )
     args = parser.parse_args()
     log = make_logger("router")
     stop = stop_on_signals()
@@ -153,7 +190,9 @@ def main() -> int:
         if args.config:
             return read_config(args.config)
         trust = _trust(identity, args.swarm) if identity is not None else None
-        return transport.router_config(args.host, args.port, args.unix_socket, trust)
+        return transport.router_config(
+            args.host, args.port, args.unix_socket, trust, args.peer, scouting=args.scouting
+        )
 
     try:
         if args.print_config:
@@ -176,9 +215,18 @@ def main() -> int:
     if identity is None and args.host not in LOCAL_HOSTS and not args.config:
         log.warning("plain", host=args.host, means="whoever reaches this address is believed")
     turned = LoopWatch(log).loop("router")
+    peers = Peers(args.peer, identity, log)
+    way = Way(log)
+    renewal = (
+        Renewal(identity, partial(router.certificate, identity.name), log)
+        if identity is not None and args.peer
+        else None
+    )
     while not stop.wait(LOOK_S):
         router.connected()  # does not return while Zenoh hangs
         turned()
+        peers.look(router.ends() if args.peer else ())
+        way.look()
         if identity is None or (now := members.version(identity)) == seen:
             continue
         seen = now
@@ -193,6 +241,8 @@ def main() -> int:
             log.info("trust_renewed")
     if metrics is not None:
         metrics.close()
+    if renewal is not None:
+        renewal.close()
     router.close()
     if refusals is not None:
         refusals.close()

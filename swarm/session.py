@@ -108,11 +108,19 @@ class Session:
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {error}") from error
 
-    def subscribe(self, key: str, kind: type[M], on_message: Callable[[M], object]) -> None:
-        """Calls `on_message(message)` for every valid message on a key expression.
+    def subscribe(
+        self,
+        key: str,
+        kind: type[M],
+        on_message: Callable[[M], object],
+        on_invalid: Callable[[str, CoAdaptError], object] | None = None,
+    ) -> Callable[[], None]:
+        """Calls `on_message(message)` for every valid message on a key expression, until what is
+        returned is called.
 
-        Messages that do not validate are counted, logged once a sender, and dropped. While a
-        session that lost links is replaced, a message may come twice.
+        Messages that do not validate are counted, logged once a sender, and dropped;
+        `on_invalid(key, error)` hears of each. While a session that lost links is replaced, a
+        message may come twice.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -132,6 +140,8 @@ class Session:
                     raise MessageError(f"the state of controller {message.name!r} came on {sender}")
             except (MessageError, KeyspaceError) as error:
                 self._drop(kind, sender, error)
+                if on_invalid is not None:
+                    on_invalid(sender, error)
                 return
             try:
                 on_message(message)
@@ -140,7 +150,7 @@ class Session:
                 self._log.error("handler_failed", key=sender, exc_info=True)
 
         start_at_zero(self._invalid, (kind.__name__,))
-        self._connection.declare(lambda session: session.declare_subscriber(key, receive))
+        return self._connection.declare(lambda session: session.declare_subscriber(key, receive))
 
     def serve(
         self,

@@ -17,6 +17,8 @@ from swarm.traffic import TrafficClass
 
 _FIELDS = struct.Struct("=8B24IQQQQIIIIIIQQQQ")
 """`struct tcp_info` of linux/tcp.h as far as Linux 4.10 has it."""
+_BACKOFF = 4
+_MSS, _HEARD = 10, 19
 _UNACKED, _RTT, _BYTES_ACKED, _NOTSENT, _MIN_RTT = 12, 23, 34, 38, 39
 _BUSY, _RWND_LIMITED, _SNDBUF_LIMITED = 43, 44, 45
 LONE_PACKETS = 2
@@ -49,6 +51,12 @@ class TcpInfo:
     """Time with data under way."""
     held_us: int
     """Of that, the time in which the receiver's window or the send buffer held data up."""
+    backoff: int
+    """How often in a row what was sent was not acknowledged in time."""
+    segment_bytes: int
+    """What a full packet carries."""
+    heard_ms: int
+    """Since the other end has sent anything."""
 
 
 def tcp_info(descriptor: int) -> TcpInfo | None:
@@ -63,7 +71,15 @@ def tcp_info(descriptor: int) -> TcpInfo | None:
     told = _FIELDS.unpack(buffer.raw)
     behind = told[_UNACKED] > LONE_PACKETS and told[_RTT] > 2 * told[_MIN_RTT] + QUEUED_US
     held_us = told[_RWND_LIMITED] + told[_SNDBUF_LIMITED]
-    return TcpInfo(told[_BYTES_ACKED], told[_NOTSENT] > 0 or behind, told[_BUSY], held_us)
+    return TcpInfo(
+        told[_BYTES_ACKED],
+        told[_NOTSENT] > 0 or behind,
+        told[_BUSY],
+        held_us,
+        told[_BACKOFF],
+        told[_MSS],
+        told[_HEARD],
+    )
 
 
 def connections(traffic: TrafficClass) -> Iterator[Connection]:

@@ -7,7 +7,7 @@ import math
 import re
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
@@ -16,8 +16,10 @@ from typing import Any, Protocol
 import zenoh
 
 from swarm import traffic
+from swarm.defaults import ROUTER_PORT
 from swarm.errors import IdentityError, SettingError, TransportError
 from swarm.messages import MAX_MESSAGE_BYTES
+from swarm.reaching import why_not
 from swarm.traffic import LINKS, TrafficClass
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
@@ -29,6 +31,8 @@ _TCP = re.compile(
 _UNIX = re.compile(r"(?P<locator>unixsock-stream/[^\s#]+)(#identity=(?P<identity>/.+))?")
 MAX_UNIX_PATH = 100
 RETRY_S = 0.5
+FIRST_TELL_S, TELL_S = 2.0, 10.0
+"""When, and how often, a process that waits for its router says why."""
 POLL_S = 0.1
 
 CLOSE_S = 1.2
@@ -75,14 +79,29 @@ _COMMON: dict[str, Any] = {
 }
 
 
+_FOUND: dict[str, Any] = {
+    "scouting/multicast/enabled": True,
+    # It answers, and connects to nobody whom it finds itself.
+    "scouting/multicast/autoconnect": {"router": [], "peer": [], "client": []},
+}
+
+
 def router_config(
-    host: str, port: int, unix_socket: str | None = None, trust: Trust | None = None
+    host: str,
+    port: int,
+    unix_socket: str | None = None,
+    trust: Trust | None = None,
+    peers: Sequence[str] = (),
+    *,
+    scouting: bool = False,
 ) -> dict[str, Any]:
     """Settings of a router that listens with one port a traffic class from `port` on.
 
     With `trust` it shows its certificate, lets in nobody without one, and everybody may do only
-    what `trust` allows. Keys are Zenoh's configuration paths; `router_json5` writes them as
-    `zenohd` reads them.
+    what `trust` allows. `peers` are routers of other machines, `tls/HOST:PORT` (without `trust`
+    `tcp/HOST:PORT`), which it goes on to connect to. With `scouting` it answers who looks for a
+    router by multicast. Keys are Zenoh's configuration paths;
+    `router_json5` writes them as `zenohd` reads them. Raises SettingError.
     """
     small = {TrafficClass.CONTROL: f";so_sndbuf={CONTROL_BUFFER_BYTES}"}
     protocol: traffic.Protocol = "tcp" if trust is None else "tls"
@@ -109,8 +128,35 @@ def router_config(
         "listen/endpoints": listen,
         "low_pass_filter": filters,
         **(_trusting(trust) if trust is not None else {}),
+        **(_meshed(peers, protocol) if peers else {}),
         **_COMMON,
+        **(_FOUND if scouting else {}),
     }
+
+
+def _meshed(peers: Sequence[str], protocol: traffic.Protocol) -> dict[str, Any]:
+    """Connections to other routers, one link a traffic class, that are tried again for ever."""
+    connect = []
+    for peer in peers:
+        found = _TCP.fullmatch(peer)
+        if found is None or found["protocol"] != protocol or found["identity"]:
+            raise SettingError(f"peer {peer!r} is not valid; it must be {protocol}/HOST:PORT")
+        connect.append(_all_of(found["host"], int(found["port"]), protocol))
+    return {
+        "connect/endpoints": connect,
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": {
+            "period_init_ms": 500,
+            "period_max_ms": 1000,
+            "period_increase_factor": 1.5,
+        },
+    }
+
+
+def _all_of(host: str, port: int, protocol: traffic.Protocol) -> dict[str, Any]:
+    locators = [cls.endpoint(host, port, protocol) for cls in TrafficClass]
+    return {"strategy": "allOf", "locators": locators}
 
 
 def _trusting(trust: Trust) -> dict[str, Any]:
@@ -118,6 +164,9 @@ def _trusting(trust: Trust) -> dict[str, Any]:
         "transport/link/tls/root_ca_certificate": str(trust.identity.ca),
         "transport/link/tls/listen_certificate": str(trust.identity.certificate),
         "transport/link/tls/listen_private_key": str(trust.identity.key),
+        "transport/link/tls/connect_certificate": str(trust.identity.certificate),
+        "transport/link/tls/connect_private_key": str(trust.identity.key),
+        "transport/link/tls/verify_name_on_connect": True,
         "transport/link/tls/enable_mtls": True,
         "transport/link/tls/close_link_on_expiration": True,
         "access_control": trust.access,
@@ -139,8 +188,7 @@ def client_config(router: str) -> dict[str, Any]:
         and (tcp["protocol"] == "tls") == (tcp["identity"] is not None)
     ):
         protocol: traffic.Protocol = "tls" if tcp["identity"] else "tcp"
-        locators = [cls.endpoint(tcp["host"], int(tcp["port"]), protocol) for cls in TrafficClass]
-        connect: list[Any] = [{"strategy": "allOf", "locators": locators}]
+        connect: list[Any] = [_all_of(tcp["host"], int(tcp["port"]), protocol)]
         if (identity := identity_of(router)) is not None:
             secured = {
                 "transport/link/tls/root_ca_certificate": str(identity.ca),
@@ -158,6 +206,15 @@ def client_config(router: str) -> dict[str, Any]:
             "tls/HOST:PORT#identity=FOLDER or unixsock-stream/PATH[#identity=FOLDER]"
         )
     return {"mode": "client", "connect/endpoints": connect, **secured, **_COMMON}
+
+
+def with_port(place: str) -> str:
+    """A router's address with the usual port where it names none.
+
+    >>> with_port("tls/10.0.0.1")
+    'tls/10.0.0.1:7447'
+    """
+    return place if re.search(r":\d+$", place) else f"{place}:{ROUTER_PORT}"
 
 
 def identity_of(router: str) -> Identity | None:
@@ -195,6 +252,7 @@ def open_zenoh(
     *,
     timeout_s: float | None = None,
     stop: threading.Event | None = None,
+    on_wait: Callable[[str], object] | None = None,
 ) -> zenoh.Session:
     """Opens a session; a client tries again every half second until its router is there.
 
@@ -202,6 +260,7 @@ def open_zenoh(
         config: settings by Zenoh's configuration path.
         timeout_s: give up after this long; None tries until `stop` is set.
         stop: ends the attempts.
+        on_wait: hears every TELL_S, on a thread of its own, why the router cannot be reached.
 
     Raises:
         TransportError: the session could not be opened in time, or `stop` was set first.
@@ -209,14 +268,15 @@ def open_zenoh(
     """
     stop = stop or threading.Event()
     deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
-    where = config.get("connect/endpoints") or config.get("listen/endpoints")
+    where = config.get("listen/endpoints") or config.get("connect/endpoints")
     failure: zenoh.ZError | None = None
+    waiting = _Waiting(config, on_wait)
     while True:
         attempt: Future[zenoh.Session] = Future()
         # On a thread of its own: where packets vanish, an attempt lasts as long as TCP tries.
         threading.Thread(target=_open, args=(config, attempt), name="open", daemon=True).start()
         try:
-            return _wait(attempt, deadline, stop)
+            return _wait(attempt, deadline, stop, waiting)
         except zenoh.ZError as error:
             _check_identity(config)
             failure = error
@@ -230,6 +290,34 @@ def open_zenoh(
                 raise TransportError(f"no answer from {where} within {timeout_s} s") from error
         if stop.wait(RETRY_S):
             raise TransportError(f"stopped before {where} could be reached")
+
+
+class _Waiting:
+    """Tells now and then why a router cannot be reached."""
+
+    def __init__(self, config: dict[str, Any], on_wait: Callable[[str], object] | None) -> None:
+        self._config = config
+        self._on_wait = on_wait
+        self._due = time.monotonic() + FIRST_TELL_S
+
+    def look(self) -> None:
+        """Tells, where that is due; takes no time itself."""
+        if self._on_wait is None or time.monotonic() < self._due:
+            return
+        self._due = time.monotonic() + TELL_S
+        threading.Thread(target=self._tell, name="reaching", daemon=True).start()
+
+    def _tell(self) -> None:
+        assert self._on_wait is not None
+        self._on_wait(_why_not(self._config) or "it does not answer")
+
+
+def _why_not(config: dict[str, Any]) -> str:
+    """Why a client's router cannot be reached, as far as that can be found out."""
+    connect = config.get("connect/endpoints")
+    if config["mode"] != "client" or not connect or not isinstance(connect[0], dict):
+        return ""
+    return why_not(connect[0]["locators"][0], shown_identity(config))
 
 
 def check_router(router: str, role: str) -> None:
@@ -255,7 +343,9 @@ def _check(identity: Identity) -> None:
 
 
 def _cannot(where: object, failure: zenoh.ZError, config: dict[str, Any]) -> TransportError:
-    return TransportError(f"cannot open a Zenoh session at {where}: {failure}{_hint(config)}")
+    why = _why_not(config)
+    told = f"{failure}: {why}" if why else f"{failure}{_hint(config)}"
+    return TransportError(f"cannot open a Zenoh session at {where}: {told}")
 
 
 def _hint(config: dict[str, Any]) -> str:
@@ -321,9 +411,12 @@ def _open(config: dict[str, Any], attempt: Future[zenoh.Session]) -> None:
         session.close()  # type: ignore[no-untyped-call]
 
 
-def _wait(attempt: Future[zenoh.Session], deadline: float, stop: threading.Event) -> zenoh.Session:
+def _wait(
+    attempt: Future[zenoh.Session], deadline: float, stop: threading.Event, waiting: _Waiting
+) -> zenoh.Session:
     """The session of an attempt. Raises ZError when it fails, TimeoutError when it is given up."""
     while True:
+        waiting.look()
         try:
             return attempt.result(POLL_S)
         except TimeoutError:

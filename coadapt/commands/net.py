@@ -10,11 +10,11 @@ from pathlib import Path
 import msgspec
 
 from coadapt.arguments import add_swarm
+from coadapt.elsewhere import add_router, state_of
 from coadapt.net_client import NetClient
 from coadapt.net_view import render
 from coadapt.operator import operator
 from deploy.rates import parse_link_rate, parse_seconds, parse_share
-from deploy.state import need_state
 from network_controller.mahimahi import read_trace
 from swarm import keyspace
 from swarm.controllers import merged, of
@@ -73,6 +73,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         one._negative_number_matcher = _NEGATIVE
     for one in (shape, congest, show):
         add_swarm(one)
+        add_router(one)
         one.add_argument("--json", action="store_true", help="one object on standard output")
         one.set_defaults(run=run, parser=one)
 
@@ -80,7 +81,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Asks the network controller, and prints what is in force afterwards."""
     request: ShapeRequest = args.request(args)
-    swarm = need_state(args.swarm)
+    swarm = state_of(args)
     try:
         session = Session(swarm.router, swarm.spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:

@@ -7,12 +7,14 @@ import time
 from importlib import resources
 from pathlib import Path
 
-from coadapt.arguments import add_swarm
+from coadapt.arguments import add_ego, add_swarm
+from coadapt.elsewhere import ELSEWHERE, add_router, state_of
 from deploy.progress import say
 from deploy.services import RECORDINGS
-from deploy.state import State, need_state, read_state
+from deploy.state import State, read_state
 from swarm.errors import CoAdaptError, RecordingError
 from swarm.process import stop_on_signals
+from worlds.registry import world_kind
 
 LIVE_PORT = 8765
 
@@ -27,7 +29,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar="FILE.mcap",
         help="a new file (default: var/<swarm>/recordings/<time>.mcap)",
     )
+    add_ego(parser)
     add_swarm(parser)
+    add_router(parser)
     parser.add_argument("--seconds", type=float, help="how long (default: until Ctrl-C)")
     parser.add_argument(
         "--points",
@@ -80,7 +84,8 @@ def run(args: argparse.Namespace) -> int:
             "the package foxglove-sdk is missing: run `make setup`, or "
             "pip install 'coadapt-edge[recordings]'"
         ) from error
-    state = need_state(args.swarm)
+    state = state_of(args)
+    _check_seen(args, state)
     output = None if args.no_file else (args.output or _default(state))
     stop = stop_on_signals()
     where = "no file" if output is None else str(output)
@@ -116,6 +121,16 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check_seen(args: argparse.Namespace, state: State) -> None:
+    """Raises RecordingError where scans are wanted that are not on this machine."""
+    kind = world_kind(state.spec.world)
+    if state.runtime == ELSEWHERE and kind.data and args.points != "none":
+        raise RecordingError(
+            f"the scans of world {kind.name} are where the swarm runs: --points none records what "
+            "is said"
+        )
+
+
 def _default(state: State) -> Path:
     name = time.strftime("%Y%m%dT%H%M%SZ.mcap", time.gmtime())
     return Path(state.spec.var_dir) / RECORDINGS / name
@@ -123,6 +138,8 @@ def _default(state: State) -> Path:
 
 def _gone(state: State) -> bool:
     """Whether the swarm was taken down, or is another one by now."""
+    if state.runtime == ELSEWHERE:
+        return False  # The recorder sees by itself that nothing comes any more.
     try:
         now = read_state(state.spec.swarm)
     except CoAdaptError:

@@ -9,12 +9,13 @@ from datetime import UTC, datetime
 
 import msgspec
 
-from coadapt.arguments import add_swarm
+from coadapt.arguments import add_ego, add_swarm
+from coadapt.elsewhere import ELSEWHERE, add_router, state_of
 from deploy import runtimes
-from deploy.observe import SwarmView, Watch
+from deploy.observe import EgoRow, SwarmView, Watch
 from deploy.rates import format_rate
 from deploy.runtime import ProcessStatus
-from deploy.state import State, need_state
+from deploy.state import State
 from swarm.errors import DeployError, TransportError
 from swarm.messages import AdviceReport
 
@@ -28,15 +29,16 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = subparsers.add_parser("status", help="show a swarm", description=__doc__)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.add_argument("--watch", action="store_true", help="draw again every second")
+    add_ego(parser)
     add_swarm(parser)
+    add_router(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Listens for a moment and prints what came; with `--watch` until interrupted."""
-    state = need_state(args.swarm)
-    runtime = runtimes.get(state.runtime)
-    processes = runtime.status(args.swarm)
+    state = state_of(args)
+    processes = _processes(state)
     try:
         connected = Watch(state)
     except TransportError as error:
@@ -57,7 +59,14 @@ def run(args: argparse.Namespace) -> int:
             if not args.watch:
                 return 0
             time.sleep(REDRAW_S)
-            processes = runtime.status(args.swarm)
+            processes = _processes(state)
+
+
+def _processes(state: State) -> tuple[ProcessStatus, ...]:
+    """What runs on this machine; of a swarm elsewhere nothing."""
+    if state.runtime == ELSEWHERE:
+        return ()
+    return runtimes.get(state.runtime).status(state.spec.swarm)
 
 
 def _listen(watch: Watch, state: State) -> None:
@@ -78,8 +87,9 @@ class Trusted(msgspec.Struct, frozen=True):
 
 
 def trusted(state: State) -> list[Trusted] | None:
-    """Who has a certificate; None in a plain swarm. Raises IdentityError."""
-    if not state.spec.secure:
+    """Who has a certificate; None in a plain swarm, and of one elsewhere, as its keystore is there.
+    Raises IdentityError."""
+    if not state.spec.secure or state.runtime == ELSEWHERE:
         return None
     # Only here: a plain swarm's status need not wait for the library.
     from deploy.trust.prepare import keystore_of
@@ -125,10 +135,14 @@ def render(
     )
     lines += ["", *_decision(view)]
     lines += [f"links      {why}; C(t) is only measured there" for why in view.unshaped]
+    if len(view.egos) > 1:
+        lines += ["", *_egos(view.egos)]
     if view.model_trouble:
         lines.append(f"model      does not answer: {view.model_trouble}")
     if trust is not None:
         lines.append(f"trust      {_trust(trust)}")
+    if not processes:
+        return "\n".join(lines)
     lines.append("")
     lines += columns(
         [("process", "state", "restarts", "up", "")]
@@ -156,6 +170,27 @@ def _decision(view: SwarmView) -> list[str]:
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _egos(egos: Sequence[EgoRow]) -> list[str]:
+    """What each ego has decided, where there are several."""
+    return columns(
+        [("ego", "cycle", "age", "Q", "policy", "algorithm", "from")]
+        + [
+            (row.ego, "-", "-", "-", "", "no decision came", "")
+            if row.cycle is None or row.age_s is None
+            else (
+                row.ego,
+                str(row.cycle),
+                f"{row.age_s:.1f} s",
+                f"{row.quality:.2f}",
+                row.policy,
+                row.algorithm if row.valid else f"{row.algorithm} (NOT VALID)",
+                ", ".join(row.selected),
+            )
+            for row in egos
+        ]
+    )
 
 
 def _trust(trust: Sequence[Trusted]) -> str:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import msgspec
 
-from coadapt.arguments import add_swarm
+from coadapt.arguments import add_ego, add_swarm
 from coadapt.asking import ask_patiently
+from coadapt.elsewhere import add_router, state_of
 from coadapt.operator import operator
 from deploy.progress import typed
-from deploy.state import need_state
+from deploy.spec import SwarmSpec
 from swarm import keyspace
 from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
 from swarm.messages import EgoSteered, EgoSteering, EgoWish, Message, RobotSteered, RobotSteering
@@ -38,7 +39,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--yes", action="store_true", help="stop the ego's own robot, too: it sees nothing then"
     )
+    add_ego(parser)
     add_swarm(parser)
+    add_router(parser)
     parser.add_argument("--json", action="store_true", help="one object on standard output")
     parser.set_defaults(run=run)
 
@@ -48,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
 
     Nothing is changed unless all that are named answer.
     """
-    state = need_state(args.swarm)
-    wishes = _wishes(args, state.spec.swarm, state.spec.ego, state.spec.ego_standby)
+    state = state_of(args)
+    wishes = _wishes(args, state.spec)
     try:
         session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:
@@ -64,15 +67,17 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _wishes(args: argparse.Namespace, swarm: str, ego: str, standby: str | None) -> list[_Wish]:
+def _wishes(args: argparse.Namespace, spec: SwarmSpec) -> list[_Wish]:
     """What to ask of whom. Raises DecisionError that names a value that is not allowed."""
     both = sorted(set(args.stop) & set(args.start))
     if both:
         raise DecisionError(f"robot {both[0]!r} is both to stop and to start: name it once")
-    if ego in args.stop and not args.yes:
+    swarm = spec.swarm
+    blinded = [robot for robot in spec.all_egos if robot in args.stop]
+    if blinded and not args.yes:
         raise DecisionError(
-            f"robot {ego!r} is the ego's own: without it the ego is blind and decides nothing that "
-            "is valid; say --yes if you mean it"
+            f"robot {blinded[0]!r} is the ego's own: without it the ego is blind and decides "
+            "nothing that is valid; say --yes if you mean it"
         )
     by = operator()
     steering: dict[str, object] = {
@@ -82,7 +87,7 @@ def _wishes(args: argparse.Namespace, swarm: str, ego: str, standby: str | None)
     request, nothing = _valid(steering, EgoSteering), EgoSteering(wish=EgoWish())
     wishes = [
         _Wish(f"ego {one}", keyspace.ego_steering(swarm, one), nothing, request, EgoSteered)
-        for one in (ego, standby)
+        for one in (spec.ego, spec.ego_standby)
         if one
     ]
     both_ways: tuple[tuple[list[str], Duty], ...] = ((args.stop, "off"), (args.start, "on"))

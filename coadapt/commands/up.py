@@ -12,6 +12,7 @@ from typing import Literal, get_args, get_origin
 
 from msgspec.structs import replace
 
+from coadapt.arguments import comma_separated
 from coadapt.choices import check_choices
 from coadapt.world_choice import chosen_kind, open_chosen
 from deploy import ready, runtimes
@@ -40,6 +41,9 @@ from worlds.registry import data_words, swarm_worlds
 WAIT_S = 60.0
 WAIT_S_A_ROBOT = 3.0
 """Importing Open3D takes seconds, and a small machine starts many robots at once."""
+WAIT_S_AN_EGO = 6.0
+"""Each beyond the first loads its networks, too."""
+ALL = "all"
 
 HERE = "on 127.0.0.1"
 ON_BRIDGE = "on Docker's bridge, in Docker"
@@ -54,6 +58,11 @@ OPTIONS = {
     ),
     "--llm": ("llm", "language models: embedded, or the URL of an OpenAI-compatible server"),
     "--llm-model": ("llm_model", "which model"),
+    "--cell": ("cell", "of several egos: each has its own, or all share one medium"),
+    "--listen": (
+        "listen",
+        "IPv4 address of this machine at which robots and tools elsewhere reach the router; secure",
+    ),
     "--period": ("period_s", "seconds between decisions"),
     "--q-min": ("q_min", "least quality, 0 to 1"),
     "--rings": ("rings", "of the LiDARs"),
@@ -75,8 +84,10 @@ OPTIONS = {
 _OPTION_OF = {name: option for option, (name, _) in OPTIONS.items()} | {
     "robots": "--robots",
     "comm_range_m": "--comm-range",
+    "egos": "--egos",
     "ego_standby": "--ego-standby",
     "link_bps": "--link",
+    "world_robots": "--world-robots",
 }
 """How a property is named on the command line, where the words are not the same."""
 
@@ -114,9 +125,20 @@ def add_roster(parser: argparse.ArgumentParser) -> None:
         help=f"how many (default: {_PROCESS.world_robots}; of data, no more than there are)",
     )
     parser.add_argument(
+        "--world-robots",
+        type=int,
+        metavar="N",
+        help="for how many a simulated world has room; others may join (default: --robots)",
+    )
+    parser.add_argument(
         "--policy", help=f"how the ego decides (default: {POLICY}; llm where --llm is given)"
     )
     parser.add_argument("--ego", help="which robot fuses (default: the first)")
+    parser.add_argument(
+        "--egos",
+        metavar="ROBOTS",
+        help=f"which robots fuse, each for itself: ids with commas between, or {ALL}",
+    )
     parser.add_argument(
         "--ego-standby", metavar="ROBOT", help="which robot fuses while the ego is away"
     )
@@ -170,7 +192,8 @@ def _up(args: argparse.Namespace, runtime: Runtime, spec: SwarmSpec) -> int:
         say(f"swarm {spec.swarm!r} runs already")
         _print_where(need_state(spec.swarm))
         return 0
-    wait_s = args.wait if args.wait is not None else WAIT_S + WAIT_S_A_ROBOT * len(spec.robots)
+    usual_s = WAIT_S + WAIT_S_A_ROBOT * len(spec.robots) + WAIT_S_AN_EGO * len(spec.egos)
+    wait_s = args.wait if args.wait is not None else usual_s
     try:
         state = need_state(spec.swarm)
         ready.wait_ready(runtime, state, wait_s)
@@ -279,6 +302,7 @@ def _wished(args: argparse.Namespace, runtime: str, **more: object) -> SwarmSpec
         "data": str(Path(data).absolute()) if data else "",
         "policy": args.policy or ("llm" if args.llm else POLICY),
         "comm_range_m": comm_range_m,
+        "egos": robots if args.egos == ALL else tuple(comma_separated(args.egos or "")),
         "link_bps": parse_link_rate(args.link) if args.link else None,
     }
     if args.ego is None:
@@ -289,6 +313,8 @@ def _wished(args: argparse.Namespace, runtime: str, **more: object) -> SwarmSpec
 def _print_where(state: State) -> None:
     spec = state.spec
     print(f"swarm       {spec.swarm} ({state.runtime}): {len(spec.robots)} robots, ego {spec.ego}")
+    if spec.egos:
+        print(f"egos        {', '.join(spec.egos)} decide each for itself")
     if spec.ego_standby:
         print(f"standby     {spec.ego_standby} decides while the ego of {spec.ego} is away")
     print(f"console     {state.console_url or 'none'}")
@@ -300,6 +326,10 @@ def _print_where(state: State) -> None:
     if state.llm_url:
         print(f"llm gateway {state.llm_url}/v1 ({spec.llm})")
     print(f"router      {state.router}")
+    if spec.listen:
+        place = f"{'tls' if spec.secure else 'tcp'}/{spec.listen}:{spec.router_port}"
+        join = f"coadapt join {place} --robot NAME{' --cert FOLDER' if spec.secure else ''}"
+        print(f"join        {join}")
     if spec.secure:
         print(f"keystore    {spec.var_dir}/{KEYSTORE} (`coadapt certs list --swarm {spec.swarm}`)")
     print(f"journal     {journal_path(spec, spec.var_dir)}")

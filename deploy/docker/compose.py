@@ -232,10 +232,12 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
 
 
 def _published(spec: SwarmSpec, service: Service) -> list[str]:
-    """Ports on the host's loopback: the router's, the ego's metrics and Prometheus."""
+    """Ports on the host: the router's also on the address where others reach it, the ego's metrics
+    and Prometheus on the loopback."""
     if service.role == "router":
         ports = range(spec.router_port, spec.router_port + 3)
-        return [f"127.0.0.1:{port}:{port}" for port in ports]
+        hosts = dict.fromkeys(filter(None, (LOCALHOST, spec.listen)))
+        return [f"{host}:{port}:{port}" for host in hosts for port in ports]
     if service.role == "ego" and service.robot == spec.ego:
         return [f"127.0.0.1:{spec.ego_metrics_port}:{service.metrics_port}"]
     if service.role == "prometheus":

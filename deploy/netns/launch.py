@@ -15,16 +15,19 @@ import msgspec
 
 from deploy.netns import control, detached, outside
 from deploy.netns.supervisor import (
+    CLASS_SOCKETS,
     CONSOLE_SOCKET,
     EGO_METRICS_SOCKET,
     LLM_HTTP_SOCKET,
     PROMETHEUS_SOCKET,
     QOD_SOCKET,
 )
-from deploy.ports import Endpoint
+from deploy.ports import ROUTER, Endpoint
 from deploy.spec import SwarmSpec
 from deploy.state import ProcessMark
 from swarm.errors import DeployError
+from swarm.traffic import TrafficClass
+from swarm.transport import CONTROL_BUFFER_BYTES
 
 START_S = 30.0
 START_S_A_ROBOT = 0.5
@@ -122,7 +125,9 @@ _SOCKETS: Mapping[Endpoint, str] = {
     "qod": QOD_SOCKET,
     "llm": LLM_HTTP_SOCKET,
     "console": CONSOLE_SOCKET,
+    **dict(zip(ROUTER, CLASS_SOCKETS.values(), strict=True)),
 }
+_CLASSES: Mapping[Endpoint, TrafficClass] = dict(zip(ROUTER, TrafficClass, strict=True))
 
 
 def start_relay(
@@ -130,6 +135,9 @@ def start_relay(
 ) -> ProcessMark:
     """Starts the host's relay on listening sockets, which the caller may close afterwards; it is
     also the gateway's way to a model server outside."""
+    for endpoint, cls in _CLASSES.items():
+        if endpoint in listeners:
+            _mark(listeners[endpoint], cls)
     endpoints = [(listener, _SOCKETS[endpoint]) for endpoint, listener in listeners.items()]
     pairs = [f"{3 + i}={spec.run_dir}/{path}" for i, (_, path) in enumerate(endpoints)]
     server = spec.llm_server()
@@ -141,3 +149,10 @@ def start_relay(
         descriptors |= {3 + i: endpoint.fileno() for i, (endpoint, _) in enumerate(endpoints)}
         argv = [sys.executable, "-m", "deploy.netns.relay", spec.run_dir, *pairs]
         return detached.spawn(argv, descriptors)
+
+
+def _mark(listener: socket.socket, cls: TrafficClass) -> None:
+    """Has what leaves by a listener's connections marked as what the router itself sends is."""
+    listener.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, cls.tos)
+    if cls is TrafficClass.CONTROL:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, CONTROL_BUFFER_BYTES)

@@ -12,6 +12,7 @@ import asyncio
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -30,6 +31,7 @@ from deploy.services import (
 from deploy.spec import SwarmSpec
 from swarm.errors import CoAdaptError
 from swarm.log import make_logger
+from swarm.traffic import TrafficClass
 
 ROUTER_SOCKET = "router.sock"
 PROMETHEUS_SOCKET = "prometheus.sock"
@@ -37,6 +39,10 @@ EGO_METRICS_SOCKET = "ego-metrics.sock"
 QOD_SOCKET = "qod.sock"
 LLM_HTTP_SOCKET = "llm.sock"
 CONSOLE_SOCKET = "console.sock"
+CLASS_SOCKETS: Mapping[TrafficClass, str] = {
+    cls: f"router-{number}.sock" for number, cls in enumerate(TrafficClass, 1)
+}
+"""Of the router's ports, for who reaches it from outside."""
 PROMETHEUS_FILE = "prometheus.yml"
 
 
@@ -106,6 +112,12 @@ class Supervisor:
                     self._run_dir / CONSOLE_SOCKET, outside.LOOPBACK, self._spec.console_port
                 )
             )
+        if self._spec.listen:
+            for cls, path in CLASS_SOCKETS.items():
+                port = self._spec.router_port + cls.value.port_offset
+                servers.append(
+                    await relay.serve_unix(self._run_dir / path, network.BRIDGE_ADDRESS, port)
+                )
         way_out = await outside.serve(self._spec)
         self._children.start()
         answer(control.Reply())

@@ -78,7 +78,7 @@ class Keystore:
                     f"{certificates.remedy(certificates.AUTHORITY)}"
                 )
             key = ec.generate_private_key(ec.SECP256R1())
-            title = f"CoAdapt Edge swarm {swarm}"
+            title = f"{certificates.AUTHORITY_OF}{swarm}"
             name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, title)])
             made = (
                 _begun(name, name, key, AUTHORITY_LIFE)
@@ -111,8 +111,8 @@ class Keystore:
             known = dict.fromkeys([*self.addresses(name), *addresses])
             if role.kind == "router" and not known:
                 raise IdentityError(
-                    "the router's certificate needs the addresses under which others reach it: "
-                    "`coadapt certs issue router --address HOST`"
+                    f"the certificate of {name} needs the addresses under which others reach it: "
+                    f"`coadapt certs issue {name} --address HOST`"
                 )
             self._issue(name, ec.generate_private_key(ec.SECP256R1()), list(known))
             self._write_revoked(revoked)
@@ -131,13 +131,15 @@ class Keystore:
         role = role_of(name)
         ca, ca_key = self._authority()
         subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, role.common_name)])
-        serves = role.kind == "router"
-        usage = ExtendedKeyUsageOID.SERVER_AUTH if serves else ExtendedKeyUsageOID.CLIENT_AUTH
+        usage = [ExtendedKeyUsageOID.CLIENT_AUTH]
+        if role.kind == "router":
+            # It is reached by others, and reaches the routers of other machines itself.
+            usage.append(ExtendedKeyUsageOID.SERVER_AUTH)
         builder = (
             _begun(subject, ca.subject, key, self._life)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs=False), critical=True)
-            .add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
+            .add_extension(x509.ExtendedKeyUsage(usage), critical=False)
         )
         if addresses:
             names = x509.SubjectAlternativeName([_general(address) for address in addresses])
@@ -245,15 +247,14 @@ class Keystore:
         write_whole(self.folder / REVOKED, "".join(lines))
 
     def _write_members(self, revoked: set[str]) -> None:
-        """Tells the router who has rights, where that is not what it was told before."""
-        router = self.identity("router")
-        if not router.folder.exists():
-            return
+        """Tells the routers who has rights, where that is not what they were told before."""
+        routers = [name for name in self.names() if role_of(name).kind == "router"]
         robots = [f"R{number}" for number in range(1, JOINING + 1)]
         names = {*SITE, *robots, *self.names()}
         # Any robot may be the host of an ego.
         names |= {f"ego-{name}" for name in names if role_of(name).kind == "robot"}
-        members.write_members(router, names - revoked)
+        for router in routers:
+            members.write_members(self.identity(router), names - revoked)
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:

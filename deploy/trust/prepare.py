@@ -46,7 +46,7 @@ def prepare(spec: SwarmSpec, place: Place, operator: Role) -> None:
     store.init(spec.swarm)
     members = [member.common_name for member in services(spec, place) if member.common_name]
     for name in _allowed([*members, operator.common_name], store):
-        store.issue(name, _addresses(name, place))
+        store.issue(name, _addresses(name, place, spec.listen))
 
 
 def keep(spec: SwarmSpec, place: Place, names: Iterable[str]) -> tuple[str, ...]:
@@ -61,8 +61,10 @@ def keep(spec: SwarmSpec, place: Place, names: Iterable[str]) -> tuple[str, ...]
     issued = {one.name: one for one in store.issued() if one.end > now}
     new = []
     for name in _allowed(names, store):
-        if name not in issued or set(_addresses(name, place)) - set(store.addresses(name)):
-            store.issue(name, _addresses(name, place))
+        if name not in issued or set(_addresses(name, place, spec.listen)) - set(
+            store.addresses(name)
+        ):
+            store.issue(name, _addresses(name, place, spec.listen))
         elif store.due(issued[name], now):
             store.renew(name)
         else:
@@ -94,7 +96,7 @@ def _allowed(names: Iterable[str], store: Keystore) -> list[str]:
     return wanted
 
 
-def _addresses(name: str, place: Place) -> tuple[str, ...]:
+def _addresses(name: str, place: Place, listen: str) -> tuple[str, ...]:
     """Those that a new certificate gets."""
-    own = (place.router_host, LOCALHOST, "localhost") if name == "router" else ()
-    return tuple(dict.fromkeys(own))
+    own = (place.router_host, LOCALHOST, "localhost", listen) if name == "router" else ()
+    return tuple(dict.fromkeys(filter(None, own)))

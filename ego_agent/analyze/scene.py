@@ -24,6 +24,7 @@ from swarm.errors import MessageError
 from swarm.geometry import Pose
 from swarm.messages import Algorithm, SceneDescription
 
+DUPLICATE = "two processes use its id"
 MERGE_M = 1.5
 """Objects whose centroids are this close in the ground plane are one."""
 SELF_M = 1.0
@@ -148,7 +149,9 @@ def _member(
     if not view.alive:
         return "it has left: no liveliness token"
     if view.duplicate:
-        return "two processes use its id"
+        return DUPLICATE
+    if view.misfit:
+        return view.misfit
     if view.beacon is None:
         return "no beacon of it has arrived"
     if stale := _stale(view, objective):

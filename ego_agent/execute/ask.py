@@ -1,9 +1,10 @@
 """Asking robots for frames in parallel, each frame with a deadline.
 
 Answers come in on Zenoh's threads and are taken up by the asking thread through one queue, so that
-late answers of earlier frames are counted too. Frames overlap: the next one may be asked for while
-answers to this one are on their way. A robot that is not in time is not asked again until it has
-answered: a slow one costs its own frames, never the link or the next frame.
+late answers of earlier frames are counted too; so is what robots publish once for several egos
+(`SharedFrames`), which needs no request a frame. Frames overlap: the next one may be asked for
+while answers to this one are on their way. A robot that is not in time is not asked again until it
+has answered: a slow one costs its own frames, never the link or the next frame.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 
 from ego_agent.execute.frame_round import LATE_S, FrameRound, Missing
 from ego_agent.execute.lessons import Lessons
+from ego_agent.execute.shared import SharedFrames
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.link import LinkEstimate
@@ -64,6 +66,24 @@ class _Arrival:
     at: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Published:
+    """What a robot published for several egos, and when it came."""
+
+    seen: Observation
+    at: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Awaited:
+    """A frame that a robot is relied upon to publish."""
+
+    robot: str
+    round: FrameRound
+    capture_ns: int
+    """On the robot's clock."""
+
+
 class Asker:
     """Sends the requests of frames and gathers the answers. Used by the asking thread only, but for
     `nudge`."""
@@ -80,7 +100,9 @@ class Asker:
         *,
         max_error_m: float,
         keep_ground: bool,
+        share: bool = True,
     ) -> None:
+        """`share`: whether the ego takes what robots publish for several."""
         self._ego = ego
         self._monitor = monitor
         self._link = link
@@ -92,7 +114,10 @@ class Asker:
         self._max_error_m = max_error_m
         self._keep_ground = keep_ground
         self._numbers = itertools.count(1)
-        self._inbox: queue.SimpleQueue[_Arrival | None] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[_Arrival | _Published | None] = queue.SimpleQueue()
+        self._share = share
+        self._shared = SharedFrames(self._on_published, frame_period_s)
+        self._awaited: list[_Awaited] = []
         self._owing: dict[str, list[_Ask]] = {}
         self._prompt: set[str] = set()
         """Robots whose newest answer came in time."""
@@ -111,10 +136,12 @@ class Asker:
         *,
         rate_hz: float = 10.0,
         probe: bool = False,
+        shareable: bool = False,
     ) -> FrameRound:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
         within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode.
-        `probe`: only for the sake of its time, beside a frame.
+        `probe`: only for the sake of its time, beside a frame. `shareable`: whether what the
+        algorithm sends to several egos at once can be fused.
 
         `attend` takes up the answers; a round in which nobody could be asked is closed at once.
         """
@@ -122,6 +149,7 @@ class Asker:
         now = time.monotonic()
         done = FrameRound(algorithm, now, deadline_s, rate_hz=rate_hz, probe=probe)
         asked: list[str] = []
+        relied: list[str] = []
         for robot in robots:
             if session is None:
                 done.missing[robot] = Missing("offline", "no router")
@@ -129,34 +157,48 @@ class Asker:
                 done.missing[robot] = Missing("left", "its liveliness token is gone")
             elif any(owed.round.probe for owed in self._owing.get(robot, ())):
                 done.missing[robot] = Missing("probe", "asked for another algorithm instead")
+            elif not probe and self._shared.relies(robot, algorithm, now):
+                relied.append(robot)
             elif self._is_busy(robot, now):
                 done.missing[robot] = Missing("busy", "still owes the answer for an earlier frame")
             else:
                 asked.append(robot)
-        if session is None or not asked:
+        if session is None or not (asked or relied):
             done.close(now)
             return done
         capacity_bps, _ = self._link.capacity(now)
         done.capacity_bps = capacity_bps
         limits = self._link.robot_limits(now)
-        done.waiting.update(asked)
-        for robot in asked:
-            own_bps = min(capacity_bps / len(asked), limits.get(robot, capacity_bps))
+        done.waiting.update(asked, relied)
+        for robot in (*asked, *relied):
+            wanted_ns = capture_ns + self._clock_offset_ns(robot)
+            done.asked_at[robot] = time.monotonic()
+            if robot in relied:
+                self._awaited.append(_Awaited(robot, done, wanted_ns))
+                if not self._shared.is_due(robot, algorithm, now) or self._is_busy(robot, now):
+                    continue
+            own_bps = min(capacity_bps / len(done.waiting), limits.get(robot, capacity_bps))
             share = min(int(own_bps / 8.0 * MAX_TRANSFER_S), MAX_MESSAGE_BYTES - 4096)
+            may_share = self._share and shareable and not probe
             request = ObservationRequest(
                 ego=self._ego,
                 request=next(self._numbers),
                 algorithm=algorithm,
-                capture_ns=capture_ns + self._clock_offset_ns(robot),
+                capture_ns=wanted_ns,
                 max_error_m=self._max_error_m,
                 keep_ground=self._keep_ground,
                 max_bytes=max(MIN_PAYLOAD_BYTES, share),
                 reference=None if tell.reference is None else tell.reference.as_tuple(),
                 demand=tell.demand,
+                shares=may_share and self._shared.wants(robot, algorithm, now),
+                listens=robot in relied,
+                rate_hz=rate_hz,
             )
-            done.asked_at[robot] = time.monotonic()
             self._send(_Ask(robot, request, done, session, tries=1))
+        self._shared.tidy(now)
         self._rounds.append(done)
+        for awaited in [one for one in self._awaited if one.round is done]:
+            self._look_for(awaited)
         return done
 
     def attend(self, seconds: float) -> None:
@@ -167,7 +209,9 @@ class Asker:
         try:
             arrival = self._inbox.get(timeout=max(0.0, min(seconds, first_due - now)))
             while True:
-                if arrival is not None and not self._asked_again(arrival):
+                if isinstance(arrival, _Published):
+                    self._take_published(arrival)
+                elif arrival is not None and not self._asked_again(arrival):
                     self._take(arrival)
                 arrival = self._inbox.get_nowait()
         except queue.Empty:
@@ -186,6 +230,7 @@ class Asker:
     def _close_rounds(self, now: float) -> None:
         for done in [r for r in self._rounds if not r.waiting or now >= r.due_at]:
             self._rounds.remove(done)
+            self._settle_awaited(done, now)
             silent_s = min(now - self._answered_at, self._monitor.silent_s())
             if done.waiting and not done.probe and silent_s >= SILENT_S:
                 self._link.silence(now)
@@ -243,12 +288,21 @@ class Asker:
     def _take(self, arrival: _Arrival) -> None:
         """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
-        self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at)
+        if not ask.request.listens:
+            self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at)
         if isinstance(arrival.outcome, Answer):
             self._answered_at = arrival.at
         self._settle(ask)
+        if ask.request.shares and isinstance(arrival.outcome, Answer):
+            told = arrival.outcome.message.shared_s
+            self._shared.promised(ask.session, ask.robot, done.algorithm, told, arrival.at)
+        if ask.request.listens and not _brings(arrival.outcome):
+            return  # Only a renewal: the frame itself is published.
         late = ask.robot not in done.waiting
         done.waiting.discard(ask.robot)
+        self._awaited = [
+            one for one in self._awaited if (one.robot, one.round) != (ask.robot, done)
+        ]
         if isinstance(arrival.outcome, CoAdaptError):
             if not done.probe:
                 self._prompt.discard(ask.robot)
@@ -262,7 +316,7 @@ class Asker:
         seen = answer.message
         self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
-        wrong = self._mismatch(ask, seen)
+        wrong = self._mismatch(ask, seen) or self._wrong(ask.robot, ask.request.capture_ns, seen)
         if wrong is None:
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
@@ -271,11 +325,51 @@ class Asker:
         if wrong is not None:
             done.missing[ask.robot] = wrong
             return
-        done.bytes[ask.robot] = len(seen.payload)
-        done.encode_ms[ask.robot] = seen.encode_ms
-        age_s = (ask.request.capture_ns - seen.capture_ns) * 1e-9
-        pose = seen.sensor_pose().matrix()
-        done.take(Contribution(ask.robot, seen.payload, pose, age_s))
+        _contribute(done, ask.request.capture_ns, seen)
+
+    def _on_published(self, seen: Observation) -> None:
+        # On a Zenoh thread: note the time and hand over.
+        self._inbox.put(_Published(seen, time.monotonic()))
+
+    def _take_published(self, published: _Published) -> None:
+        """Counts what a robot published, and gives it to the frames that wait for it."""
+        seen = published.seen
+        if not self._shared.take(seen, published.at):
+            return
+        self._answered_at = published.at
+        self._tally.received(seen.robot, seen.algorithm, len(seen.payload), late=False)
+        for awaited in [one for one in self._awaited if one.robot == seen.robot]:
+            self._look_for(awaited)
+
+    def _look_for(self, awaited: _Awaited, *, at_most_ns: int | None = None) -> None:
+        """Takes a frame up that was relied upon, if it has come."""
+        robot, done = awaited.robot, awaited.round
+        found = self._shared.find(robot, done.algorithm, awaited.capture_ns, at_most_ns=at_most_ns)
+        if found is None or robot not in done.waiting:
+            return
+        seen, came_at = found
+        self._awaited.remove(awaited)
+        done.waiting.discard(robot)
+        at = max(came_at, done.asked_at[robot])
+        answer = Answer(seen, len(seen.payload), at - done.asked_at[robot])
+        self._lessons.answer(robot, done, answer, at)
+        done.arrived_at[robot] = at
+        wrong = self._wrong(robot, awaited.capture_ns, seen)
+        if wrong is not None:
+            done.missing[robot] = wrong
+            return
+        size, at_ns = len(seen.payload), self._clock.now_ns()
+        self.knowledge.record_payload(robot, done.algorithm, size, at_ns)
+        _contribute(done, awaited.capture_ns, seen)
+
+    def _settle_awaited(self, done: FrameRound, now: float) -> None:
+        """The time of a frame is over: where nothing was published of it, the frame beside it will
+        do."""
+        for awaited in [one for one in self._awaited if one.round is done]:
+            self._look_for(awaited, at_most_ns=self._max_skew_ns)
+            if awaited in self._awaited:
+                self._awaited.remove(awaited)
+                self._shared.missed(awaited.robot, done.algorithm, now)
 
     def _mismatch(self, ask: _Ask, seen: Observation) -> Missing | None:
         """Why an answer is not what was asked for."""
@@ -290,11 +384,15 @@ class Asker:
                 f"answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
                 f"{asked.request} to {ask.robot} ({asked.algorithm})",
             )
-        instance = self._monitor.instance(ask.robot)
+        return None
+
+    def _wrong(self, robot: str, wanted_ns: int, seen: Observation) -> Missing | None:
+        """Why a frame is not the robot's own of that time."""
+        instance = self._monitor.instance(robot)
         if instance is not None and seen.instance != instance:
-            why = f"not the process that sends the beacons of {ask.robot} answers"
+            why = f"not the process that sends the beacons of {robot} answers"
             return Missing("impostor", why)
-        skew_ns = seen.capture_ns - asked.capture_ns
+        skew_ns = seen.capture_ns - wanted_ns
         if abs(skew_ns) > self._max_skew_ns:
             return Missing("skew", f"its frame is {skew_ns * 1e-9:+.3f} s off")
         return None
@@ -302,6 +400,20 @@ class Asker:
     def _clock_offset_ns(self, robot: str) -> int:
         offset_ns = self._monitor.clock_offset_ns(robot)
         return offset_ns if abs(offset_ns) >= SMALL_OFFSET_NS else 0
+
+
+def _brings(outcome: Answer[Observation] | CoAdaptError) -> bool:
+    """Whether an answer holds what was asked for."""
+    return isinstance(outcome, Answer) and bool(outcome.message.payload)
+
+
+def _contribute(done: FrameRound, wanted_ns: int, seen: Observation) -> None:
+    """Gives a robot's frame to the round that waits for it."""
+    done.bytes[seen.robot] = len(seen.payload)
+    done.encode_ms[seen.robot] = seen.encode_ms
+    age_s = (wanted_ns - seen.capture_ns) * 1e-9
+    pose = seen.sensor_pose().matrix()
+    done.take(Contribution(seen.robot, seen.payload, pose, age_s))
 
 
 def _why(error: CoAdaptError) -> Missing:

@@ -244,6 +244,7 @@ class FusionLoop:
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
             rate_hz=min((rate_of(decision, robot) for robot in others), default=decision.rate_hz),
+            shareable=fusion.shareable,
         )
         return AskedFrame(decision, own, fusion, gathering, done)
 

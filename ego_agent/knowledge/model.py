@@ -40,6 +40,9 @@ class RobotView:
     """What its own link delivers, where that is known to be less than the cell does."""
     delay_s: float = 0.0
     """How long its newest beacon was on its way."""
+    misfit: str = ""
+    """Why what it says is of no use here, as the rest of a sentence: another world, another version
+    of the messages; empty where it fits."""
     off_duty: str = ""
     """Of the ego itself: who keeps its robot out of the swarm; empty while nobody does."""
 

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import msgspec
@@ -20,6 +21,9 @@ from ego_agent.monitor.clock_offset import ClockOffset
 from ego_agent.monitor.identity import DUPLICATE_WINDOW_S, Numbers, Stream, twins
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import LinkWatch
+from swarm import keyspace
+from swarm.errors import CoAdaptError, KeyspaceError
+from swarm.fitting import other_world
 from swarm.listening import Handlers, hear
 from swarm.messages import Beacon, NetState, SceneDescription, TcpState
 from swarm.process import Clock
@@ -31,6 +35,8 @@ MAX_TOKENS = 100_000
 """Of robots that have no beacon: names cost little, a robot's entry more."""
 MAX_STAMPS = 256
 """The ego's own messages that a robot may still echo."""
+UNREADABLE_S = 1.0
+"""A robot that is heard well meanwhile is not at fault for what cannot be read on its keys."""
 FORGET_S = 30.0
 """A robot that has left and was silent this long makes room for another."""
 _SMOOTHING = 0.25
@@ -47,7 +53,7 @@ class _Robot:
     conflict_at: float = float("-inf")
     heard_at: float = float("-inf")
     beacon: Beacon | None = None
-    beacon_at: float = 0.0
+    beacon_at: float = float("-inf")
     scene: SceneDescription | None = None
     scene_at: float = 0.0
     offset: ClockOffset = field(default_factory=ClockOffset)
@@ -56,6 +62,9 @@ class _Robot:
     delay_s: float = 0.0
     """How long the newest beacon was on its way."""
     round_trip_s: float | None = None
+    unreadable: str = ""
+    """Why its last beacon or scene that could not be read could not."""
+    unreadable_at: float = float("-inf")
 
     def sensed_ago_s(self, capture_ns: int, now_ns: int) -> float:
         """Since a capture on the robot's time of day, at `now_ns` on the ego's steady clock."""
@@ -81,8 +90,11 @@ class Monitor:
         clock: Clock | None = None,
         monotonic: Callable[[], float] = time.monotonic,
         max_robots: int = MAX_ROBOTS,
+        mark: str = "",
     ) -> None:
+        """`mark`: of the ego's world (`sensing.mark`); empty compares it with nobody's."""
         self.ego = ego
+        self.mark = mark
         self.link = link
         self._watch = LinkWatch(ego, link)
         self._clock = clock or Clock()
@@ -114,7 +126,7 @@ class Monitor:
             NetState: self.on_net_state,
             TcpState: self.on_tcp_state,
         }
-        hear(session, handlers)
+        hear(session, handlers, on_invalid=self.on_invalid)
         session.watch_alive(self.on_join, self.on_leave)
 
     def on_beacon(self, beacon: Beacon) -> None:
@@ -133,6 +145,8 @@ class Monitor:
             if known is not None and known.instance == beacon.instance and not beacon.sizes:
                 # A robot that speaks little leaves out sizes that it has told.
                 beacon = msgspec.structs.replace(beacon, sizes=known.sizes)
+            if known is not None and known.instance == beacon.instance and not beacon.world:
+                beacon = msgspec.structs.replace(beacon, world=known.world, software=known.software)
             robot.beacon = beacon
             robot.beacon_at = now
             steady_ns = beacon.steady_ns or beacon.sent_ns
@@ -142,6 +156,14 @@ class Monitor:
             if echo is not None and echo[0] in self._stamps:
                 robot.offset.echoed(*echo, now_ns)
             robot.delay_s = max(0.0, robot.sensed_ago_s(beacon.sent_ns, now_ns))
+
+    def on_invalid(self, key: str, error: CoAdaptError) -> None:
+        """Takes that a message could not be read; of robots that are known only."""
+        now = self._monotonic()
+        with suppress(KeyspaceError), self._lock:
+            entry = self._robots.get(keyspace.robot_of(key))
+            if entry is not None:
+                entry.unreadable, entry.unreadable_at = str(error), now
 
     def on_scene(self, scene: SceneDescription) -> None:
         """Takes a robot's scene description."""
@@ -293,7 +315,14 @@ class Monitor:
             duplicate=now - entry.conflict_at <= DUPLICATE_WINDOW_S,
             capacity_bps=capacity_bps,
             delay_s=entry.delay_s,
+            misfit=self._misfit(entry),
         )
+
+    def _misfit(self, entry: _Robot) -> str:
+        """Why what a robot says is of no use here; empty where it fits."""
+        if entry.unreadable_at > entry.beacon_at + UNREADABLE_S:
+            return f"what it says cannot be read: {entry.unreadable}"
+        return other_world(self.mark, entry.beacon.world) if entry.beacon is not None else ""
 
     def _own_view(self, now: float, wall_ns: int) -> RobotView:
         """The ego as it senses itself. An impostor under its id cannot harm it: nothing of what

@@ -10,17 +10,13 @@ from prometheus_client import CollectorRegistry
 
 from options.console.alerts import watch_alerts
 from options.console.app import make_app
-from options.console.board import Board
 from options.console.endpoint import Endpoint
 from options.console.files import Recordings
 from options.console.floor import plan
-from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
-from options.console.past import Past
 from options.console.prometheus import Prometheus
+from options.console.seats import Seats
 from options.console.settings import ConsoleSettings, load_settings
-from options.console.view import View
-from options.console.watch import Watch
 from swarm import transport
 from swarm.errors import CoAdaptError
 from swarm.http_hosts import Hosts, is_loopback
@@ -60,30 +56,20 @@ async def serve(
     """Runs one console until `stop` is set; its metrics go to `registry`."""
     log = make_logger("console", level=settings.log_level, swarm=settings.swarm)
     metrics = ConsoleMetrics(registry)
-    board = Board()
-    view = View(board, settings.swarm, settings.ego, settings.comm_range_m)
-    watch = Watch(view, settings.router, settings.swarm, settings.ego, log)
-    hub = Hub(board, watch.look)
     server = Prometheus(settings.console_prometheus) if settings.console_prometheus else None
-    board.put("about", {"prometheus": settings.console_prometheus_link})
+    seats = Seats(settings, server, log)
     app = make_app(
-        hub,
-        watch,
+        seats,
         plan(settings.world, settings.world_robots, settings.world_seed),
         Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
         settings.console_token,
         metrics,
         log,
-        past=Past(server, settings.ego) if server else None,
         recordings=Recordings(settings.console_recordings),
     )
-    metrics.show(hub, view)
+    metrics.show(seats)
     serving = asyncio.create_task(endpoint.serve(app))
-    asking = (
-        asyncio.create_task(watch_alerts(server, board, lambda: hub.viewers > 0))
-        if server
-        else None
-    )
+    asking = asyncio.create_task(watch_alerts(server, seats)) if server else None
     turning = asyncio.create_task(keep_turning(loops("console", 0.0)))
     log.info("console_up", port=endpoint.port)
     try:
@@ -92,11 +78,12 @@ async def serve(
         if asking is not None:
             asking.cancel()
         turning.cancel()
-        hub.close()
+        for seat in seats.taken:
+            seat.hub.close()
         endpoint.stop()
         await serving
         endpoint.close()
-        await asyncio.to_thread(watch.close)
+        await asyncio.gather(*(asyncio.to_thread(seat.watch.close) for seat in seats.taken))
     log.info("console_down")
 
 

@@ -20,7 +20,8 @@ from options.console.files import Recordings
 from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, same_origin
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
-from options.console.past import STEPS_S, Past
+from options.console.past import STEPS_S
+from options.console.seats import Seat, Seats
 from options.console.watch import Watch
 from swarm.controllers import merged
 from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
@@ -41,20 +42,18 @@ WRONG_TOKEN_S = 1.0
 
 
 def make_app(
-    hub: Hub,
-    watch: Watch,
+    seats: Seats,
     floor: Mapping[str, Any],
     hosts: Hosts,
     token: str,
     metrics: ConsoleMetrics,
     log: Logger,
     *,
-    past: Past | None,
     recordings: Recordings,
 ) -> Guard:
     """The application; with a token, viewers must show it, as a header or in the login form.
 
-    `past`: None where the swarm runs without Prometheus.
+    What is about an ego is about the first one, or the one that the query names (`?ego=R4`).
     """
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
@@ -86,9 +85,10 @@ def make_app(
         return done
 
     async def events(request: Request) -> Response:
-        if hub.full():
+        seat = _seat(seats, request)
+        if seats.full():
             return _refused(503, "too many pages look at this swarm")
-        return EventStream(_counted(hub, metrics), stalled=metrics.stalled.inc)
+        return EventStream(_counted(seat.hub, metrics), stalled=metrics.stalled.inc)
 
     async def floor_plan(request: Request) -> Response:
         return Response(plan, media_type="application/json")
@@ -97,6 +97,7 @@ def make_app(
         span = request.query_params.get("span", "")
         if span not in spans:
             return _refused(400, f"span {span[:20]!r} is none of {', '.join(spans)} s")
+        past = _seat(seats, request).past
         if past is None:
             return _refused(404, "the swarm runs without Prometheus")
         try:
@@ -114,11 +115,11 @@ def make_app(
     async def control(request: Request) -> Response:
         if not same_origin(request.headers):
             return _refused(403, "controls answer to the console's own page only")
-        if not hub.may_control(request.headers.get(CSRF_HEADER, "")):
+        if not seats.may_control(request.headers.get(CSRF_HEADER, "")):
             return _refused(403, "this page is not connected any more: reload it")
         if media_type(request.headers) != "application/json":
             return _refused(415, "the body must be application/json")
-        what = request.path_params["what"]
+        seat, what = _seat(seats, request), request.path_params["what"]
         if what not in CONTROLS:
             raise HTTPException(404)
         body = await _read(request)
@@ -129,7 +130,7 @@ def make_app(
         asked = msgspec.structs.replace(asked, operator=OPERATOR)
         robot = request.path_params.get("robot", "")
         try:
-            reply = await _asked(watch, CONTROLS[what], asked, robot)
+            reply = await _asked(seat.watch, CONTROLS[what], asked, robot)
         except RefusedError as error:
             metrics.requests.labels(what, "refused").inc()
             log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
@@ -164,6 +165,15 @@ def make_app(
     app.router.redirect_slashes = False
     guard = Guard(app, hosts, token)
     return guard
+
+
+def _seat(seats: Seats, request: Request) -> Seat:
+    """Of the ego that a request is about. Raises HTTPException for a robot that does not decide."""
+    ego = request.query_params.get("ego", "")
+    seat = seats.of(ego)
+    if seat is None:
+        raise HTTPException(404, f"{ego[:32]!r} is no ego; egos are {', '.join(seats.egos)}")
+    return seat
 
 
 async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:

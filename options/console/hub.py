@@ -16,6 +16,7 @@ STEP_S = 1 / 30
 HEARTBEAT_S = 1.0
 """Without a change a viewer still hears that the console is there."""
 MAX_VIEWERS = 32
+"""Of all egos."""
 
 
 class Viewer:
@@ -44,10 +45,6 @@ class Hub:
     def viewers(self) -> int:
         """How many look."""
         return len(self._viewers)
-
-    def full(self) -> bool:
-        """Whether nobody else may look."""
-        return len(self._viewers) >= MAX_VIEWERS
 
     def may_control(self, csrf: str) -> bool:
         """Whether this is the token of a page that is open now."""

@@ -8,8 +8,7 @@ import time
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from options.console.controls import CONTROLS
-from options.console.hub import Hub
-from options.console.view import View
+from options.console.seats import Seats
 from swarm.metrics import start_at_zero
 
 
@@ -35,18 +34,19 @@ class ConsoleMetrics:
         )
         start_at_zero(self.requests, CONTROLS, ("done", "refused", "unanswered"))
 
-    def show(self, hub: Hub, view: View) -> None:
+    def show(self, seats: Seats) -> None:
         """Adds what is looked up whenever somebody asks."""
+        view = seats.first.view
 
         def gauge(name: str, text: str) -> Gauge:
             return Gauge(f"coadapt_console_{name}", text, registry=self._registry)
 
-        gauge("viewers", "Pages that are open.").set_function(lambda: hub.viewers)
+        gauge("viewers", "Pages that are open.").set_function(lambda: seats.viewers)
         gauge("connected", "1 while the swarm's router is reached.").set_function(
             lambda: view.connected
         )
         gauge(
-            "decision_age_seconds", "Since a decision of the ego came; NaN before the first."
+            "decision_age_seconds", "Since a decision of the first ego came; NaN before the first."
         ).set_function(
             lambda: math.nan if view.decided_at is None else time.monotonic() - view.decided_at
         )

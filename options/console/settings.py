@@ -33,7 +33,9 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     """
 
     ego: Name
-    """Whose decisions are shown."""
+    """Whose decisions are shown, unless a page asks for another one of `egos`."""
+    egos: tuple[Name, ...] = ()
+    """All that decide, where there are several."""
     comm_range_m: CommRange = COMM_RANGE_M
     """How far from the ego a robot may take part: the ego's own setting, shown as a reason."""
     console_host: str = "127.0.0.1"

@@ -238,6 +238,7 @@ class View:
             "excluded": decision.excluded,
             "silent": decision.silent,
             "doubted": decision.doubted,
+            "remarks": decision.remarks,
             "ages_s": decision.ages_s,
             "rate_hz": decision.rate_hz,
             # Robot, algorithm, contributions a second.

@@ -33,7 +33,7 @@ class Scans:
         self.world: World = open_world(
             spec.world,
             data=Path(spec.data) if spec.data else None,
-            robots=len(spec.robots),
+            robots=spec.room(),
             seed=spec.seed,
             rings=spec.rings,
             scenario=spec.scenario,

@@ -27,6 +27,9 @@ class EncodeOptions:
     """The frame that feature maps shall lie in: the ego's sensor in the world."""
     demand: bytes = b""
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
+    egos: tuple[Pose, ...] = ()
+    """Where several egos stood that share the payload; of a `shareable` algorithm only, and in
+    place of `reference` and `demand`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +113,8 @@ class Fusion(ABC):
     name: str
     corrects = True
     """Whether the poses of senders are corrected before fusing."""
+    shareable = False
+    """Whether several egos can fuse one payload, encoded without `reference` and `demand`."""
     scored_as: str | None = None
     """The algorithm whose calibration its boxes' scores have, where it is not its own name; empty:
     they are of another detector than the world's, so nobody's."""

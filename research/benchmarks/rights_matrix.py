@@ -42,7 +42,9 @@ SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
     keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive, keyspace.trust_certificate,
 )  # fmt: skip
+SHARED = "early"
 KEYS = [
+    *(keyspace.shared(SWARM, robot, SHARED) for robot in ("R1", "R2", "R3")),
     *(key(SWARM, robot) for key in ROBOT_KEYS for robot in ("R1", "R2", "R3")),
     *(key(SWARM, ego) for key in EGO_KEYS for ego in ("R1", "R2")),
     *(key(SWARM) for key in SITE_KEYS),

@@ -70,12 +70,14 @@ class RememberingFusion(Fusion):
     def __init__(self, fusion: Fusion) -> None:
         self.name = fusion.name
         self.scored_as = fusion.scored_as
+        self.corrects = fusion.corrects
+        self.shareable = fusion.shareable
         self._fusion = fusion
         self._payloads = Memory(MOST_PAYLOADS)
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """See `Fusion.encode`. The sensor's pose plays no part where no frame is asked for."""
-        if options.reference is None:
+        if options.reference is None and not options.egos:
             options = replace(options, pose=None)
         key = (_key(points), options)
         return self._payloads.get(key, lambda: self._fusion.encode(points, options))

@@ -28,6 +28,8 @@ Bounded = Annotated[float, msgspec.Meta(ge=-1e7, le=1e7)]
 Vector6 = tuple[Bounded, Bounded, Bounded, Bounded, Bounded, Bounded]
 Vector3 = tuple[Bounded, Bounded, Bounded]
 AlgorithmName = Annotated[str, msgspec.Meta(max_length=32)]
+Mark = Annotated[str, msgspec.Meta(max_length=400)]
+Software = Annotated[str, msgspec.Meta(max_length=64)]
 Sizes = Annotated[dict[AlgorithmName, Count], msgspec.Meta(max_length=16)]
 
 

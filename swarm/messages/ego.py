@@ -142,6 +142,9 @@ class Decision(Message, frozen=True, kw_only=True):
     """How long ago each robot sensed what the ego knows of it."""
     stands_in_for: RobotId | None = None
     """The ego in whose stead this one decides; None: in its own."""
+    remarks: Reasons = msgspec.field(default_factory=dict)
+    """What is odd about robots that may take part all the same: a clock that is off, another
+    version of the software."""
     assignments: Annotated[tuple[Assignment, ...], msgspec.Meta(max_length=MAX_NAMED)] = ()
     """What each participant but the ego sends, where that is not the same of all in every fused
     frame; empty: it is."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from swarm.messages.base import Count, Message, Ns, RobotId
+from swarm.messages.base import Count, Mark, Message, Ns, RobotId, Software
 
 Direction = Literal["down", "up"]
 """`down` goes to the robot, `up` comes from it."""
@@ -144,6 +144,15 @@ class NetDemand(Message, frozen=True, kw_only=True):
         default_factory=dict
     )
     """The same of robots whose own beacons stand in a queue."""
+    world: Mark = ""
+    """The mark of the ego's world (`swarm.fitting`); empty: it does not say."""
+    software: Software = ""
+    """The version of the ego's package."""
+    told: Annotated[
+        dict[RobotId, Annotated[str, msgspec.Meta(max_length=400)]], msgspec.Meta(max_length=64)
+    ] = msgspec.field(default_factory=dict)
+    """Robots that do not fit, or about which something is odd, and what: another world or version,
+    an id that two processes use, a clock that is off."""
 
 
 class ShapeRequest(Message, frozen=True, kw_only=True):

@@ -13,15 +13,17 @@ from swarm.messages.base import (
     MAX_MESSAGE_BYTES,
     Algorithm,
     Count,
+    Mark,
     Message,
     Ns,
     Positive,
     RobotId,
     Sizes,
+    Software,
     Vector3,
     Vector6,
 )
-from swarm.messages.net import Backlog
+from swarm.messages.net import Backlog, NonNegative
 
 
 class Beacon(Message, frozen=True, kw_only=True):
@@ -51,6 +53,11 @@ class Beacon(Message, frozen=True, kw_only=True):
     )
     """By ego: `steady_ns` of its newest `NetDemand`, and this robot's steady clock when that came.
     Only in the first beacon after it."""
+    world: Mark = ""
+    """The mark of its world (`swarm.fitting`), about once a second; else, and where it does not
+    say, empty."""
+    software: Software = ""
+    """The package's version, told with `world`."""
 
     def sensor_pose(self) -> Pose:
         """The sensor's pose in the world frame."""
@@ -97,6 +104,12 @@ class ObservationRequest(Message, frozen=True, kw_only=True):
     """The pose in whose frame feature maps shall lie; the robot's own where none is given."""
     demand: Annotated[bytes, msgspec.Meta(max_length=4096)] = b""
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
+    shares: bool = False
+    """The ego would also take what the robot publishes for several egos (`keyspace.shared`)."""
+    listens: bool = False
+    """It receives that already: an answer of its own is needed only where nothing is published."""
+    rate_hz: NonNegative = 0.0
+    """Frames a second that the ego will want, where it shares; 0: all that there are."""
 
     def reference_pose(self) -> Pose | None:
         """`reference` as a pose in the world frame."""
@@ -117,6 +130,9 @@ class Observation(Message, frozen=True, kw_only=True):
     encode_ms: Annotated[float, msgspec.Meta(ge=0)]
     uplink: Backlog = Backlog()
     """Of what the robot's process has sent in the fusion class since its start, by its kernel."""
+    shared_s: NonNegative = 0.0
+    """For so long the robot publishes its frames in this algorithm for several egos; 0: it does
+    not. The payload is empty where it is among what is published, and the ego listens."""
 
     def sensor_pose(self) -> Pose:
         """The sensor's pose in the world frame."""

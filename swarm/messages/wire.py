@@ -9,7 +9,7 @@ from typing import TypeVar
 import msgspec
 
 from swarm.errors import MessageError
-from swarm.messages.base import MAX_MESSAGE_BYTES, Message
+from swarm.messages.base import MAX_MESSAGE_BYTES, SCHEMA_VERSION, Message
 
 M = TypeVar("M", bound=Message)
 _ENCODER = msgspec.msgpack.Encoder()
@@ -38,11 +38,31 @@ def decode(data: bytes, kind: type[M]) -> M:
     try:
         message: M = _decoder(kind).decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        spoken = _version(data)
+        if spoken not in (None, SCHEMA_VERSION):
+            raise MessageError(
+                f"{kind.__name__} of version {spoken} of the messages, and this program speaks "
+                f"version {SCHEMA_VERSION}: install one version of the package on both"
+            ) from error
         raise MessageError(f"not a valid {kind.__name__}: {error}") from error
     for name in message.__struct_fields__:
         if not _is_finite(getattr(message, name)):
             raise MessageError(f"{kind.__name__}.{name} is not finite")
     return message
+
+
+class _Versioned(msgspec.Struct):
+    """What every version of a message has."""
+
+    v: int
+
+
+def _version(data: bytes) -> int | None:
+    """The schema version that a message names; None where it names none."""
+    try:
+        return msgspec.msgpack.decode(data, type=_Versioned).v
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
 
 
 @cache

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from swarm.keyspace import ANY, by
+from swarm.keyspace import ANY, by, everything
 from swarm.trust.rights import Act, rights_of
 from swarm.trust.roles import Role
 
@@ -47,6 +47,14 @@ _PASSAGES: dict[Act, tuple[_Passage, ...]] = {
 }
 
 
+_PASSED_ON = (
+    "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
+    "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
+)  # fmt: skip
+"""Between routers everything of the swarm passes, both ways: each holds its own processes to their
+rights where they come in, and believes of the others that they do."""
+
+
 def access_control(swarm: str, roles: Iterable[Role], local: Role) -> dict[str, Any]:
     """The configuration `access_control` of a router.
 
@@ -75,6 +83,16 @@ def access_control(swarm: str, roles: Iterable[Role], local: Role) -> dict[str, 
 
 
 def _rules(subject: str, role: Role, swarm: str) -> list[dict[str, Any]]:
+    if role.kind == "router":
+        return [
+            {
+                "id": f"{subject} pass on",
+                "permission": "allow",
+                "flows": ["ingress", "egress"],
+                "messages": list(_PASSED_ON),
+                "key_exprs": [everything(swarm)],
+            }
+        ]
     keys: dict[Act, list[str]] = {}
     for right in rights_of(role, swarm):
         keys.setdefault(right.act, []).append(right.key)

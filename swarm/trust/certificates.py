@@ -15,6 +15,8 @@ from swarm.errors import IdentityError
 from swarm.trust.identity import Identity
 
 AUTHORITY = "the authority"
+AUTHORITY_OF = "CoAdapt Edge swarm "
+"""What an authority's common name says before the swarm's."""
 
 
 def check(
@@ -91,6 +93,15 @@ def common_name(certificate: x509.Certificate) -> str:
     """Whose certificate it is; empty where it does not say."""
     found = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(found[0].value) if found else ""
+
+
+def swarm_of_authority(name: str) -> str:
+    """The swarm whose authority has this common name; empty for another one's.
+
+    >>> swarm_of_authority("CoAdapt Edge swarm local")
+    'local'
+    """
+    return name.removeprefix(AUTHORITY_OF) if name.startswith(AUTHORITY_OF) else ""
 
 
 def read_key(path: Path, whose: str) -> ec.EllipticCurvePrivateKey:

@@ -37,7 +37,11 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {
-                "put": (keyspace.beacon(swarm, own), keyspace.scene(swarm, own)),
+                "put": (
+                    keyspace.beacon(swarm, own),
+                    keyspace.scene(swarm, own),
+                    keyspace.shared(swarm, own, ANY),
+                ),
                 "hold": (keyspace.alive(swarm, own),),
                 "serve": (
                     keyspace.observation(swarm, own),
@@ -57,6 +61,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 "listen": (
                     keyspace.beacon(swarm, ANY),
                     keyspace.scene(swarm, ANY),
+                    keyspace.shared(swarm, ANY, ANY),
                     keyspace.decision(swarm, ANY),
                     keyspace.net_state(swarm, ANY),
                     keyspace.net_tcp(swarm),
@@ -75,8 +80,8 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 "serve": (keyspace.ego_steering(swarm, own),),
             }
         case "router":
-            # Its own process is a part of it, and not subject to its rules; another router has no
-            # business here.
+            # It says nothing itself: its own process is not subject to its rules, and what another
+            # machine's router may pass on is `access`' business.
             return {}
         case "authority":
             return {"serve": (keyspace.trust_certificate(swarm),)}

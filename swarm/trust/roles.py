@@ -15,9 +15,13 @@ Kind = Literal[
 SITE = ("router", "authority", "controller", "gateway", "console")
 """Roles of which a swarm has one: the common name is the role's."""
 PREFIXES: dict[Kind, str] = {
-    "ego": "ego-", "controller": "controller-", "operator": "operator-", "reader": "reader-"
-}  # fmt: skip
-"""Of roles that have a name: of controllers, those of hosts of their own."""
+    "ego": "ego-",
+    "router": "router-",
+    "controller": "controller-",
+    "operator": "operator-",
+    "reader": "reader-",
+}
+"""Of roles that have a name: of routers and controllers, those of hosts of their own."""
 RULE = f"a robot's id, {', '.join(SITE)}, or {', '.join(p + 'NAME' for p in PREFIXES.values())}"
 
 

@@ -81,10 +81,11 @@ def ask(port: int, method: str, path: str, body: Any = None, **headers: str) -> 
 class Viewer:
     """An open page, as far as the stream goes."""
 
-    def __init__(self, port: int, **headers: str) -> None:
+    def __init__(self, port: int, ego: str = "", **headers: str) -> None:
         self.port = port
         self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=WAIT_S)
-        self._connection.request("GET", "/api/events", headers=headers)
+        query = f"?ego={ego}" if ego else ""
+        self._connection.request("GET", f"/api/events{query}", headers=headers)
         self.response = self._connection.getresponse()
         self.state: dict[str, Any] = {}
         self.history: list[dict[str, Any]] = []
@@ -188,8 +189,8 @@ class Speakers:
         )
         self._session.put(keyspace.scene(self._swarm, robot), message)
 
-    def decision(self, cycle: int, *participants: str, **values: Any) -> None:
-        """A decision of the ego."""
+    def decision(self, cycle: int, *participants: str, ego: str = EGO, **values: Any) -> None:
+        """A decision of an ego."""
         common: dict[str, Any] = {
             "algorithm": "early",
             "reason": f"{len(participants)} see more",
@@ -201,13 +202,13 @@ class Speakers:
             "capacity_bps": 5e6,
         }
         message = Decision(
-            ego=EGO,
+            ego=ego,
             cycle=cycle,
             decided_ns=time.time_ns(),
             participants=participants,
             **(common | values),
         )
-        self._session.put(keyspace.decision(self._swarm, EGO), message)
+        self._session.put(keyspace.decision(self._swarm, ego), message)
 
     def detections(
         self,

@@ -71,6 +71,8 @@ SAMPLES: tuple[Message, ...] = (
         body=Body(label="robot", size=(0.9, 0.6, 1.26), center=(0.0, 0.0, -0.57)),
         steady_ns=55_000_000_123,
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
+        world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
+        software="1.0.0",
     ),
     SceneDescription(
         robot="R1",
@@ -95,6 +97,9 @@ SAMPLES: tuple[Message, ...] = (
         max_bytes=60_000,
         reference=POSE,
         demand=b"\x01\x02",
+        shares=True,
+        listens=True,
+        rate_hz=5.0,
     ),
     Observation(
         robot="R1",
@@ -107,6 +112,7 @@ SAMPLES: tuple[Message, ...] = (
         payload=bytes(range(256)),
         encode_ms=4.25,
         uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
+        shared_s=2.0,
     ),
     Refusal(robot="R1", request=9, reason="no frame yet: über", code="busy"),
     Decision(
@@ -247,6 +253,9 @@ SAMPLES: tuple[Message, ...] = (
         steady_ns=77_000_000_001,
         control_bps=12_000,
         fewer_bps={"R1": 6_000},
+        world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
+        software="1.0.0",
+        told={"R7": "it lives in another world: seed 2 (the ego's: 1)"},
     ),
     ShapeRequest(
         request=3,

@@ -2,6 +2,7 @@
 
 import { rates } from "./mahimahi.js";
 import { fill } from "./panels.js";
+import { address } from "./stream.js";
 import { byId, clock, rate } from "./words.js";
 
 const $ = (id) => document.getElementById(id);
@@ -210,7 +211,7 @@ export class Controls {
   }
 
   async #ask(what, request) {
-    const answer = await fetch(`/api/${what}`, {
+    const answer = await fetch(address(`/api/${what}`), {
       method: "POST",
       headers: { "Content-Type": "application/json", "X-CoAdapt-CSRF": this.stream.csrf },
       body: JSON.stringify(request),

@@ -227,7 +227,20 @@ export function showRobots(stream, choose) {
 
 // Where else to look.
 export function showAbout(stream) {
+  showEgos(stream.get("about")?.egos ?? [], stream.get("swarm")?.ego ?? "");
   const link = stream.get("about")?.prometheus ?? "";
   $("prometheus-link").hidden = !link;
   if (link && $("prometheus-link").getAttribute("href") !== `${link}/alerts`) $("prometheus-link").href = `${link}/alerts`;
+}
+
+// Which ego the page shows, where several decide.
+function showEgos(egos, shown) {
+  const choice = $("ego-shown");
+  $("ego-choice").hidden = egos.length < 2;
+  if (choice.dataset.egos !== egos.join()) {
+    choice.dataset.egos = egos.join();
+    choice.replaceChildren(...egos.map((ego) => new Option(ego, ego)));
+    choice.onchange = () => location.assign(`/?ego=${encodeURIComponent(choice.value)}`);
+  }
+  if (document.activeElement !== choice && egos.includes(shown)) choice.value = shown;
 }

@@ -11,14 +11,14 @@ export function decided(stream) {
 
 // {word, why}: word is "ego", "yes" or "no", "was in" or "was not" where the decision is old, or ""
 // before the first; why tells why it is not in, or that nothing of it arrives although it is, or that others see it
-// elsewhere.
+// elsewhere, or what is odd about it.
 export function part(stream, robot) {
   const decision = stream.get("decision");
   if (!decision) return { word: "", why: "" };
   const inIt = decision.participants.includes(robot.robot);
   if (!decided(stream)) return { word: inIt ? "was in" : "was not", why: "" };
   if (robot.robot === stream.get("swarm")?.ego) return { word: "ego", why: "" };
-  const doubt = decision.doubted?.[robot.robot];
+  const doubt = decision.doubted?.[robot.robot] ?? decision.remarks?.[robot.robot];
   if (inIt) return { word: "yes", why: decision.silent?.[robot.robot] ?? doubt ?? "" };
   return { word: "no", why: whyNot(stream, robot, decision) };
 }

@@ -1,5 +1,7 @@
 // What was decided and used: heard since this page was opened, and before that from Prometheus.
 
+import { address } from "./stream.js";
+
 const LIVE_S = 120; // What the stream itself holds.
 const ASK_S = { 120: 10, 900: 5, 3600: 15, 21600: 60 }; // By span: as often as it brings news.
 
@@ -54,7 +56,7 @@ export class Past {
     const needed = this.span > LIVE_S || this.#heardFrom() > this.stream.now() - LIVE_S;
     if (needed && !document.hidden) {
       try {
-        const answer = await fetch(`/api/history?span=${this.span}`);
+        const answer = await fetch(address(`/api/history?span=${this.span}`));
         const reply = await answer.json().catch(() => ({ error: answer.statusText }));
         if (mine !== this.begun) return;
         this.told = answer.ok ? reply.rows.map((row) => ({ ...row, valid: true })) : [];

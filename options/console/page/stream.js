@@ -10,6 +10,15 @@ const KEPT_S = 130;
 const KEPT_DECISIONS = 5; // Also of an ego that decides rarely: its period is told by them.
 const KEPT_EVENTS = 200;
 
+// The ego that this page shows, as its address says; empty: the first one.
+const EGO = new URLSearchParams(location.search).get("ego") ?? "";
+
+// Where the console answers about this page's ego.
+export function address(path) {
+  if (!EGO) return path;
+  return `${path}${path.includes("?") ? "&" : "?"}ego=${encodeURIComponent(EGO)}`;
+}
+
 export class Stream {
   constructor(onChange) {
     this.onChange = onChange;
@@ -49,7 +58,7 @@ export class Stream {
     const abort = (this.abort = new AbortController());
     this.heard = performance.now() / 1000;
     try {
-      const answer = await fetch("/api/events", { signal: abort.signal, cache: "no-store" });
+      const answer = await fetch(address("/api/events"), { signal: abort.signal, cache: "no-store" });
       if (answer.status === 401) {
         location.assign("/login");
         return;

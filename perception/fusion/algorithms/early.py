@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from perception.codec.outlined import add_outline
@@ -13,7 +15,7 @@ from perception.fusion.one_pass import PointForm
 from perception.fusion.outline import outline, thinned
 from perception.scene import ground_mask
 from perception.types import clean_points
-from swarm.geometry import Matrix, Points, invert, transform
+from swarm.geometry import Matrix, Points, Pose, invert, transform
 
 MAX_POINTS = 300_000
 """A scan of 128 rings and 2,048 columns. A few kilobytes can announce millions of points, which
@@ -22,12 +24,15 @@ would hold up the frame of everybody."""
 
 MARGIN_M = 1.0
 """Beyond the detector's area that points are sent."""
+DRIVEN_M = 5.0
+"""How far an ego may have driven since it said where it was, to those who share a payload."""
 
 
 class EarlyFusion(PointForm):
     """Points of all participants, detected as one cloud."""
 
     name = "early"
+    shareable = True
 
     def __init__(self, finder: Finder) -> None:
         self.finder = finder
@@ -36,7 +41,7 @@ class EarlyFusion(PointForm):
         """The scan, without its ground unless asked otherwise, within the asked error.
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
-        nothing there.
+        nothing there. Where several do, without what lies outside of all of their areas.
         """
         cloud = clean_points(points)
         reach = np.abs(cloud)
@@ -49,7 +54,27 @@ class EarlyFusion(PointForm):
             cloud = cloud.compress(~ground, axis=0)
         if options.reference is not None and options.pose is not None:
             cloud = self._of_use(cloud, invert(options.reference.matrix()) @ options.pose.matrix())
+        if options.egos and options.pose is not None:
+            cloud = self._of_use_to_any(cloud, options.pose, options.egos)
         return add_outline(encode_points(cloud, options.max_error_m), places)
+
+    def _of_use_to_any(self, cloud: Points, pose: Pose, egos: tuple[Pose, ...]) -> Points:
+        """The points near enough to one of the egos, whichever way it looks by now."""
+        area = self.finder.area
+        if area is None:
+            return cloud
+        world = transform(pose.matrix(), cloud)
+        reach_m = math.hypot(area.half_x_m, area.half_y_m) + MARGIN_M + DRIVEN_M
+        inside = np.zeros(len(cloud), dtype=np.bool_)
+        for ego in egos:
+            x, y, z = (world - np.array([ego.x, ego.y, ego.z], dtype=world.dtype)).T
+            near = x * x + y * y <= reach_m * reach_m
+            tilt_m = reach_m * (abs(ego.roll) + abs(ego.pitch))
+            near &= (z >= area.low_z_m - MARGIN_M - tilt_m) & (
+                z <= area.high_z_m + MARGIN_M + tilt_m
+            )
+            inside |= near
+        return cloud.compress(inside, axis=0)
 
     def _of_use(self, cloud: Points, ego_from_sensor: Matrix) -> Points:
         """The points in the area that the ego's detector looks at, and a little around it: poses

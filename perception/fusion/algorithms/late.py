@@ -28,6 +28,7 @@ class LateFusion(BoxForm):
     """Boxes of all participants, merged where they overlap."""
 
     name = "late"
+    shareable = True
 
     def __init__(self, finder: Finder) -> None:
         self.finder = finder

@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from prometheus_client import CollectorRegistry
 
@@ -105,7 +106,8 @@ class Memory:
 class Site:
     """A controller on that driver."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, cell: tuple[str, ...] = ()) -> None:
+        self.cell = cell
         self.driver = Memory()
         self.directory = directory
         self.lost: list[str] = []
@@ -128,6 +130,8 @@ class Site:
             self.journal,
             make_logger("test", level="critical"),
             ego="R1",
+            others=self.cell[1:],
+            cell=self.cell,
         )
         controller.on_lost = self.lost.append
         controller.start()
@@ -467,3 +471,20 @@ def test_a_state_between_two_looks_keeps_the_throughput_of_the_last_second(site:
     assert fusion.sent_bytes == 10**9
     (after,) = site.controller.observe()
     assert after.classes["fusion"].throughput_bps > fusion.throughput_bps
+
+
+def test_links_of_egos_that_share_a_cell_have_its_parts_and_say_so(tmp_path: Path) -> None:
+    site = Site(tmp_path, cell=("R1", "R2"))
+    site.ask(rate_bps=8_000_000)
+    states = site.step()
+    assert [states[Link(ego, "down")].capacity_bps for ego in ("R1", "R2")] == [4_000_000] * 2
+    for ego, needed_bytes_s in (("R1", 750_000), ("R2", 0)):
+        told = msgspec.structs.replace(demand(ego), needed_bytes_s=needed_bytes_s)
+        site.controller.on_demand(told)
+    site.step()
+    states = site.step()
+    assert states[Link("R1", "down")].capacity_bps == 7_000_000
+    assert states[Link("R2", "down")].grants == {"R1": 7_000_000, "R2": 1_000_000}
+    # A link that is not an ego's is nobody's part.
+    site.ask(rate_bps=3_000_000, robot="R2", direction="up")
+    assert site.driver.rate(Link("R2", "up")) == 3_000_000

@@ -82,12 +82,12 @@ def beacon(robot: str, x: float, seq: int) -> Beacon:
     )
 
 
-def decision(cycle: int) -> Decision:
+def decision(cycle: int, ego: str = "R1", other: str = "R2") -> Decision:
     return Decision(
-        ego="R1",
+        ego=ego,
         cycle=cycle,
         decided_ns=1,
-        participants=("R1", "R2"),
+        participants=(ego, other),
         algorithm="late",
         reason="two see more",
         source="policy",
@@ -327,3 +327,30 @@ def test_a_run_directory_of_someone_else_is_refused(
     monkeypatch.setenv("COADAPT_RUN_DIR", str(base))
     assert main(["up", "--swarm", "theirs", "--runtime", "netns", "--no-prometheus"]) == 1
     assert "belongs to someone else" in capsys.readouterr().err
+
+
+def test_every_ego_and_its_decision_is_told_where_there_are_several(
+    state: State, robots: Session
+) -> None:
+    spec = msgspec.structs.replace(state.spec, egos=("R1", "R2"))
+    several = msgspec.structs.replace(state, spec=spec)
+    with Watch(several, timeout_s=WAIT_S) as watch:
+        assert watch.undecided() == ("R1", "R2")
+
+        def told() -> bool:
+            robots.put(keyspace.decision(SWARM, "R1"), decision(7))
+            robots.put(keyspace.decision(SWARM, "R2"), decision(9, "R2", "R1"))
+            return watch.undecided() == ()
+
+        deadline = time.monotonic() + WAIT_S
+        while not told():
+            assert time.monotonic() < deadline, "both egos are heard"
+            watch.wait(0.05)
+        view = watch.view()
+    assert [(one.ego, one.selected) for one in view.egos] == [
+        ("R1", ("R1", "R2")),
+        ("R2", ("R2", "R1")),
+    ]
+    shown = render(view, ())
+    assert "ego  cycle  age" in shown
+    assert "R2, R1" in shown

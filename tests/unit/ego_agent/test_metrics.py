@@ -109,10 +109,10 @@ def test_a_demand_that_cannot_be_told_costs_the_cycle_nothing() -> None:
         valid=True,
     )
     failed = 'coadapt_ego_publish_failures_total{message="demand"}'
-    assert (
-        agent._say_demand(scene(candidate("E", [1])), decision, Wish(0, {})) is not None
-    )  # no router
+    seen, wish = snapshot(view("E")), Wish(0, {})
+    told = agent._say_demand(seen, scene(candidate("E", [1])), decision, wish)
+    assert told is not None  # no router
     assert shown(registry)[failed] == 1
-    assert agent._say_demand(cast("Any", "no scene"), decision, Wish(0, {})) is None
+    assert agent._say_demand(seen, cast("Any", "no scene"), decision, wish) is None
     assert shown(registry)[failed] == 2
-    assert agent._say_demand(None, decision, Wish(0, {})) is None
+    assert agent._say_demand(seen, None, decision, wish) is None
