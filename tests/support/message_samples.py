@@ -15,6 +15,7 @@ from swarm.body import Body
 from swarm.messages import (
     AdviceReport,
     AnswerReport,
+    Assignment,
     Backlog,
     Beacon,
     CertificateRequest,
@@ -158,6 +159,7 @@ SAMPLES: tuple[Message, ...] = (
         doubted={"R1": "2 robots see free ground where it says to stand"},
         ages_s={"R1": 0.125, "R2": 0.0625},
         stands_in_for="R1",
+        assignments=(Assignment(robot="R1", algorithm="late", rate_hz=2.0),),
     ),
     Detections(
         ego="R2",

@@ -636,3 +636,16 @@ def test_a_closed_session_refuses_everything(pair: Pair) -> None:
         pair[0].declare_alive("R1")
     assert pair[0].links() == 0
     pair[0].close()
+
+
+def test_hundreds_of_robots_are_told_to_who_watches_and_asks(
+    pair: tuple[Session, Session],
+) -> None:
+    robots, watcher = pair
+    ids = {f"R{number}" for number in range(300)}
+    for robot in ids:
+        robots.declare_alive(robot)
+    joined: set[str] = set()
+    watcher.watch_alive(joined.add, joined.discard)
+    until(lambda: joined == ids, "all robots have joined")
+    assert set(watcher.alive(5.0)) == ids
