@@ -246,7 +246,7 @@ class FusionLoop:
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
             rate_hz=min((rate_of(decision, robot) for robot in others), default=decision.rate_hz),
-            sharing={robot: decision.rate_hz for robot in always} if fusion.shareable else {},
+            sharing=dict.fromkeys(always, decision.rate_hz) if fusion.shareable else {},
         )
         return AskedFrame(decision, own, fusion, gathering, done)
 
