@@ -57,8 +57,8 @@ LOOKED_AT, TOLD_AGAIN, SEEN_FREE = 0.7, 0.6, 0.95
 of those who showed it before; where those who showed it before sent boxes or features again; where
 rays pass through its place (so it is not there)."""
 UNCONFIRMED = 0.2
-"""Of the chance of a new box where robots that showed more in the last INFORMED_S seconds, and send
-less often, have not shown it."""
+"""Of the chance of a new box that the ego alone shows, where others have sent in the last
+INFORMED_S seconds; of one that a part of these shows, as much more as they are."""
 INFORMED_S = 1.5
 NEAR_ENOUGH = 0.5
 """Of a body's width: an offset beyond which a box of it is wrong."""
