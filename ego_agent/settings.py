@@ -9,6 +9,7 @@ import msgspec
 
 from ego_agent.knowledge.objective import Headroom, Objective, Weight
 from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
+from ego_agent.monitor.snapshot import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
 from swarm.messages.steer import QMin
@@ -51,6 +52,12 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     comm_range_m: CommRange | None = None
     """How far from the ego a robot may take part; None: what the world's data says, or else what is
     usual with its detector."""
+    areas: bool = False
+    """Listen to the robots around only, where they say in which cell of the floor they are: on a
+    site of more than a few dozen."""
+    max_robots: Annotated[int, msgspec.Meta(ge=2, le=100_000)] = MAX_ROBOTS
+    """Of whom the newest messages are kept. Each may take as much memory as a scene has bytes, and
+    names come from the network."""
     headroom: Headroom = _USUAL.headroom
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
     """C(t) before anything was measured."""

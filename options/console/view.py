@@ -26,7 +26,7 @@ from swarm.messages import (
     Tracks,
 )
 
-MAX_ROBOTS = 256
+MAX_ROBOTS = 1024
 """More than a swarm has; ids come from the network."""
 MAX_OBJECTS, MAX_BOXES = 256, 512
 """Drawn of one message; the first ones."""

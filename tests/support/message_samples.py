@@ -73,6 +73,7 @@ SAMPLES: tuple[Message, ...] = (
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
         world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
         software="1.0.0",
+        shared=("early",),
     ),
     SceneDescription(
         robot="R1",
@@ -100,6 +101,7 @@ SAMPLES: tuple[Message, ...] = (
         shares=True,
         listens=True,
         rate_hz=5.0,
+        deadline_s=0.25,
     ),
     Observation(
         robot="R1",
