@@ -174,14 +174,23 @@ class Memory:
 
         if not len(found) or not len(self._ids):
             return np.zeros(0, np.intp), np.zeros(0, np.intp)
-        spread = self._motions.sds()[:, None] ** 2 + _sds(found)[None] ** 2
-        off = self._boxes.centers[:, None, :2] - found.centers[None, :, :2]
-        apart = (off**2).sum(axis=2) / spread
+        apart = self._motions.apart(found.centers[:, :2], _sds(found))
         other = np.array(self._boxes.labels)[:, None] != np.array(found.labels)
         cost = np.where(other, GATE, np.minimum(apart, GATE))
         rows, columns = linear_sum_assignment(cost)
         close = cost[rows, columns] < GATE
-        return rows[close], columns[close]
+        rows, columns = rows[close], columns[close]
+        # One that moved on faster than anybody could know still covers its place.
+        left = np.setdiff1d(np.arange(len(self._ids)), rows)
+        free = np.setdiff1d(np.arange(len(found)), columns)
+        shared = iou_bev(self._boxes.take(left), found.take(free))
+        shared[other[np.ix_(left, free)]] = 0.0
+        more, others = linear_sum_assignment(-shared)
+        over = shared[more, others] > SAME_PLACE
+        return (
+            np.concatenate([rows, left[more[over]]]),
+            np.concatenate([columns, free[others[over]]]),
+        )
 
     def _missed(self, rows: NDArray[np.intp], frame: Frame) -> None:
         """Tracks that no box shows: were they to be seen?"""
