@@ -57,8 +57,8 @@ LOOKED_AT, TOLD_AGAIN, SEEN_FREE = 0.7, 0.6, 0.95
 of those who showed it before; where those who showed it before sent boxes or features again; where
 rays pass through its place (so it is not there)."""
 UNCONFIRMED = 0.2
-"""Of the chance of a new box where robots that showed more in the last INFORMED_S seconds, and send
-less often, have not shown it."""
+"""Of the chance of a new box that the ego alone shows, where others have sent in the last
+INFORMED_S seconds; of one that a part of these shows, as much more as they are."""
 INFORMED_S = 1.5
 NEAR_ENOUGH = 0.5
 """Of a body's width: an offset beyond which a box of it is wrong."""
@@ -174,14 +174,23 @@ class Memory:
 
         if not len(found) or not len(self._ids):
             return np.zeros(0, np.intp), np.zeros(0, np.intp)
-        spread = self._motions.sds()[:, None] ** 2 + _sds(found)[None] ** 2
-        off = self._boxes.centers[:, None, :2] - found.centers[None, :, :2]
-        apart = (off**2).sum(axis=2) / spread
+        apart = self._motions.apart(found.centers[:, :2], _sds(found))
         other = np.array(self._boxes.labels)[:, None] != np.array(found.labels)
         cost = np.where(other, GATE, np.minimum(apart, GATE))
         rows, columns = linear_sum_assignment(cost)
         close = cost[rows, columns] < GATE
-        return rows[close], columns[close]
+        rows, columns = rows[close], columns[close]
+        # One that moved on faster than anybody could know still covers its place.
+        left = np.setdiff1d(np.arange(len(self._ids)), rows)
+        free = np.setdiff1d(np.arange(len(found)), columns)
+        shared = iou_bev(self._boxes.take(left), found.take(free))
+        shared[other[np.ix_(left, free)]] = 0.0
+        more, others = linear_sum_assignment(-shared)
+        over = shared[more, others] > SAME_PLACE
+        return (
+            np.concatenate([rows, left[more[over]]]),
+            np.concatenate([columns, free[others[over]]]),
+        )
 
     def _missed(self, rows: NDArray[np.intp], frame: Frame) -> None:
         """Tracks that no box shows: were they to be seen?"""
