@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import sys
 import threading
+from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry
 
@@ -35,12 +36,16 @@ MOVED = 75
 
 
 def main() -> int:
-    """Runs the robots of the settings until SIGTERM or SIGINT; 1 for settings that are wrong, MOVED
-    where the world that was learnt is another one."""
+    """Runs the robots of the settings until SIGTERM or SIGINT; returns what `serve` returns."""
     keep_freed_memory()
-    stop = stop_on_signals()
+    return serve(load_settings, stop_on_signals())
+
+
+def serve(load: Callable[[], RobotSettings], stop: threading.Event) -> int:
+    """Runs robots until `stop` is set; returns 1, and says why, for settings that are wrong, and
+    MOVED where the world that was learnt is another one."""
     try:
-        settings = load_settings()
+        settings = load()
         for robot in settings.robots:
             transport.check_router(settings.router, robot)
         with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
@@ -112,6 +117,7 @@ def run(
                 scene_rate_hz=settings.scene_rate_hz,
                 measure_rate_hz=settings.measure_rate_hz,
                 workers=settings.workers,
+                areas=settings.areas,
                 metrics=metrics,
                 log=log,
                 fit=Fit(
