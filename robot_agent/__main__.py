@@ -19,14 +19,16 @@ from robot_agent.settings import RobotSettings, load_settings
 from sensing.mark import mark_of
 from sensing.opening import open_world_of
 from swarm import transport
+from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer
+from swarm.metrics import serve_metrics
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
+from swarm.trust.roles import Role
 from worlds.base import World
 
 MOVED = 75
@@ -85,7 +87,7 @@ def run(
     mark = mark_of(settings, world)
     encoder = Encoder(world.detector, metrics, settings.algorithms)
     metrics.hosts(settings.robots, encoder.algorithms)
-    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    server = serve_metrics(registry, settings)
     try:
         log.info("robots_starting", robots=list(settings.robots), metrics_port=server.port)
         agents = [
@@ -107,6 +109,7 @@ def run(
         with Session(
             settings.router, settings.swarm, registry=registry, log=log, stop=stop
         ) as session:
+            announce(session, settings, Role("robot", settings.robots[0]), server.port)
             host = RobotHost(
                 agents,
                 session,
@@ -114,6 +117,7 @@ def run(
                 scene_rate_hz=settings.scene_rate_hz,
                 measure_rate_hz=settings.measure_rate_hz,
                 workers=settings.workers,
+                areas=settings.areas,
                 metrics=metrics,
                 log=log,
                 fit=Fit(

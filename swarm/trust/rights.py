@@ -14,6 +14,9 @@ from swarm.keyspace import ANY
 from swarm.trust.roles import Role
 
 Act = Literal["put", "listen", "serve", "ask", "hold", "watch"]
+ANNOUNCED = ("robot", "ego", "controller")
+"""What may join from elsewhere tells where its metrics are; only the router's own process hears it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +37,18 @@ def rights_of(role: Role, swarm: str) -> tuple[Right, ...]:
 
 def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
     own = role.name
+    acts = _own_acts(role, swarm, own)
+    if role.kind in ANNOUNCED:
+        place = keyspace.metrics(swarm, role.common_name)
+        acts["hold"] = (*acts.get("hold", ()), place)
+    return acts
+
+
+def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {
-                "put": (
-                    keyspace.beacon(swarm, own),
-                    keyspace.scene(swarm, own),
-                    keyspace.shared(swarm, own, ANY),
-                ),
+                "put": (*_told_by(swarm, own), keyspace.shared(swarm, own, ANY)),
                 "hold": (keyspace.alive(swarm, own),),
                 "serve": (
                     keyspace.observation(swarm, own),
@@ -59,8 +66,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
                 # As a standby, it leads while the first ego is away.
                 "hold": (keyspace.ego_leads(swarm, own),),
                 "listen": (
-                    keyspace.beacon(swarm, ANY),
-                    keyspace.scene(swarm, ANY),
+                    *_told_by(swarm, ANY),
                     keyspace.shared(swarm, ANY, ANY),
                     keyspace.decision(swarm, ANY),
                     keyspace.net_state(swarm, ANY),
@@ -113,8 +119,7 @@ def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
 def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
     return {
         "listen": (
-            keyspace.beacon(swarm, ANY),
-            keyspace.scene(swarm, ANY),
+            *_told_by(swarm, ANY),
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
@@ -128,3 +133,8 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.llm_alive(swarm),
         ),
     }
+
+
+def _told_by(swarm: str, robot: str) -> tuple[str, ...]:
+    """What a robot tells of itself, in whatever cell of the floor."""
+    return tuple(keyspace.anywhere(key(swarm, robot)) for key in (keyspace.beacon, keyspace.scene))
