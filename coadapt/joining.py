@@ -186,7 +186,9 @@ def settings_of(
         # Of another world than the ego's only the time is of use.
         learnt = {"epoch_ns": learnt["epoch_ns"]} if "epoch_ns" in learnt else {}
     own = {"robots": wish.robot, "router": router, "swarm": swarm}
-    values = {**learnt, **given, **own, "world_learnt": bool(learnt)}
+    # Who says otherwise than the ego means it: another start would not help.
+    follows = bool(learnt) and all(str(given.get(n, learnt[n])) == str(learnt[n]) for n in learnt)
+    values = {**learnt, **given, **own, "world_learnt": follows and "world" in learnt}
     said = {PREFIX + name.upper(): str(value) for name, value in values.items()}
     settings = load_settings({**environment, **said})
     _check(settings, simulated="world_robots" in learnt)

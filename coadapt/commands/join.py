@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import sys
 import threading
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from coadapt.joining import (
 )
 from coadapt.systemd import print_unit
 from deploy.progress import say
-from swarm.errors import SettingError, TransportError
+from swarm.errors import CoAdaptError, SettingError
 from swarm.keyspace import check_name
 from swarm.process import leave, stop_on_signals
 from swarm.trust.identity import KEY
@@ -81,21 +82,26 @@ def run(args: argparse.Namespace) -> int:
     for name, value in CALM.items():
         os.environ.setdefault(name, value)
     stop = stop_on_signals()
+    try:
+        leave(_become(wish, router, swarm, stop))
+    except CoAdaptError as error:
+        # At once, as all that ends here: other threads are in the middle of their work.
+        print(f"coadapt: {error}", file=sys.stderr)
+        leave(0 if stop.is_set() else 1)
+
+
+def _become(wish: Wish, router: str, swarm: str, stop: threading.Event) -> int:
+    """Runs the robot in the world that is typed or learnt. Raises CoAdaptError."""
     # What the robot is made of takes as long to load as the ego takes to say a word.
     loading = threading.Thread(target=importlib.import_module, args=(PROCESS,), daemon=True)
     loading.start()
     learnt: dict[str, object] = {}
     if needs_ego(wish.given()):
-        try:
-            learnt = learn(router, swarm, stop)
-        except TransportError:
-            if stop.is_set():
-                leave(0)
-            raise
+        learnt = learn(router, swarm, stop)
         say(f"the ego's world: {' '.join(f'{name}={value}' for name, value in learnt.items())}")
     settings = settings_of(wish, router, swarm, learnt, os.environ)
     loading.join()
-    leave(importlib.import_module(PROCESS).serve(lambda: settings, stop))
+    return int(importlib.import_module(PROCESS).serve(lambda: settings, stop))
 
 
 def _wish(args: argparse.Namespace) -> Wish:

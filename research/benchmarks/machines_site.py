@@ -73,14 +73,15 @@ class Site:
         words = [word for peer in peers for word in ("--peer", place(peer))]
         identity = self.identity(f"router-{host}")
         where = ["--listen", address(host), "--cert", str(identity)]
-        self.start(host, f"router-{host}", "coadapt.main", "router", *where, *words)
+        self.start(host, f"router-{host}", "coadapt.main", "router", *where, *words, "--scouting")
 
-    def join(self, host: str, robot: str, **settings: object) -> None:
-        """Starts a robot as a person would on its machine."""
+    def join(self, host: str, robot: str, where: str = "", **settings: object) -> None:
+        """Starts a robot as a person would on its machine; `where` to reach its router otherwise
+        than by its address."""
         self.start(
             host,
             f"robot-{robot}",
-            *("coadapt.main", "join", place(host), "--robot", robot),
+            *("coadapt.main", "join", where or place(host), "--robot", robot),
             *("--cert", str(self.identity(robot)), "--rings", "16", "--metrics", "127.0.0.1:0"),
             **settings,
         )
@@ -120,6 +121,12 @@ class Site:
     def heal(self, host: str) -> None:
         """Puts it back."""
         run("ip", "link", "set", device(host), "master", BRIDGE)
+
+    def narrow(self, host: str, mtu: int) -> None:
+        """Has the switch drop what is larger on its way from a machine, which is not told."""
+        # Packets that the kernel would cut up later pass a switch of the kernel's own.
+        run("ip", "-n", host, "link", "set", "eth0", "gso_max_segs", "1")
+        run("ip", "link", "set", device(host), "mtu", str(mtu))
 
     def log(self, name: str) -> str:
         """The end of what a process has written."""

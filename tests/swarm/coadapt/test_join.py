@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from robot_agent.__main__ import MOVED
+from robot_agent.fit import MOVED_WORDS
 from swarm.messages import Decision
 from tests.support.ego_swarm import TIMEOUT_S, Heard, Swarm, factory, stop, swarm_of, until
 
@@ -88,6 +89,9 @@ def test_a_robot_of_another_world_is_left_out_and_both_say_why(
     decision = decisions.until(lambda d: d.excluded.get("R2") == why)
     assert "R2" not in decision.participants
     joined.says(f"R2: {why}")
+    # It was typed: it is meant, however often the ego says it.
+    decisions.until(lambda d: d.cycle > decision.cycle + 2 * MOVED_WORDS)
+    assert joined.process.poll() is None
 
 
 def test_a_clock_that_is_off_is_told_and_the_robot_is_chosen_all_the_same(

@@ -76,10 +76,14 @@ def test_what_is_typed_goes_before_what_was_learnt() -> None:
     made = settings_of(typed, "tcp/h:7447", "floor", LEARNT, {"COADAPT_WORKERS": "2"})
     assert (made.world_seed, made.world_robots, made.epoch_ns) == (9, 6, 5)
     assert (made.robots, made.swarm, made.router) == (("R2",), "floor", "tcp/h:7447")
-    assert (made.workers, made.world_learnt) == (2, True)
+    assert made.workers == 2
+    # Who says otherwise than the ego means it, and is not started anew for it.
+    assert not made.world_learnt
+    same = settings_of(wish("tcp/h", world_seed=3), "tcp/h:7447", "floor", LEARNT, {})
+    assert same.world_learnt
     # Of another world than the ego's only the time holds.
     road = settings_of(wish("tcp/h", world="road"), "tcp/h:7447", "floor", LEARNT, {})
-    assert (road.epoch_ns, road.world_seed) == (5, 1)
+    assert (road.epoch_ns, road.world_seed, road.world_learnt) == (5, 1, False)
 
 
 @pytest.mark.parametrize(
