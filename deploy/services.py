@@ -167,7 +167,8 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             role="robot",
             host=robot,
             argv=(place.python, "-m", "robot_agent"),
-            env=_environment(spec, place, robot, ROBOT_METRICS_PORT) | {"COADAPT_ROBOTS": robot},
+            env=_environment(spec, place, robot, ROBOT_METRICS_PORT)
+            | {"COADAPT_ROBOTS": robot, **_areas_environment(spec)},
             metrics_port=ROBOT_METRICS_PORT,
             robot=robot,
         )
@@ -279,6 +280,7 @@ def _ego(spec: SwarmSpec, place: Place, ego: str, part: Mapping[str, str]) -> Se
             "COADAPT_Q_MIN": str(spec.q_min),
             "COADAPT_JOURNAL": journal_path(spec, place.var_dir, ego),
             **_range_environment(spec),
+            **_areas_environment(spec),
             # What the operator sets is known before anything has been measured.
             **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
             **part,
@@ -358,6 +360,10 @@ def _prometheus_environment(spec: SwarmSpec, place: Place) -> dict[str, str]:
         "COADAPT_CONSOLE_PROMETHEUS": f"http://127.0.0.1:{place.prometheus_host_port}",
         "COADAPT_CONSOLE_PROMETHEUS_LINK": f"http://127.0.0.1:{spec.prometheus_port}",
     }
+
+
+def _areas_environment(spec: SwarmSpec) -> dict[str, str]:
+    return {"COADAPT_AREAS": "1"} if spec.areas else {}
 
 
 def _range_environment(spec: SwarmSpec) -> dict[str, str]:

@@ -34,7 +34,11 @@ from worlds.kinds import WorldKind
 from worlds.registry import swarm_worlds, world_kind
 
 HostPort = Annotated[int, msgspec.Meta(ge=1, le=65532, description="a port")]
-MIN_ROBOTS, MAX_ROBOTS = 2, 100
+MIN_ROBOTS, MAX_ROBOTS = 2, 1000
+"""Each has a port of the machine's bridge, and Linux gives a bridge 1,023."""
+AREAS_FROM = 65
+"""With so many robots egos hear of their surroundings only: 100 that are heard by all cost an ego 6
+Mbit/s, wherever they are."""
 _ROBOTS = f"{MIN_ROBOTS} to {MAX_ROBOTS} different ids of {NAME_RULE}"
 
 EMBEDDED = "embedded"
@@ -87,6 +91,9 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Where the Quality-on-Demand API answers on the host's 127.0.0.1."""
     controller_metrics_port: HostPort = 9103
     """Where Prometheus scrapes the network controller; in Docker, a port of the host's bridge."""
+    areas: bool = False
+    """Whether robots say in their keys in which cell of the floor they are, and egos listen to the
+    cells around them."""
     listen: str = ""
     """IPv4 address of this machine on which robots and tools elsewhere reach the router; empty:
     only this machine does."""
@@ -172,9 +179,10 @@ def factory_robots(count: int) -> tuple[str, ...]:
 def make_spec(**values: Any) -> SwarmSpec:
     """A checked specification.
 
-    `ego` defaults to the first of `egos`, or else of the robots, `epoch_ns` to now, `run_dir` to
-    `run_dir_of`, and `var_dir` to `var_dir_of`; `comm_range_m` to what is usual with the world's
-    detector, or it is left to the ego, where only the data says which that is.
+    `ego` defaults to the first of `egos`, or else of the robots, `areas` to whether there may be
+    AREAS_FROM of them, `epoch_ns` to now, `run_dir` to `run_dir_of`, and `var_dir` to `var_dir_of`;
+    `comm_range_m` to what is usual with the world's detector, or it is left to the ego, where only
+    the data says which that is.
 
     Raises DeployError that names the field, its value and what is allowed.
     """
@@ -199,6 +207,8 @@ def make_spec(**values: Any) -> SwarmSpec:
     swarm = values.get("swarm", _PROCESS.swarm)
     egos = tuple(values.get("egos", ()))
     values.setdefault("ego", (egos or robots)[0])
+    most = max(len(robots), values.get("world_robots") or 0)
+    values.setdefault("areas", most >= AREAS_FROM)
     near = _is_near(values.get("listen", ""))
     # Containers hear of each other over a network that others may share.
     values.setdefault("secure", values.get("runtime") == "docker" or not near)

@@ -30,6 +30,7 @@ from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord, Journal
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
+from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.record import cycle_record, cycle_result
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.leading import Alone, Lead, make_lead
@@ -38,6 +39,7 @@ from ego_agent.monitor.known import KnownRobots
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
+from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
 from ego_agent.plan.arrivals import Arrivals
 from ego_agent.plan.control_budget import ControlBudget, Wish
 from ego_agent.plan.decision import plan
@@ -161,10 +163,18 @@ class EgoAgent:
             settings.objective(comm_range_of(world)),
             algorithms,
             learns=settings.learn,
+            shares=settings.share,
         )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)
-        monitor = Monitor(settings.ego, link, clock=clock, mark=mark_of(settings, world))
+        monitor = Monitor(
+            settings.ego,
+            link,
+            clock=clock,
+            max_robots=settings.max_robots,
+            surroundings=_surroundings(settings, knowledge.objective, log),
+            mark=mark_of(settings, world),
+        )
         tally = TallyKeeper()
         body = configuration(world.detector).usual_body
         sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
@@ -265,6 +275,7 @@ class EgoAgent:
 
     def close(self) -> None:
         """Closes journal and session, if there are any, and lets go of the policy."""
+        self.monitor.close()
         if self._journal is not None:
             self._journal.close()
         if self._session is not None:
@@ -469,6 +480,16 @@ class EgoAgent:
     def _count_ignored(self, reason: str, total: int) -> None:
         self._metrics.messages_ignored.labels(reason).inc(total - self._ignored[reason])
         self._ignored[reason] = total
+
+
+def _surroundings(settings: EgoSettings, objective: Objective, log: Logger) -> Surroundings | None:
+    """What the ego listens to; None: to everybody."""
+    if not settings.areas:
+        return None
+    if objective.comm_range_m > MAX_REACH_M:
+        log.warning("listens_to_all", range_m=objective.comm_range_m, most_m=MAX_REACH_M)
+        return None
+    return Surroundings(objective.comm_range_m, objective.area_half_m, log)
 
 
 def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy) -> tuple[str, ...]:

@@ -16,13 +16,15 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from ego_agent.execute.frame_round import MISSING_KINDS
 from ego_agent.knowledge.journal import ByteTotals, CycleRecord, byte_totals
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
-from ego_agent.monitor.snapshot import MAX_ROBOTS
 from ego_agent.plan.advice.metrics import AdviceMetrics
 from swarm.messages import Decision, NetDemand, Source
 from swarm.metrics import start_at_zero
 
 _BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0)
 _RESULTS = ("fused", "skipped", "failed")
+MAX_MET = 256
+"""Robots whose counters are shown before they count: each has a dozen, ids come from the network,
+and an ego that drives across a large site meets all of its robots."""
 
 
 class EgoMetrics:
@@ -228,7 +230,7 @@ class EgoMetrics:
             self.robot_alive.labels(robot).set(view.alive)
             self.robot_duplicate.labels(robot).set(view.duplicate)
             self.robot_clock_offset.labels(robot).set(view.clock_offset_s)
-        if len(self._met) < MAX_ROBOTS:  # Ids come from the network.
+        if len(self._met) < MAX_MET:
             new = robots.keys() - self._met
             start_at_zero(self.received_bytes, new, self._algorithms)
             start_at_zero(self.missing, new, MISSING_KINDS)

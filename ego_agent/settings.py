@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 import msgspec
 
 from ego_agent.knowledge.objective import Headroom, Objective, Weight
-from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
+from ego_agent.monitor.snapshot import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
 from swarm.messages.steer import QMin
@@ -51,11 +52,20 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     comm_range_m: CommRange | None = None
     """How far from the ego a robot may take part; None: what the world's data says, or else what is
     usual with its detector."""
+    areas: bool = False
+    """Listen to the robots around only, where they say in which cell of the floor they are: on a
+    site of more than a few dozen."""
+    max_robots: Annotated[int, msgspec.Meta(ge=2, le=100_000)] = MAX_ROBOTS
+    """Of whom the newest messages are kept. Each may take as much memory as a scene has bytes, and
+    names come from the network."""
     headroom: Headroom = _USUAL.headroom
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
     """C(t) before anything was measured."""
     memory: bool = True
     """Whether objects are followed from frame to frame: `Detections.tracks`."""
+    rarer: bool = False
+    """Whether single robots may be asked less often than frames are fused, where `memory` carries
+    on what they showed."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
@@ -89,6 +99,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
             rate_hz=self.fusion_rate_hz,
             deadline_s=self.deadline_s,
             slower_hz=SLOWER_HZ if self.learn else (),
+            rarer_hz=RARER_HZ if self.rarer and self.memory else (),
             comm_range_m=self.comm_range_m or usual_range_m,
             headroom=self.headroom,
         )

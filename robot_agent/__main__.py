@@ -117,6 +117,7 @@ def run(
                 scene_rate_hz=settings.scene_rate_hz,
                 measure_rate_hz=settings.measure_rate_hz,
                 workers=settings.workers,
+                areas=settings.areas,
                 metrics=metrics,
                 log=log,
                 fit=Fit(

@@ -16,11 +16,12 @@ from robot_agent.metrics import RobotMetrics
 from robot_agent.pace import Pace
 from robot_agent.thinning import Thinner
 from swarm import keyspace
+from swarm.areas import cell_of, name_of
 from swarm.errors import CoAdaptError
 from swarm.listening import hear
 from swarm.log import Logger
 from swarm.loop_watch import Loops, unwatched
-from swarm.messages import NetDemand
+from swarm.messages import Beacon, NetDemand, SceneDescription
 from swarm.session import Session
 from swarm.tcp_watch import TcpWatch
 from swarm.traffic import TrafficClass
@@ -45,15 +46,18 @@ class RobotHost:
         scene_rate_hz: float,
         measure_rate_hz: float,
         workers: int,
+        areas: bool = False,
         metrics: RobotMetrics,
         log: Logger,
         fit: Fit,
         loops: Loops = unwatched,
     ) -> None:
+        """`areas`: beacons and scenes say in their keys in which cell of the floor a robot is."""
         self._session = session
         self._metrics = metrics
         self._log = log
         self._loops = loops
+        self._areas = areas
         self._stop = threading.Event()
         self._faults: set[tuple[str, str]] = set()
         self._duties: dict[str, Duty] = {}
@@ -148,14 +152,20 @@ class RobotHost:
         if beacon is not None:
             beacon = msgspec.structs.replace(beacon, echoes=self._pace.echoes(agent.robot))
             beacon = thinner.beacon(beacon, self._pace.control_bps(agent.robot), now)
-            self._session.put(keyspace.beacon(self._session.swarm, agent.robot), beacon)
+            self._tell(keyspace.beacon, beacon)
 
     def _scene(self, agent: RobotAgent) -> None:
         thinner, now = self._thinners[agent.robot], time.monotonic()
         scene = agent.describe() if thinner.scene_is_due(now) else None
         if scene is not None:
             scene = thinner.scene(scene, self._pace.control_bps(agent.robot), now)
-            self._session.put(keyspace.scene(self._session.swarm, agent.robot), scene)
+            self._tell(keyspace.scene, scene)
+
+    def _tell(self, key: Callable[[str, str], str], told: Beacon | SceneDescription) -> None:
+        where = key(self._session.swarm, told.robot)
+        if self._areas:
+            where = keyspace.within(where, name_of(cell_of(*told.pose[:2])))
+        self._session.put(where, told)
 
     def _measure(self, agent: RobotAgent) -> None:
         self._fit.look()

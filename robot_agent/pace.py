@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 from swarm.messages import NetDemand
 
-MAX_EGOS = 8
+MAX_EGOS = 128
+MAX_ECHOES = 8
+"""In one beacon; what finds no place is echoed by the next one."""
 HOLD_S = 5.0
 """A wish holds this long, or for HOLD_PERIODS of its ego's, whichever is longer."""
 HOLD_PERIODS = 3.0
@@ -55,11 +57,13 @@ class Pace:
         """What the next beacon of a robot echoes: words of egos that none has echoed yet."""
         with self._lock:
             said = {ego: (e.demand.steady_ns, e.heard_ns) for ego, e in self._egos.items()}
-            news = {
-                ego: echo
+            new = [
+                ego
                 for ego, echo in said.items()
                 if echo[0] and self._echoed.get((robot, ego)) != echo[0]
-            }
+            ]
+            new.sort(key=lambda ego: said[ego][1])  # who has waited longest first
+            news = {ego: said[ego] for ego in new[:MAX_ECHOES]}
             self._echoed |= {(robot, ego): said_ns for ego, (said_ns, _) in news.items()}
         return news
 

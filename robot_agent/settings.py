@@ -17,11 +17,14 @@ class RobotSettings(ProcessSettings, frozen=True, kw_only=True):
     """Which robots one process hosts, and how often they speak. Field `robots` is read from
     `COADAPT_ROBOTS`, comma-separated."""
 
-    robots: Annotated[tuple[Name, ...], msgspec.Meta(min_length=1, max_length=100)]
+    robots: Annotated[tuple[Name, ...], msgspec.Meta(min_length=1, max_length=1000)]
     clock_offset_s: Annotated[float, msgspec.Meta(ge=-3600, le=3600)] = 0.0
     """How far the robots' clock is ahead of this machine's, as a badly set clock would be."""
     beacon_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 10.0
     scene_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 2.0
+    areas: bool = False
+    """Say in the key in which cell of the floor a robot is, so that egos hear of their surroundings
+    only: on a site of more than a few dozen robots."""
     algorithms: Annotated[tuple[Algorithm, ...], msgspec.Meta(max_length=16)] = ()
     """Fusion algorithms whose sizes beacons announce; empty: all that there are."""
     measure_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=100)] = 0.05

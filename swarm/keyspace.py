@@ -7,6 +7,8 @@ import re
 from swarm.errors import KeyspaceError
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+_CELL = re.compile(r"-?\d{1,6}_-?\d{1,6}")
+_IN_CELLS = ("beacon", "scene")
 ANY = "*"
 
 
@@ -67,6 +69,25 @@ def beacon(swarm: str, robot: str) -> str:
 def scene(swarm: str, robot: str) -> str:
     """`messages.SceneDescription`, 2 Hz."""
     return _robot_key(swarm, robot, "scene")
+
+
+def within(key: str, cell: str) -> str:
+    """Where a robot tells its beacon or scene on a site that is divided into cells
+    (`areas.cell_of`), so that who is interested in a part of the floor hears that part only.
+
+    >>> within(beacon("local", "R1"), "3_-4")
+    'coadapt/local/robot/R1/beacon/3_-4'
+    """
+    return f"{key}/{cell}"
+
+
+def anywhere(key: str) -> str:
+    """A beacon's or scene's key in whatever cell, or in none.
+
+    >>> anywhere(beacon("local", ANY))
+    'coadapt/local/robot/*/beacon/**'
+    """
+    return f"{key}/**"
 
 
 def observation(swarm: str, robot: str) -> str:
@@ -215,6 +236,8 @@ def belongs_to_robot(key: str) -> bool:
 def robot_of(key: str) -> str:
     """The robot or ego id in a key of this key space. Raises KeyspaceError for another key."""
     parts = key.split("/")
+    if len(parts) == 6 and parts[4] in _IN_CELLS and _CELL.fullmatch(parts[5]):
+        parts.pop()
     whole = len(parts) == 5 or (len(parts) == 6 and parts[4] == "shared")
     if not whole or parts[0] != "coadapt" or parts[2] not in ("robot", "ego"):
         raise KeyspaceError(f"key {key!r} is not coadapt/<swarm>/(robot|ego)/<id>/<leaf>")

@@ -26,8 +26,8 @@ Handlers = Mapping[type[Message], Callable[[Any], object]]
 """Who hears of the messages of a type, on Zenoh's threads."""
 
 _KEYS: dict[type[Message], Callable[[str, str], str]] = {
-    Beacon: lambda swarm, ego: keyspace.beacon(swarm, keyspace.ANY),
-    SceneDescription: lambda swarm, ego: keyspace.scene(swarm, keyspace.ANY),
+    Beacon: lambda swarm, ego: keyspace.anywhere(keyspace.beacon(swarm, keyspace.ANY)),
+    SceneDescription: lambda swarm, ego: keyspace.anywhere(keyspace.scene(swarm, keyspace.ANY)),
     Decision: keyspace.decision,
     Detections: keyspace.detections,
     GatewayState: lambda swarm, ego: keyspace.llm_state(swarm),

@@ -54,7 +54,7 @@ class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     """One of `worlds.registry.world_kinds()`."""
     world_data: str = ""
     """What the world needs: recorded data (a directory or a file), or a live robot's address."""
-    world_robots: Annotated[int, msgspec.Meta(ge=2, le=100)] = 6
+    world_robots: Annotated[int, msgspec.Meta(ge=2, le=1000)] = 6
     world_seed: Seed = 1
     world_rings: Rings = 32
     world_scenario: str = "floor"

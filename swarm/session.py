@@ -40,6 +40,8 @@ __all__ = ["MAX_WAITING_QUERIES", "Answer", "Session"]
 
 M = TypeVar("M", bound=Message)
 MAX_REMEMBERED_SENDERS = 256
+MAX_ALIVE = 100_000
+"""Robots that `alive` can tell of; the places are taken only as they come."""
 CERTIFICATE_S = 10.0
 """How long the authority is given to answer."""
 
@@ -217,8 +219,14 @@ class Session:
         key = keyspace.alive(self.swarm, robot)
         return self._connection.declare(lambda session: session.liveliness().declare_token(key))
 
-    def watch_alive(self, on_join: Callable[[str], None], on_leave: Callable[[str], None]) -> None:
-        """Calls back with a robot id when a robot joins (also those already there) or leaves."""
+    def watch_alive(
+        self,
+        on_join: Callable[[str], None],
+        on_leave: Callable[[str], None],
+        robot: str = keyspace.ANY,
+    ) -> None:
+        """Calls back with a robot id when a robot, or this one, joins (also those already there) or
+        leaves."""
 
         present: set[str] = set()
         lock = threading.Lock()
@@ -241,7 +249,7 @@ class Session:
             except Exception:
                 self._log.error("handler_failed", key=str(sample.key_expr), exc_info=True)
 
-        key = keyspace.alive(self.swarm, keyspace.ANY)
+        key = keyspace.alive(self.swarm, robot)
         self._connection.declare(
             lambda session: session.liveliness().declare_subscriber(key, receive, history=True)
         )
@@ -291,7 +299,11 @@ class Session:
         found = {robot for present in self._present for robot in tuple(present)}
         try:
             replies = self._connection.zenoh.liveliness().get(
-                keyspace.alive(self.swarm, keyspace.ANY), timeout=timeout_s
+                keyspace.alive(self.swarm, keyspace.ANY),
+                # A session that watches tokens answers itself, before it can be read from: with
+                # Zenoh's 256 places it waited for ever.
+                zenoh.handlers.FifoChannel(MAX_ALIVE),
+                timeout=timeout_s,
             )
         except zenoh.ZError as error:
             raise TransportError(f"cannot ask who is alive: {error}") from error

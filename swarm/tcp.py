@@ -19,7 +19,7 @@ _FIELDS = struct.Struct("=8B24IQQQQIIIIIIQQQQ")
 """`struct tcp_info` of linux/tcp.h as far as Linux 4.10 has it."""
 _BACKOFF = 4
 _MSS, _HEARD = 10, 19
-_UNACKED, _RTT, _BYTES_ACKED, _NOTSENT, _MIN_RTT = 12, 23, 34, 38, 39
+_UNACKED, _RTT, _BYTES_ACKED, _BYTES_RECEIVED, _NOTSENT, _MIN_RTT = 12, 23, 34, 35, 38, 39
 _BUSY, _RWND_LIMITED, _SNDBUF_LIMITED = 43, 44, 45
 LONE_PACKETS = 2
 """So few may be under way because their acknowledgement is delayed (RFC 1122, 4.2.3.2)."""
@@ -57,6 +57,8 @@ class TcpInfo:
     """What a full packet carries."""
     heard_ms: int
     """Since the other end has sent anything."""
+    received_bytes: int = 0
+    """From the other end."""
 
 
 def tcp_info(descriptor: int) -> TcpInfo | None:
@@ -79,6 +81,7 @@ def tcp_info(descriptor: int) -> TcpInfo | None:
         told[_BACKOFF],
         told[_MSS],
         told[_HEARD],
+        told[_BYTES_RECEIVED],
     )
 
 

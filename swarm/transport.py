@@ -61,8 +61,8 @@ MAX_RECEIVED_BYTES = MAX_MESSAGE_BYTES + 1_000_000
 its connection before the memory is spent, here and at the router."""
 
 CONTROL_BYTES = {
-    "coadapt/*/robot/*/beacon": 16_384,
-    "coadapt/*/robot/*/scene": 262_144,
+    "coadapt/*/robot/*/beacon/**": 16_384,
+    "coadapt/*/robot/*/scene/**": 262_144,
     "coadapt/*/net/**": 1_048_576,
 }
 """What a router passes on at most, by key: many times what the largest swarm says there. Everybody

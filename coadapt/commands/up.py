@@ -20,6 +20,7 @@ from deploy.docker.grafana import PASSWORD_FILE
 from deploy.ports import based_on, with_free_ports
 from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
+from deploy.room import check_room
 from deploy.runtime import Runtime
 from deploy.services import KEYSTORE, journal_path
 from deploy.spec import (
@@ -235,6 +236,8 @@ def _spec(args: argparse.Namespace, runtime: Runtime, running: State | None) -> 
     """The swarm that is wished for. Raises DeployError that names an option and what it may be."""
     try:
         spec = _wished(args, runtime.name)
+        if running is None:
+            check_room(len(spec.robots))
         named = {name for name in PORT_FIELDS if getattr(args, name) is not None}
         if args.port_base is not None:
             based = based_on(args.port_base)

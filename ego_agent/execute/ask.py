@@ -193,6 +193,7 @@ class Asker:
                 shares=may_share and self._shared.wants(robot, algorithm, now),
                 listens=robot in relied,
                 rate_hz=rate_hz,
+                deadline_s=deadline_s,
             )
             self._send(_Ask(robot, request, done, session, tries=1))
         self._shared.tidy(now)

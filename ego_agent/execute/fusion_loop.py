@@ -19,7 +19,7 @@ from ego_agent.execute.ask import Asker
 from ego_agent.execute.frame_round import FrameRound, Missing
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
-from ego_agent.knowledge.pace import stride
+from ego_agent.knowledge.pace import due, rate_of, stride
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
 from perception.detector.config import configuration
@@ -226,7 +226,12 @@ class FusionLoop:
 
     def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
         """Begins a frame and asks its robots."""
-        others = tuple(robot for robot in decision.participants if robot != self._ego)
+        step = stride(decision, self._sensor.rate_hz, self._rate_hz)
+        others = tuple(
+            robot
+            for robot in decision.participants
+            if robot != self._ego and due(decision, robot, own.frame // step)
+        )
         fusion = self._fusions[decision.algorithm]
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
@@ -238,7 +243,7 @@ class FusionLoop:
             own.capture_ns,
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
-            rate_hz=decision.rate_hz,
+            rate_hz=min((rate_of(decision, robot) for robot in others), default=decision.rate_hz),
             shareable=fusion.shareable,
         )
         return AskedFrame(decision, own, fusion, gathering, done)

@@ -36,7 +36,7 @@ class OwnDuty:
 
     def attach(self, session: Session) -> None:
         """Watches the robot's token from now on."""
-        session.watch_alive(self._joined, self._left)
+        session.watch_alive(self._joined, self._left, self._robot)
 
     def look(self, session: Session | None) -> None:
         """Asks the robot again when that is due."""

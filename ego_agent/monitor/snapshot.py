@@ -21,6 +21,7 @@ from ego_agent.monitor.clock_offset import ClockOffset
 from ego_agent.monitor.identity import DUPLICATE_WINDOW_S, Numbers, Stream, twins
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import LinkWatch
+from ego_agent.monitor.surroundings import Surroundings
 from swarm import keyspace
 from swarm.errors import CoAdaptError, KeyspaceError
 from swarm.fitting import other_world
@@ -29,7 +30,9 @@ from swarm.messages import Beacon, NetState, SceneDescription, TcpState
 from swarm.process import Clock
 from swarm.session import Session
 
-MAX_ROBOTS = 256
+MAX_ROBOTS = 1024
+"""Of which the newest messages are kept: several times what is ever in range. Names come from the
+network, and one that is made up takes as much memory as the largest scene that a router passes."""
 MAX_INSTANCES = 8
 MAX_TOKENS = 100_000
 """Of robots that have no beacon: names cost little, a robot's entry more."""
@@ -90,9 +93,11 @@ class Monitor:
         clock: Clock | None = None,
         monotonic: Callable[[], float] = time.monotonic,
         max_robots: int = MAX_ROBOTS,
+        surroundings: Surroundings | None = None,
         mark: str = "",
     ) -> None:
-        """`mark`: of the ego's world (`sensing.mark`); empty compares it with nobody's."""
+        """`surroundings`: what to listen to; None: to everybody, wherever they are. `mark`: of the
+        ego's world (`sensing.mark`); empty compares it with nobody's."""
         self.ego = ego
         self.mark = mark
         self.link = link
@@ -100,6 +105,7 @@ class Monitor:
         self._clock = clock or Clock()
         self._monotonic = monotonic
         self._max_robots = max_robots
+        self._surroundings = surroundings
         self._lock = threading.Lock()
         self._robots: dict[str, _Robot] = {ego: _Robot(alive=True)}
         self._tokens: set[str] = set()
@@ -119,15 +125,20 @@ class Monitor:
         return now_ns
 
     def attach(self, session: Session) -> None:
-        """Subscribes to everything that the monitor listens to."""
-        handlers: Handlers = {
-            Beacon: self.on_beacon,
-            SceneDescription: self.on_scene,
-            NetState: self.on_net_state,
-            TcpState: self.on_tcp_state,
-        }
-        hear(session, handlers, on_invalid=self.on_invalid)
+        """Subscribes to everything that the monitor listens to; `close` ends following the ego."""
+        robots: Handlers = {Beacon: self.on_beacon, SceneDescription: self.on_scene}
+        if self._surroundings is None:
+            hear(session, robots, on_invalid=self.on_invalid)
+        else:
+            self._surroundings.attach(session, robots, self.on_invalid)
+        net: Handlers = {NetState: self.on_net_state, TcpState: self.on_tcp_state}
+        hear(session, net, on_invalid=self.on_invalid)
         session.watch_alive(self.on_join, self.on_leave)
+
+    def close(self) -> None:
+        """Listens to nothing new any more."""
+        if self._surroundings is not None:
+            self._surroundings.close()
 
     def on_beacon(self, beacon: Beacon) -> None:
         """Takes a robot's beacon."""
@@ -184,6 +195,8 @@ class Monitor:
             self._own = (beacon, now)
             if scene is not None:
                 self._own_scene = (scene, now)
+        if self._surroundings is not None:
+            self._surroundings.moved(*beacon.pose[:2])
 
     def note_own_duty(self, off_duty_by: str) -> None:
         """Takes who keeps the ego's own robot out of the swarm; empty: nobody does."""
@@ -213,6 +226,8 @@ class Monitor:
         with self._lock:
             if len(self._tokens) < MAX_TOKENS:
                 self._tokens.add(robot)
+            if self._surroundings is not None and robot not in self._robots:
+                return  # It is somewhere on the site, and shows itself where it comes near.
             entry = self._entry(robot, self._monotonic())
             if entry is not None:
                 entry.alive = True
@@ -276,6 +291,8 @@ class Monitor:
         limits = self.link.robot_limits(now)
         error = self.link.error_ratio(now)
         with self._lock:
+            if self._surroundings is not None:
+                self._forget(now)
             views = {
                 robot: self._view(robot, entry, now, wall_ns, limits.get(robot, math.inf))
                 for robot, entry in self._robots.items()
@@ -381,11 +398,14 @@ class Monitor:
             del self._robots[loser]
 
     def _forget(self, now: float) -> None:
-        """Drops the robots that have left and are silent."""
+        """Drops the robots that have left and are silent; where only the surroundings are listened
+        to, also those that are silent: they are somewhere else."""
         for robot in [
             robot
             for robot, entry in self._robots.items()
-            if not entry.alive and now - entry.heard_at > FORGET_S
+            if robot != self.ego
+            and (self._surroundings is not None or not entry.alive)
+            and now - entry.heard_at > FORGET_S
         ]:
             del self._robots[robot]
 

@@ -17,6 +17,7 @@ import zenoh
 
 from deploy.trust.keystore import Keystore
 from swarm import keyspace, transport
+from swarm.areas import name_of
 from swarm.trust import members
 from swarm.trust.rights import Act, rights_of
 from swarm.trust.roles import LOCAL, SITE, Role, role_of
@@ -42,6 +43,7 @@ SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
     keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive, keyspace.trust_certificate,
 )  # fmt: skip
+CELL = name_of((3, -4))
 SHARED = "early"
 KEYS = [
     *(keyspace.shared(SWARM, robot, SHARED) for robot in ("R1", "R2", "R3")),
@@ -53,8 +55,15 @@ KEYS = [
         for role in ("R3", "ego-R1", "controller", "controller-hall-2")
     ),
     *(key(SWARM, "hall-2") for key in (keyspace.net_state, keyspace.net_shape)),
+    *(keyspace.within(key(SWARM, "R3"), CELL) for key in (keyspace.beacon, keyspace.scene)),
 ]
-WILD = [f"coadapt/{SWARM}/**", f"coadapt/{SWARM}/robot/*/beacon", "**"]
+WILD = [
+    f"coadapt/{SWARM}/**",
+    f"coadapt/{SWARM}/robot/*/beacon",
+    f"coadapt/{SWARM}/robot/*/beacon/{CELL}",
+    f"coadapt/{SWARM}/robot/*/beacon/**",
+    "**",
+]
 QUIET_S = 0.4
 """How long what is denied is given to come through; what is allowed is waited for longer."""
 WAIT_S = 20.0

@@ -48,11 +48,7 @@ def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {
-                "put": (
-                    keyspace.beacon(swarm, own),
-                    keyspace.scene(swarm, own),
-                    keyspace.shared(swarm, own, ANY),
-                ),
+                "put": (*_told_by(swarm, own), keyspace.shared(swarm, own, ANY)),
                 "hold": (keyspace.alive(swarm, own),),
                 "serve": (
                     keyspace.observation(swarm, own),
@@ -70,8 +66,7 @@ def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
                 # As a standby, it leads while the first ego is away.
                 "hold": (keyspace.ego_leads(swarm, own),),
                 "listen": (
-                    keyspace.beacon(swarm, ANY),
-                    keyspace.scene(swarm, ANY),
+                    *_told_by(swarm, ANY),
                     keyspace.shared(swarm, ANY, ANY),
                     keyspace.decision(swarm, ANY),
                     keyspace.net_state(swarm, ANY),
@@ -124,8 +119,7 @@ def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
 def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
     return {
         "listen": (
-            keyspace.beacon(swarm, ANY),
-            keyspace.scene(swarm, ANY),
+            *_told_by(swarm, ANY),
             keyspace.decision(swarm, ANY),
             keyspace.detections(swarm, ANY),
             keyspace.net_demand(swarm),
@@ -139,3 +133,8 @@ def _reading(swarm: str) -> dict[Act, tuple[str, ...]]:
             keyspace.llm_alive(swarm),
         ),
     }
+
+
+def _told_by(swarm: str, robot: str) -> tuple[str, ...]:
+    """What a robot tells of itself, in whatever cell of the floor."""
+    return tuple(keyspace.anywhere(key(swarm, robot)) for key in (keyspace.beacon, keyspace.scene))

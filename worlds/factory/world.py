@@ -23,7 +23,7 @@ from worlds.recent import Recent
 from worlds.returns import Returns, kept_returns
 
 RATE_HZ = 10.0
-ROBOTS_ALLOWED = (2, 100)
+ROBOTS_ALLOWED = (2, 1000)
 ROOM_ALLOWED = (1.0, 4.0)
 GENERATOR, GENERATOR_UNCOMPILED = 4, 3
 """Versions of everything that shapes a scan, with rays cast in C and without, where points differ
@@ -57,7 +57,7 @@ class FactoryWorld(SelfDescribing):
         """Lays out the floor; no scan is computed yet.
 
         Args:
-            robots: 2 to 100; the floor grows with them.
+            robots: 2 to 1000; the floor grows with them.
             seed: 0 or more; of the equipment, the traffic and the noise.
             rings: of the LiDAR: 16, 32 or 64.
             scenario: one of `worlds.factory.scenarios.SCENARIOS`.

@@ -250,7 +250,7 @@ def bad_messages(robot: str) -> list[tuple[str, bytes]]:
         (keyspace.beacon("test", "someone-else"), good),
         (scene_key, encode(scene)),
         (scene_key, noise(200)),
-        (scene_key, noise(CONTROL_BYTES["coadapt/*/robot/*/scene"])),
+        (scene_key, noise(CONTROL_BYTES["coadapt/*/robot/*/scene/**"])),
         (keyspace.net_state("test"), noise(64)),
         *((beacon_key, noise(64)) for _ in range(50)),
     ]

@@ -90,9 +90,11 @@ def test_three_hundred_megabytes_cost_nobody_their_memory(own_router: RouterProc
 def test_control_keys_carry_no_more_than_they_need(own_router: RouterProcess) -> None:
     heard: Inbox[tuple[str, int]] = Inbox()
     other = keyspace.decision(SWARM, "R1")
+    beacon = CONTROL_BYTES["coadapt/*/robot/*/beacon/**"]
     limits = {
-        keyspace.beacon(SWARM, "R1"): CONTROL_BYTES["coadapt/*/robot/*/beacon"],
-        keyspace.scene(SWARM, "R1"): CONTROL_BYTES["coadapt/*/robot/*/scene"],
+        keyspace.beacon(SWARM, "R1"): beacon,
+        keyspace.within(keyspace.beacon(SWARM, "R1"), "3_-4"): beacon,
+        keyspace.scene(SWARM, "R1"): CONTROL_BYTES["coadapt/*/robot/*/scene/**"],
         keyspace.net_state(SWARM): CONTROL_BYTES["coadapt/*/net/*"],
     }
     with client(own_router) as stranger, client(own_router) as listener:

@@ -9,6 +9,7 @@ from threading import Thread
 import pytest
 
 from coadapt.main import main
+from deploy import room
 from deploy.ports import listen
 from deploy.progress import typed
 from deploy.spec import factory_robots, make_spec
@@ -123,13 +124,21 @@ def test_a_model_that_its_server_does_not_list_is_refused(
 
 @pytest.mark.stumble("--robots 500 prints five hundred ids", command="make up ROBOTS=500")
 def test_too_many_robots_are_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    said = refusal(capsys, "--robots", "500")
-    assert said == "coadapt: --robots 500 is not valid; it must be 2 to 100"
+    said = refusal(capsys, "--robots", "5000")
+    assert said == "coadapt: --robots 5000 is not valid; it must be 2 to 1000"
+
+
+def test_more_robots_than_the_memory_holds_are_refused(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "ROBOT_MB", 10**6)
+    said = refusal(capsys, "--robots", "700")
+    assert "--robots 700 is not valid; it must be at most 100 here: each takes 1000000 MB" in said
 
 
 def test_a_long_list_is_told_by_its_ends() -> None:
-    with pytest.raises(DeployError, match=r"^robots = 101 values from 'R1' to 'R101' is not"):
-        make_spec(robots=factory_robots(101))
+    with pytest.raises(DeployError, match=r"^robots = 1001 values from 'R1' to 'R1001' is not"):
+        make_spec(robots=factory_robots(1001))
 
 
 @pytest.mark.stumble(

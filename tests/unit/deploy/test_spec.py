@@ -41,7 +41,7 @@ def spec_of(**values: Any) -> SwarmSpec:
         ({"robots": ("R1",)}, "robots"),
         ({"robots": ("R1", "R1")}, "different"),
         ({"robots": ("R1", "R/2")}, "letters"),
-        ({"robots": factory_robots(101)}, "100"),
+        ({"robots": factory_robots(1001)}, "1000"),
         ({"ego": "R9"}, "'R9' is not one of the robots R1, R2, R3"),
         ({"swarm": "a b"}, "swarm = 'a b'"),
         ({"rings": 17}, "16, 32, 64"),
@@ -159,7 +159,7 @@ def test_prometheus_scrapes_every_process_with_its_role_and_robot() -> None:
     assert len(set(targets)) == len(members)
 
 
-@given(count=st.integers(2, 100))
+@given(count=st.integers(2, 300))
 def test_hosts_have_addresses_of_their_own(count: int) -> None:
     spec = spec_of(robots=factory_robots(count))
     hosts = [INFRA, *spec.robots]
@@ -226,3 +226,17 @@ def test_a_name_that_leads_out_of_the_run_directory_is_refused(
     assert main([command, "--swarm", "../mine"]) == 1
     assert "swarm name '../mine' is not allowed" in capsys.readouterr().err
     assert (tmp_path / "mine").exists()
+
+
+def test_many_robots_say_in_which_cell_they_are() -> None:
+    few, many = (make_spec(robots=factory_robots(count)) for count in (64, 65))
+    assert (few.areas, many.areas) == (False, True)
+    assert not make_spec(robots=factory_robots(65), areas=False).areas
+
+
+def test_robots_and_egos_of_a_large_site_are_told_to_use_cells(tmp_path: Path) -> None:
+    for count, told in ((3, None), (70, "1")):
+        spec = spec_of(robots=factory_robots(count), ego_standby="R2")
+        found = {one.role: one.env.get("COADAPT_AREAS") for one in services(spec, PLACE)}
+        assert found["robot"] == found["ego"] == told
+        assert found["router"] is None

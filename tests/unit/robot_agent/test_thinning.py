@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_agent.pace import HOLD_S, Pace
+from robot_agent.pace import HOLD_S, MAX_ECHOES, Pace
 from robot_agent.thinning import MAX_SCENE_GAP_S, MIN_SECTORS, WIRE_BYTES, Thinner
 from swarm.arrays import pack, unpack_finite
 from swarm.messages import Beacon, NetDemand, SceneDescription, encode
@@ -151,3 +151,15 @@ def test_each_robot_echoes_a_word_once() -> None:
     assert pace.echoes("R2") == {"A": (501, 10**12)}
     pace.on_demand(msgspec.structs.replace(demand("A", 0), steady_ns=900))
     assert pace.echoes("R1") == {"A": (900, 10**12)}
+
+
+def test_every_one_of_many_egos_is_heeded_and_echoed_in_turn() -> None:
+    steady = Steady()
+    pace = Pace(steady)
+    for number in range(20):
+        steady.now_ns += 1
+        pace.on_demand(demand(f"E{number}", 50_000 - number))
+    assert pace.control_bps("R2") == 50_000 - 19
+    echoed = [pace.echoes("R2") for _ in range(3)]
+    assert [len(echo) for echo in echoed] == [MAX_ECHOES, MAX_ECHOES, 20 - 2 * MAX_ECHOES]
+    assert [ego for echo in echoed for ego in echo] == [f"E{number}" for number in range(20)]

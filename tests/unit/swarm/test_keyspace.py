@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarm import keyspace
+from swarm.areas import cell_of, name_of
 from swarm.errors import KeyspaceError
 
 names = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
@@ -72,6 +73,40 @@ def test_a_name_that_is_no_name_is_refused(key: Key, bad: str) -> None:
         key("S", bad)
     with pytest.raises(KeyspaceError, match="swarm name"):
         key(bad, "R")
+
+
+@pytest.mark.parametrize("key", [keyspace.beacon, keyspace.scene])
+@given(swarm=names, robot=names, x=st.floats(allow_nan=False), y=st.floats(allow_nan=False))
+def test_the_id_can_be_read_whatever_the_cell(
+    key: Key, swarm: str, robot: str, x: float, y: float
+) -> None:
+    own = keyspace.within(key(swarm, robot), name_of(cell_of(x, y)))
+    assert keyspace.robot_of(own) == robot
+    zenoh.KeyExpr(own)
+
+
+def test_who_listens_anywhere_hears_robots_in_cells_and_in_none() -> None:
+    everybody = zenoh.KeyExpr(keyspace.anywhere(keyspace.beacon("S", keyspace.ANY)))
+    own = keyspace.beacon("S", "R1")
+    assert everybody.includes(zenoh.KeyExpr(own))
+    assert everybody.includes(zenoh.KeyExpr(keyspace.within(own, "3_-4")))
+    assert not everybody.intersects(zenoh.KeyExpr(keyspace.scene("S", "R1")))
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "coadapt/S/robot/R1/observation/3_-4",
+        "coadapt/S/robot/R1/beacon/3",
+        "coadapt/S/robot/R1/beacon/3_4_5",
+        "coadapt/S/robot/R1/beacon/3_4\n",
+        "coadapt/S/robot/R1/beacon/1234567_0",
+        "coadapt/S/robot/R1/beacon/3_4/5_6",
+    ],
+)
+def test_what_is_no_cell_is_no_key(key: str) -> None:
+    with pytest.raises(KeyspaceError):
+        keyspace.robot_of(key)
 
 
 def test_a_swarm_cannot_be_any_swarm() -> None:

@@ -152,8 +152,8 @@ def test_the_scans_of_one_frame_are_computed_once_in_the_largest_swarm() -> None
 @pytest.mark.parametrize(
     ("setting", "named"),
     [
-        ({"robots": 1}, r"1 robots.*2 to 100"),
-        ({"robots": 101}, r"101 robots.*2 to 100"),
+        ({"robots": 1}, r"1 robots.*2 to 1000"),
+        ({"robots": 1001}, r"1001 robots.*2 to 1000"),
         ({"rings": 48}, r"48 rings.*16, 32, 64"),
         ({"scenario": "moon"}, r"'moon'.*floor, redundant-cluster"),
         ({"seed": -1}, r"seed -1"),

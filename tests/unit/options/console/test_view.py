@@ -16,6 +16,7 @@ from options.console.view import MAX_ROBOTS, View
 from swarm.arrays import Array, pack
 from swarm.messages import Beacon, Decision, Detections, GatewayState, SceneDescription
 from tests.support.console_swarm import EGO, rows
+from tests.support.message_samples import SAMPLES
 
 VISIBLE = pack(np.full((72, 1), 9.5, np.float32))
 
@@ -136,6 +137,24 @@ def test_the_first_figures_count_from_when_somebody_looks(
     view.on_detections(received)
     view.on_decision(decision(2))
     assert shown(board)["history"][-1]["used_bps"] == 8 * 5000
+
+
+def test_what_is_remembered_is_shown_beside_what_is_seen(view: View, board: Board) -> None:
+    found = next(sample for sample in SAMPLES if isinstance(sample, Detections))
+    assert found.tracks is not None
+    view.on_detections(msgspec.structs.replace(found, ego=EGO))
+    value = shown(board)["state"]["detections"]
+    assert value["remembered"] == [[0.0, 1.0, 3.0, 4.0, 6.0, 0.75, 0.5]]
+    seen_now = msgspec.structs.replace(found.tracks, ages_s=pack(np.zeros((1, 1), np.float32)))
+    for tracks in (None, seen_now):
+        view.on_detections(msgspec.structs.replace(found, ego=EGO, tracks=tracks))
+        assert shown(board)["state"]["detections"]["remembered"] == []
+
+
+def test_how_often_each_contributes_is_shown(view: View, board: Board) -> None:
+    decided = next(sample for sample in SAMPLES if isinstance(sample, Decision))
+    view.on_decision(decided)
+    assert shown(board)["state"]["decision"]["assignments"] == [["R1", "late", 2.0]]
 
 
 def test_a_clock_that_is_set_back_hides_no_silence(
