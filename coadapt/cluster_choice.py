@@ -35,6 +35,11 @@ def add_cluster(parser: argparse.ArgumentParser, networks: str, router: str = ""
         + (f" (default: {router})" if router else ""),
     )
     parser.add_argument(
+        "--metrics-tls",
+        action="store_true",
+        help="serve metrics over TLS, with the processes' certificates",
+    )
+    parser.add_argument(
         "--interface",
         default="",
         metavar="NAME",

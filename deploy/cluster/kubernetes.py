@@ -156,7 +156,10 @@ def _container(one: Container) -> Object:
         "name": one.service.role,
         "image": one.image,
         "command": list(one.service.argv),
-        "env": [{"name": name, "value": value} for name, value in one.env.items()],
+        "env": [
+            *({"name": name, "value": value} for name, value in one.env.items()),
+            {"name": "COADAPT_HOST", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
+        ],
         "resources": {
             "requests": {"cpu": _CPU.get(one.service.role, "50m"), "memory": str(one.memory // 4)},
             "limits": {"memory": str(one.memory)},
@@ -172,7 +175,8 @@ def _container(one: Container) -> Object:
     ports = [{"name": f"port-{port}", "containerPort": port} for port in one.ports]
     if one.service.metrics_port is not None:
         ports.append({"name": site.METRICS, "containerPort": one.service.metrics_port})
-        asked = {"httpGet": {"path": "/metrics", "port": site.METRICS}}
+        scheme = {"scheme": "HTTPS"} if one.tls else {}
+        asked = {"httpGet": {"path": "/metrics", "port": site.METRICS, **scheme}}
         often = {
             "periodSeconds": plan.HEALTH_PERIOD_S,
             "timeoutSeconds": plan.HEALTH_TIMEOUT_S,

@@ -41,7 +41,7 @@ _IMAGE = re.compile(
     r"([A-Za-z0-9.-]+(:\d{1,5})?/)?[a-z0-9]+([._-]+[a-z0-9]+)*(/[a-z0-9]+([._-]+[a-z0-9]+)*)*"
     r"(:\w[\w.-]{0,127})?(@sha256:[0-9a-f]{64})?"
 )
-_NOT_FOR_PROCESSES = compose.NOT_FOR_PROCESSES | {IMAGE}
+_NOT_FOR_PROCESSES = compose.NOT_FOR_PROCESSES | {IMAGE, "COADAPT_HOST", "COADAPT_METRICS_TLS"}
 _UNITS = {"m": 1 << 20, "g": 1 << 30}
 
 
@@ -82,6 +82,8 @@ class Container:
     """Those of `USER` are none; a container with some is root's."""
     data: str = ""
     """Recorded data: a folder that is the same on every machine, read only, at `compose.DATA`."""
+    tls: bool = False
+    """Whether it serves its metrics over TLS."""
     ports: tuple[int, ...] = field(default=())
     """Where others of the swarm reach it, beside its metrics."""
 
@@ -185,6 +187,9 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
     own, files = _settings(service)
     if spec.secure and service.common_name:
         files |= identity_files(spec.var_dir, service.common_name)
+    if spec.metrics_tls and service.role == "prometheus":
+        place, here = map(roster.authority_path, (compose.PLACE.var_dir, spec.var_dir))
+        files[place] = Path(here)
     limit = compose.MEMORY[service.role]
     ports = range(spec.router_port, spec.router_port + 3) if service.role == "router" else ()
     gateway = service.role == "gateway" and cluster.llm_image
@@ -197,6 +202,7 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
         files=files,
         folder=compose.FOLDERS.get(service.role, ""),
         data=spec.data if service.role in ("ego", "robot") else "",
+        tls=spec.metrics_tls and service.role in roster.OVER_TLS,
         ports=tuple(ports),
     )
 

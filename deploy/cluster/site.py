@@ -10,6 +10,8 @@ import yaml
 from deploy.dashboards import ALERTS
 from deploy.services import SCRAPE_S
 from deploy.spec import SwarmSpec
+from swarm.trust.identity import CA
+from swarm.trust.serving import SERVER_NAME
 
 Object = dict[str, Any]
 
@@ -22,6 +24,14 @@ ROBOT_LABEL, SITE_LABEL = "coadapt/robot", "coadapt/site"
 PROCESS_LABEL = "coadapt/process"
 """Of a pod: the process's name, by which exactly its own objects select it."""
 COMPONENT = "app.kubernetes.io/component"
+_TLS: Object = {
+    "scheme": "https",
+    "tlsConfig": {
+        # The authority's certificate, which every identity has.
+        "ca": {"secret": {"name": "identity-router", "key": CA}},
+        "serverName": SERVER_NAME,
+    },
+}
 MONITORING = "monitoring"
 """The namespace from which Prometheus comes."""
 
@@ -108,6 +118,7 @@ def service_monitor(spec: SwarmSpec) -> Object:
             "endpoints": [
                 {
                     "port": METRICS,
+                    **(_TLS if spec.metrics_tls else {}),
                     "interval": f"{SCRAPE_S}s",
                     "scrapeTimeout": f"{SCRAPE_S}s",
                     # A robot process and the ego name robots in their own metrics.

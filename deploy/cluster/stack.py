@@ -108,7 +108,8 @@ def prometheus_file(spec: SwarmSpec, cluster: Cluster, addresses: Mapping[str, s
         return addresses[service.robot] if service.robot else cluster.router
 
     members = [one.service for one in plan.containers(spec, cluster)]
-    return roster.prometheus_config(members, address, compose.ALERTS)
+    ca = roster.authority_path(compose.PLACE.var_dir) if spec.metrics_tls else ""
+    return roster.prometheus_config(members, address, compose.ALERTS, ca=ca, tls=spec.metrics_tls)
 
 
 def config_path(spec: SwarmSpec) -> Path:
@@ -122,7 +123,12 @@ def _service(spec: SwarmSpec, cluster: Cluster, pin: Pin, one: Container) -> dic
     service: dict[str, Any] = {
         "image": one.image,
         "command": list(one.service.argv),
-        "environment": {**one.env, **(_off_loopback(one) if overlay else {})},
+        "environment": {
+            **one.env,
+            # A container's own name says nothing.
+            "COADAPT_HOST": "{{.Node.Hostname}}",
+            **(_off_loopback(one) if overlay else {}),
+        },
         "user": f"{one.user}:{one.user}",
         "init": True,
         "read_only": True,
@@ -147,8 +153,9 @@ def _service(spec: SwarmSpec, cluster: Cluster, pin: Pin, one: Container) -> dic
             for place in one.files
         ]
     if one.service.metrics_port is not None:
+        asked = [str(one.service.metrics_port), *(["--tls"] if one.tls else [])]
         service["healthcheck"] = {
-            "test": ["CMD", "python3", "-m", "swarm.health", str(one.service.metrics_port)],
+            "test": ["CMD", "python3", "-m", "swarm.health", *asked],
             "interval": f"{plan.HEALTH_PERIOD_S}s",
             "timeout": f"{plan.HEALTH_TIMEOUT_S}s",
             "retries": plan.HEALTH_RETRIES,

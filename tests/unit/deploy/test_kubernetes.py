@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import yaml
 
@@ -174,7 +175,7 @@ def test_every_port_that_is_named_is_there(spec: SwarmSpec, cluster: Cluster) ->
         assert len(set(named.values())) == len(named), name
         for probe in ("startupProbe", "livenessProbe", "readinessProbe"):
             assert container[probe]["httpGet"]["port"] in named, name
-        env = {pair["name"]: pair["value"] for pair in container["env"]}
+        env = {pair["name"]: pair.get("value", "") for pair in container["env"]}
         assert env.get("COADAPT_METRICS_PORT", "9100") == str(named["metrics"]), name
     by_name = {one["metadata"]["name"]: one for one in objects if one["kind"] == "Service"}
     assert {port["port"] for port in by_name["router"]["spec"]["ports"]} == {7447, 7448, 7449}
@@ -204,7 +205,7 @@ def test_an_identity_lies_where_its_process_looks_for_it(spec: SwarmSpec, cluste
     found = workloads(flat(spec, cluster))
     for name, own in {"robot-arm-2": "arm_2", "ego-r1": "ego-R1", "console": "console"}.items():
         (container,) = found[name]["spec"]["template"]["spec"]["containers"]
-        env = {pair["name"]: pair["value"] for pair in container["env"]}
+        env = {pair["name"]: pair.get("value", "") for pair in container["env"]}
         router, identity = env["COADAPT_ROUTER"].split("#identity=")
         assert router == "tls/router:7447"
         assert Path(identity).name == own
@@ -320,6 +321,24 @@ def test_prometheus_operator_is_told_the_labels_that_dashboards_ask_for(
     }
     (rules,) = [one for one in flat(spec, cluster) if one["kind"] == "PrometheusRule"]
     assert {alert["alert"] for g in rules["spec"]["groups"] for alert in g["rules"]} >= {"EgoBlind"}
+
+
+def test_metrics_over_tls_are_asked_for_so(spec: SwarmSpec, cluster: Cluster) -> None:
+    over_tls = msgspec.structs.replace(spec, metrics_tls=True)
+    objects = flat(over_tls, cluster)
+    for one in workloads(objects).values():
+        (container,) = one["spec"]["template"]["spec"]["containers"]
+        for probe in ("startupProbe", "livenessProbe", "readinessProbe"):
+            assert container[probe]["httpGet"]["scheme"] == "HTTPS"
+        assert {"name": "COADAPT_METRICS_TLS", "value": "true"} in container["env"] or (
+            "--metrics-tls" in container["command"]
+        )
+    (monitor,) = [one for one in objects if one["kind"] == "ServiceMonitor"]
+    (endpoint,) = monitor["spec"]["endpoints"]
+    assert endpoint["scheme"] == "https"
+    held = endpoint["tlsConfig"]["ca"]["secret"]
+    secrets = {one["metadata"]["name"]: one for one in kubernetes.secrets(over_tls, cluster)}
+    assert held["key"] in secrets[held["name"]]["data"]
 
 
 def test_where_nobody_looks_no_namespace_may_read_metrics(

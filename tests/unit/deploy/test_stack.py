@@ -89,6 +89,7 @@ def test_a_task_may_do_no_more_than_its_part(spec: SwarmSpec) -> None:
         assert one["logging"]["options"] == {"max-size": "10m", "max-file": "3"}, name
         (tmp,) = [v for v in one["volumes"] if v["type"] == "tmpfs"]
         assert (tmp["target"], tmp["tmpfs"]["size"]) == ("/tmp", 64 << 20)
+        assert one["environment"]["COADAPT_HOST"] == "{{.Node.Hostname}}"
         assert one["healthcheck"]["test"][-1] == one["environment"].get(
             "COADAPT_METRICS_PORT", str(roster.ROUTER_METRICS_PORT)
         )
@@ -215,6 +216,20 @@ def test_prometheus_finds_every_process_and_answers_its_own_node_only(spec: Swar
     prometheus = document["services"]["prometheus"]
     assert "--web.listen-address=127.0.0.1:9090" in prometheus["command"]
     assert [one["source"] for one in prometheus["configs"]] == ["prometheus"]
+
+
+def test_metrics_over_tls_are_asked_for_so(spec: SwarmSpec) -> None:
+    watched = msgspec.structs.replace(spec, prometheus=True, metrics_tls=True)
+    config = yaml.safe_load(stack.prometheus_file(watched, OVERLAY, {}))
+    ca = f"{compose.PLACE.var_dir}/keystore/ca/ca.pem"
+    for job in config["scrape_configs"]:
+        own = job["job_name"] == "prometheus"
+        assert job.get("scheme", "http") == ("http" if own else "https")
+        assert own or job["tls_config"]["ca_file"] == ca
+    services = yaml.safe_load(stack.stack_file(watched, HOST, prometheus="a: 1"))["services"]
+    assert [one["target"] for one in services["prometheus"]["secrets"]] == [ca]
+    for name, one in services.items():
+        assert ("--tls" in one["healthcheck"]["test"]) == (name != "prometheus")
 
 
 def test_a_console_that_answers_off_its_node_needs_a_token(spec: SwarmSpec) -> None:
