@@ -34,12 +34,31 @@ def add_cluster(parser: argparse.ArgumentParser, networks: str, router: str = ""
         help="name or address at which every machine reaches the router"
         + (f" (default: {router})" if router else ""),
     )
+    parser.add_argument(
+        "--interface",
+        default="",
+        metavar="NAME",
+        help="each robot's node has a network controller, which shapes this interface of it, as "
+        "root (default: no link is shaped)",
+    )
+    parser.add_argument(
+        "--default-route",
+        action="store_true",
+        help="the interface may be the one of the default route",
+    )
     parser.add_argument("--network", choices=get_args(Network), default=plan.NETWORK, help=networks)
 
 
 def chosen_cluster(args: argparse.Namespace) -> Cluster:
     """Raises DeployError that names an option and what it may be."""
-    return plan.make_cluster(args.image, args.router, args.network, args.llm_image)
+    return plan.make_cluster(
+        args.image,
+        args.router,
+        args.network,
+        args.llm_image,
+        args.interface,
+        default_route=args.default_route,
+    )
 
 
 def settled(args: argparse.Namespace) -> dict[str, object]:
@@ -48,10 +67,15 @@ def settled(args: argparse.Namespace) -> dict[str, object]:
     # Only here: every command reads this module, and the library takes its time.
     from deploy.trust.prepare import begun
 
-    if args.link:
+    if args.link and not args.interface:
         raise DeployError(
-            "--link shapes links of one machine's containers or namespaces, and the robots are "
-            "machines here; leave it out"
+            "--link shapes the link of the ego's node: name the interface that leads there, by "
+            "--interface"
+        )
+    if args.listen:
+        raise DeployError(
+            "--listen is for machines that join one machine's swarm; a cluster's router answers at "
+            "--router"
         )
     ports = {name: PROPERTIES[name].default for name in PORT_FIELDS if getattr(args, name) is None}
     var_dir = str(var_dir_of(args.swarm))

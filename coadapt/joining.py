@@ -169,15 +169,15 @@ def _told(demand: NetDemand) -> dict[str, object]:
     return {LEARNT[name]: value for name, value in facts.items() if name in LEARNT}
 
 
-def environment_of(
+def settings_of(
     wish: Wish,
     router: str,
     swarm: str,
     learnt: Mapping[str, object],
     environment: Mapping[str, str],
-) -> dict[str, str]:
-    """The environment of the robot's process: what is typed goes before what was learnt, that
-    before what the environment had.
+) -> RobotSettings:
+    """The robot's settings: what is typed goes before what was learnt, that before what the
+    environment has.
 
     Raises SettingError for a value that is not allowed.
     """
@@ -187,18 +187,18 @@ def environment_of(
         learnt = {"epoch_ns": learnt["epoch_ns"]} if "epoch_ns" in learnt else {}
     own = {"robots": wish.robot, "router": router, "swarm": swarm}
     values = {**learnt, **given, **own, "world_learnt": bool(learnt)}
-    made = {**_CALM, **environment}
-    made |= {PREFIX + name.upper(): str(value) for name, value in values.items()}
-    _check(load_settings(made), simulated="world_robots" in learnt)
-    return made
+    said = {PREFIX + name.upper(): str(value) for name, value in values.items()}
+    settings = load_settings({**environment, **said})
+    _check(settings, simulated="world_robots" in learnt)
+    return settings
 
 
-_CALM = {
-    # One numerical thread, and none that spins on a core, unless the machine's owner wants more.
+CALM = {
     "OMP_NUM_THREADS": "1",
     "OMP_WAIT_POLICY": "PASSIVE",
     "OPENBLAS_NUM_THREADS": "1",
 }
+"""One numerical thread, and none that spins on a core, unless the machine's owner wants more."""
 
 
 def _check(settings: RobotSettings, *, simulated: bool) -> None:

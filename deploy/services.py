@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import yaml
 
 from deploy.spec import EMBEDDED, SwarmSpec
-from swarm.trust.identity import ISSUED
+from swarm.trust.identity import CA, ISSUED
 from swarm.trust.roles import Role as TrustRole
+from swarm.trust.serving import SERVER_NAME
 from worlds.factory.scenarios import link_steps_bps
 
 Role = Literal[
@@ -26,6 +28,10 @@ PROMETHEUS_PORT = 9090
 SCRAPE_S = 2
 EVALUATE_S = 5
 """How often Prometheus looks whether an alert fires."""
+OVER_TLS = ("router", "controller", "gateway", "robot", "ego", "console")
+"""Roles that serve metrics over TLS where a swarm's do."""
+REFRESH_S = 10
+"""How often it reads the file of targets again where it is not told that it has changed."""
 RETENTION = "512MB"
 EGO_THREADS, MANY_EGOS_THREADS = "2", "1"
 """An ego decodes for everybody within a cycle: more than one core helps it, unless others want it,
@@ -39,7 +45,10 @@ RECORDINGS = "recordings"
 """Where `coadapt record` writes; the console shows it."""
 KEYSTORE = "keystore"
 """A secure swarm's certificates (`deploy.trust.keystore`)."""
-FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, "prometheus")
+TARGETS = "targets"
+"""Where the router tells Prometheus of processes that joined: a folder, for a file that is replaced
+is not seen through a mount of its own."""
+FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, TARGETS, "prometheus")
 AUTHORITY_METRICS_PORT = 9108
 SECRETS: Mapping[str, Role] = {
     "COADAPT_QOD_": "controller",
@@ -75,6 +84,8 @@ class Place:
     """Address by which controller and gateway reach the router, where that is another one."""
     site_metrics_host: str = "0.0.0.0"
     """Address that the metrics of controller, gateway and console listen on."""
+    targets: str = ""
+    """File in which the router tells Prometheus of processes that joined; empty for none."""
     unix_socket: str = ""
     """Socket that the router listens on as well, for tools on the host; empty for none."""
     data: str = ""
@@ -128,6 +139,8 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
             *("--swarm", spec.swarm),
             *("--metrics-port", str(ROUTER_METRICS_PORT)),
             *(("--unix-socket", place.unix_socket) if place.unix_socket else ()),
+            *(("--metrics-tls",) if spec.metrics_tls else ()),
+            *(("--targets", place.targets) if place.targets and spec.prometheus else ()),
             *(("--identity", identity_path(place.var_dir, "router")) if spec.secure else ()),
         ),
         metrics_port=ROUTER_METRICS_PORT,
@@ -214,6 +227,17 @@ def services(spec: SwarmSpec, place: Place) -> tuple[Service, ...]:
 def identity_path(var_dir: str, common_name: str) -> str:
     """Where a role's identity lies, as the processes see it."""
     return f"{var_dir}/{KEYSTORE}/{ISSUED}/{common_name}"
+
+
+def ego_metrics_url(spec: SwarmSpec) -> str:
+    """Where the ego's metrics answer on the host."""
+    scheme = "https" if spec.metrics_tls else "http"
+    return f"{scheme}://127.0.0.1:{spec.ego_metrics_port}/metrics"
+
+
+def authority_path(var_dir: str) -> str:
+    """Where the certificate of a swarm's authority lies."""
+    return f"{var_dir}/{KEYSTORE}/ca/{CA}"
 
 
 def inherited(role: Role, environment: Mapping[str, str]) -> dict[str, str]:
@@ -365,6 +389,7 @@ def _common_environment(
         "COADAPT_ROUTER": router_address(spec, router_host, identity),
         "COADAPT_METRICS_HOST": "0.0.0.0",
         "COADAPT_METRICS_PORT": str(metrics_port),
+        **({"COADAPT_METRICS_TLS": "true"} if spec.metrics_tls else {}),
     }
 
 
@@ -398,15 +423,24 @@ def _environment(
 
 
 def prometheus_config(
-    members: Iterable[Service], address: Callable[[Service], str], alerts: str
+    members: Iterable[Service],
+    address: Callable[[Service], str],
+    alerts: str,
+    targets: str = "",
+    *,
+    ca: str = "",
+    tls: bool = False,
 ) -> str:
-    """Prometheus' configuration (YAML): every service that serves metrics, one job a role.
+    """Prometheus' configuration (YAML): every service that serves metrics, one job a role, and
+    those that joined later, as `Place.targets` tells.
 
     `address` gives the name or IP address at which Prometheus reaches a service, `alerts` the path
     of `deploy.dashboards.ALERTS` as Prometheus sees it. Targets carry the labels `role`, `robot`
-    (of robots and egos) and `instance`, the service's name.
+    (of robots and egos) and `instance`, the service's name. `ca`: the certificate of a secure
+    swarm's authority, as Prometheus sees it, for those that serve over TLS: with `tls`, all that
+    have a certificate; else only such as joined and say so.
     """
-    jobs: dict[str, list[dict[str, object]]] = {}
+    jobs: dict[str, list[dict[str, Any]]] = {}
     for service in members:
         if service.metrics_port is None:
             continue
@@ -415,6 +449,19 @@ def prometheus_config(
             labels["robot"] = service.robot
         target = f"{address(service)}:{service.metrics_port}"
         jobs.setdefault(service.role, []).append({"targets": [target], "labels": labels})
+    # A robot process and the ego name robots in their own metrics: those labels count.
+    trusting: dict[str, object] = (
+        {"tls_config": {"ca_file": ca, "server_name": SERVER_NAME}} if ca else {}
+    )
+    scraped: list[dict[str, object]] = [
+        {
+            "job_name": role,
+            "honor_labels": True,
+            **({"scheme": "https", **trusting} if tls and role in OVER_TLS else {}),
+            "static_configs": group,
+        }
+        for role, group in jobs.items()
+    ]
     config = {
         "global": {
             "scrape_interval": f"{SCRAPE_S}s",
@@ -422,11 +469,22 @@ def prometheus_config(
             "evaluation_interval": f"{EVALUATE_S}s",
         },
         "rule_files": [alerts],
-        "scrape_configs": [
-            # A robot process and the ego name robots in their own metrics: those labels count.
-            {"job_name": role, "honor_labels": True, "static_configs": targets}
-            for role, targets in jobs.items()
-        ],
+        "scrape_configs": scraped,
     }
+    if targets:
+        own = "|".join(
+            re.escape(one["labels"]["instance"]) for group in jobs.values() for one in group
+        )
+        joined = {
+            "job_name": "joined",
+            "honor_labels": True,
+            **trusting,
+            "file_sd_configs": [{"files": [targets], "refresh_interval": f"{REFRESH_S}s"}],
+            # What was started with the swarm is missed when it does not answer.
+            "relabel_configs": [
+                {"source_labels": ["instance"], "regex": own, "action": "drop"},
+            ],
+        }
+        config["scrape_configs"] = [*scraped, joined]
     text: str = yaml.safe_dump(config, sort_keys=False)
     return text

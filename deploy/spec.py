@@ -130,6 +130,8 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     secure: bool = False
     """Whether every process shows a certificate, and may do only its part (docs/security.md); in
     Docker they do unless this says no."""
+    metrics_tls: bool = False
+    """Whether processes serve their metrics over TLS; in a secure swarm only."""
     run_dir: str
     """Sockets and state of the running swarm; removed by `down`."""
     var_dir: str
@@ -247,6 +249,11 @@ def make_spec(**values: Any) -> SwarmSpec:
         raise DeployError(
             f"--grafana needs the Docker runtime, and this swarm would run in {spec.runtime}; "
             "docs/dashboards.md says how a Grafana of your own shows the same dashboards"
+        )
+    if spec.metrics_tls and not spec.secure:
+        raise DeployError(
+            "--metrics-tls serves metrics with the processes' certificates, and a plain swarm has "
+            "none: start it with --secure"
         )
     if spec.grafana and not spec.prometheus:
         raise DeployError("--grafana shows what Prometheus has: leave out --no-prometheus")

@@ -16,11 +16,12 @@ from ego_agent.settings import EgoSettings, load_settings
 from perception.fusion.detectors import detector_backend
 from sensing.opening import open_world_of
 from swarm import transport
+from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer, show_free_disk
+from swarm.metrics import serve_metrics, show_free_disk
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
@@ -63,14 +64,18 @@ def run(
         show_free_disk(registry, Path(settings.journal))
     agent = EgoAgent.from_settings(settings, world, EgoMetrics(registry), log, on_result=on_result)
     try:
-        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+        server = serve_metrics(registry, settings)
     except SettingError:
         agent.close()
         raise
 
     def connect() -> Session | None:
         try:
-            return Session(settings.router, settings.swarm, registry=registry, log=log, stop=stop)
+            session = Session(
+                settings.router, settings.swarm, registry=registry, log=log, stop=stop
+            )
+            announce(session, settings, Role("ego", settings.ego), server.port)
+            return session
         except TransportError:
             return None  # stopped before the router could be reached
 

@@ -163,6 +163,7 @@ class EgoAgent:
             settings.objective(comm_range_of(world)),
             algorithms,
             learns=settings.learn,
+            shares=settings.share,
         )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from ego_agent.knowledge.objective import Headroom, Objective, Weight
-from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from ego_agent.monitor.snapshot import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
@@ -63,6 +63,9 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     """C(t) before anything was measured."""
     memory: bool = True
     """Whether objects are followed from frame to frame: `Detections.tracks`."""
+    rarer: bool = False
+    """Whether single robots may be asked less often than frames are fused, where `memory` carries
+    on what they showed."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
@@ -96,6 +99,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
             rate_hz=self.fusion_rate_hz,
             deadline_s=self.deadline_s,
             slower_hz=SLOWER_HZ if self.learn else (),
+            rarer_hz=RARER_HZ if self.rarer and self.memory else (),
             comm_range_m=self.comm_range_m or usual_range_m,
             headroom=self.headroom,
         )

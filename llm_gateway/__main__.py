@@ -23,7 +23,7 @@ from swarm import transport
 from swarm.errors import CoAdaptError, TransportError
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
-from swarm.metrics import MetricsServer
+from swarm.metrics import serve_metrics
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
 
@@ -52,7 +52,7 @@ def run(settings: GatewaySettings, stop: threading.Event, loops: Loops = unwatch
     log = make_logger("llm_gateway", level=settings.log_level, swarm=settings.swarm)
     registry = CollectorRegistry()
     gateway = make_gateway(settings, registry, log)
-    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    server = serve_metrics(registry, settings)
     http = HttpEndpoint(
         gateway,
         settings.llm_http_host,

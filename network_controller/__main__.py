@@ -20,12 +20,13 @@ from network_controller.slow_loop import SlowLoop
 from network_controller.telemetry.flows import Flows
 from network_controller.wishes import Wish, Wishes
 from swarm import keyspace, transport
+from swarm.announce import announce
 from swarm.errors import CoAdaptError, TransportError
 from swarm.listening import hear
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.messages import LinkState, NetDemand, NetState, ShapeRequest
-from swarm.metrics import MetricsServer, show_free_disk
+from swarm.metrics import serve_metrics, show_free_disk
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.trust.roles import Role
@@ -67,7 +68,7 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
         if first is not None:
             wishes.put(first)
     journal = Journal(Path(settings.net_journal)) if settings.net_journal else None
-    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    server = serve_metrics(registry, settings)
     controller = Controller(
         driver,
         wishes,
@@ -95,7 +96,7 @@ def run(settings: ControllerSettings, stop: threading.Event, loops: Loops = unwa
     controller.on_lost = api.lost
     controller.start()
     api.start()
-    link = _Link(settings, controller, clock, registry, log, stop)
+    link = _Link(settings, controller, clock, registry, log, stop, server.port)
     turned = loops("control", TIMEOUT_S)
     worker = threading.Thread(
         target=controller.run, args=(stop, link.publish, turned), name="control"
@@ -148,7 +149,9 @@ class _Link:
         registry: CollectorRegistry,
         log: Logger,
         stop: threading.Event,
+        metrics_port: int,
     ) -> None:
+        self._metrics_port = metrics_port
         self._settings = settings
         self._controller = controller
         self._clock = clock
@@ -171,6 +174,8 @@ class _Link:
             )
         except TransportError:
             return
+        role = Role("controller", self._settings.controller)
+        announce(session, self._settings, role, self._metrics_port)
         hear(session, {NetDemand: self._controller.on_demand})
         key = keyspace.net_shape(session.swarm, self._settings.controller)
         session.serve(key, ShapeRequest, self._controller.request, workers=1)

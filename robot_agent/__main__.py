@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import sys
 import threading
+from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry
 
@@ -18,14 +19,16 @@ from robot_agent.settings import RobotSettings, load_settings
 from sensing.mark import mark_of
 from sensing.opening import open_world_of
 from swarm import transport
+from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
 from swarm.memory import keep_freed_memory
-from swarm.metrics import MetricsServer
+from swarm.metrics import serve_metrics
 from swarm.process import Clock, leave, stop_on_signals
 from swarm.session import Session
 from swarm.settings import PREFIX
+from swarm.trust.roles import Role
 from worlds.base import World
 
 MOVED = 75
@@ -33,12 +36,16 @@ MOVED = 75
 
 
 def main() -> int:
-    """Runs the robots of the settings until SIGTERM or SIGINT; 1 for settings that are wrong, MOVED
-    where the world that was learnt is another one."""
+    """Runs the robots of the settings until SIGTERM or SIGINT; returns what `serve` returns."""
     keep_freed_memory()
-    stop = stop_on_signals()
+    return serve(load_settings, stop_on_signals())
+
+
+def serve(load: Callable[[], RobotSettings], stop: threading.Event) -> int:
+    """Runs robots until `stop` is set; returns 1, and says why, for settings that are wrong, and
+    MOVED where the world that was learnt is another one."""
     try:
-        settings = load_settings()
+        settings = load()
         for robot in settings.robots:
             transport.check_router(settings.router, robot)
         with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
@@ -80,7 +87,7 @@ def run(
     mark = mark_of(settings, world)
     encoder = Encoder(world.detector, metrics, settings.algorithms)
     metrics.hosts(settings.robots, encoder.algorithms)
-    server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+    server = serve_metrics(registry, settings)
     try:
         log.info("robots_starting", robots=list(settings.robots), metrics_port=server.port)
         agents = [
@@ -102,6 +109,7 @@ def run(
         with Session(
             settings.router, settings.swarm, registry=registry, log=log, stop=stop
         ) as session:
+            announce(session, settings, Role("robot", settings.robots[0]), server.port)
             host = RobotHost(
                 agents,
                 session,

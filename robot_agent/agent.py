@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+import msgspec
+
 from perception.fusion.base import EncodeOptions
 from robot_agent.encoder import Encoder
 from robot_agent.frames import Frame, Ring
@@ -88,7 +90,7 @@ class RobotAgent:
         frame = self._ring.newest()
         if frame is None:
             return None
-        return self._teller.beacon(
+        beacon = self._teller.beacon(
             frame.number,
             frame.capture_ns,
             frame.scan.pose,
@@ -96,6 +98,8 @@ class RobotAgent:
             self._sizes.known(),
             steady_ns=time.monotonic_ns(),
         )
+        shared = self._sharing.published_now(time.monotonic())
+        return msgspec.structs.replace(beacon, shared=shared) if shared else beacon
 
     def describe(self) -> SceneDescription | None:
         """The newest frame's scene, None when it was described already.

@@ -104,6 +104,11 @@ class Sharing:
                     found.append((name, _form(known)))
         return found
 
+    def published_now(self, now: float) -> tuple[str, ...]:
+        """The algorithms in which frames are published."""
+        with self._lock:
+            return tuple(name for name, known in self._of.items() if now < known.promised_until)
+
     def answered(self, algorithm: str, size: int) -> None:
         """An ego was answered by itself, with so many bytes."""
         with self._lock:

@@ -176,6 +176,26 @@ def trust_certificate(swarm: str) -> str:
     return f"coadapt/{check_name('swarm name', swarm)}/trust/certificate"
 
 
+def metrics(swarm: str, role: str, place: str = ANY) -> str:
+    """Liveliness token of a process that serves metrics, by its role's common name, with the place
+    where it does (`announce.PLACE`).
+
+    >>> metrics("local", "ego-R1", "http:10.0.0.7:9102")
+    'coadapt/local/metrics/ego-R1/http:10.0.0.7:9102'
+    """
+    if role != ANY:
+        check_name("role", role)
+    return f"coadapt/{check_name('swarm name', swarm)}/metrics/{role}/{place}"
+
+
+def metrics_of(key: str) -> tuple[str, str]:
+    """The common name and the place in a key of `metrics`. Raises KeyspaceError for another key."""
+    parts = key.split("/")
+    if len(parts) != 5 or parts[0] != "coadapt" or parts[2] != "metrics":
+        raise KeyspaceError(f"key {key!r} is not coadapt/<swarm>/metrics/<role>/<place>")
+    return parts[3], parts[4]
+
+
 def everything(name: str) -> str:
     """All keys of the swarm of that name: what its routers pass on to each other.
 

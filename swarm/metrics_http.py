@@ -15,6 +15,8 @@ from prometheus_client import CollectorRegistry, MetricsHandler
 
 from swarm.http_hosts import OWN, is_loopback
 from swarm.http_places import may_stay, origin
+from swarm.trust.identity import Identity
+from swarm.trust.serving import ServerTls
 
 PLACES = 16
 """Connections at a time, each on a thread of its own; one address has half of them at most."""
@@ -30,9 +32,17 @@ class MetricsHttpServer(socketserver.ThreadingTCPServer):
     daemon_threads = True
     request_queue_size = _BACKLOG
 
-    def __init__(self, registry: CollectorRegistry, host: str, port: int) -> None:
+    def __init__(
+        self,
+        registry: CollectorRegistry,
+        host: str,
+        port: int,
+        identity: Identity | None = None,
+    ) -> None:
         """On loopback, only requests for this host's own names are answered: a web page elsewhere
-        can have its own lead here."""
+        can have its own lead here. With an identity it speaks TLS; raises IdentityError for one
+        that cannot be shown."""
+        self._tls = ServerTls(identity) if identity is not None else None
         found = socket.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
@@ -42,6 +52,13 @@ class MetricsHttpServer(socketserver.ThreadingTCPServer):
         self._taken: dict[socket.socket, _Place] = {}
         handler = type("Handler", (_Handler,), {"registry": registry})
         super().__init__((str(address[0]), port), handler)
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """A new connection; its handshake is left to the thread that serves it."""
+        connection, address = super().get_request()
+        if self._tls is not None:
+            connection = self._tls.wrapped(connection)
+        return connection, address
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Whether a new connection finds a place; one that does not is closed."""
@@ -59,7 +76,13 @@ class MetricsHttpServer(socketserver.ThreadingTCPServer):
             for connection, place in self._taken.items():
                 if now_s > place.until_s:
                     with contextlib.suppress(OSError):
-                        connection.shutdown(socket.SHUT_RDWR)
+                        # Not TLS's own, which is another thread's at this moment.
+                        socket.socket.shutdown(connection, socket.SHUT_RDWR)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Ends a connection in order."""
+        ServerTls.say_goodbye(request)
+        super().shutdown_request(request)
 
     def close_request(self, request: Any) -> None:
         """Gives a place back."""

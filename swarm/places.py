@@ -6,6 +6,7 @@ anything, and has then as many shares as it has names.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import Counter
@@ -23,14 +24,15 @@ class Places(Generic[T]):
         self._limit = limit
         self._each = each
         self._newest_first = newest_first
-        self._waiting: list[tuple[str, T]] = []
+        self._waiting: list[tuple[str, T, float]] = []
         """The oldest first."""
         self._answering: Counter[str] = Counter()
         self._open = True
         self._changed = threading.Condition()
 
-    def add(self, asker: str, item: T) -> T | None:
-        """Takes a query; returns the one that has to go for it, which may be itself.
+    def add(self, asker: str, item: T, due: float = math.inf) -> T | None:
+        """Takes a query, which is answered too late after `due`; returns the one that has to go for
+        it, which may be itself.
 
         That is one of the asker who has the most, of those that wait the oldest; among as many, the
         newest one goes, or with `newest_first` the oldest.
@@ -38,37 +40,43 @@ class Places(Generic[T]):
         with self._changed:
             if not self._open:
                 return item
-            held = self._answering + Counter(name for name, _ in self._waiting)
+            held = self._answering + Counter(name for name, _, _ in self._waiting)
             if held.total() < self._limit:
-                self._waiting.append((asker, item))
+                self._waiting.append((asker, item, due))
                 return None
             held[asker] += 1
-            most = max((held[name] for name, _ in self._waiting), default=0)
+            most = max((held[name] for name, _, _ in self._waiting), default=0)
             if held[asker] > most or (held[asker] == most and not self._newest_first):
-                own = [i for i, (name, _) in enumerate(self._waiting) if name == asker]
+                own = [i for i, (name, _, _) in enumerate(self._waiting) if name == asker]
                 if not (self._newest_first and own):
                     return item
                 loser = own[0]
             else:
-                loser = next(i for i, (name, _) in enumerate(self._waiting) if held[name] == most)
-            _, gone = self._waiting.pop(loser)
-            self._waiting.append((asker, item))
+                loser = next(
+                    i for i, (name, _, _) in enumerate(self._waiting) if held[name] == most
+                )
+            _, gone, _ = self._waiting.pop(loser)
+            self._waiting.append((asker, item, due))
             return gone
 
     def next(self) -> tuple[str, T] | None:
-        """The next query to answer, of the asker for whom the least is being done; None where there
-        is none. `done` must follow."""
+        """The next query to answer: of the askers for whom the least is being done, the one whose
+        deadline is the earliest. None where there is none. `done` must follow."""
         with self._changed:
-            ready = [
-                (self._answering[name], -i if self._newest_first else i)
-                for i, (name, _) in enumerate(self._waiting)
-                if self._answering[name] < self._each
-            ]
-            if not ready:
+            first: dict[str, tuple[int, float, int]] = {}
+            for i, (name, _, due) in enumerate(self._waiting):
+                if self._answering[name] < self._each and (self._newest_first or name not in first):
+                    first[name] = (self._answering[name], due, -i if self._newest_first else i)
+            if not first:
                 return None
-            asker, item = self._waiting.pop(abs(min(ready)[1]))
+            asker, item, _ = self._waiting.pop(abs(min(first.values())[2]))
             self._answering[asker] += 1
             return asker, item
+
+    def ahead(self) -> int:
+        """How many wait or are being answered."""
+        with self._changed:
+            return len(self._waiting) + self._answering.total()
 
     def done(self, asker: str) -> None:
         """A query of this asker was answered, or given up."""
@@ -81,7 +89,7 @@ class Places(Generic[T]):
         """Whether somebody else waits who may be answered at once."""
         with self._changed:
             return any(
-                name != asker and self._answering[name] < self._each for name, _ in self._waiting
+                name != asker and self._answering[name] < self._each for name, _, _ in self._waiting
             )
 
     def drain(self, until: float) -> bool:

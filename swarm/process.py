@@ -27,6 +27,18 @@ class SwarmSettings(msgspec.Struct, frozen=True, kw_only=True):
     router: str = f"tcp/127.0.0.1:{ROUTER_PORT}"
     metrics_host: str = "127.0.0.1"
     metrics_port: Port = 9100
+    metrics_address: Annotated[
+        str,
+        msgspec.Meta(
+            pattern=r"^(([A-Za-z0-9._-]{1,253}|\[[0-9a-fA-F:]{2,45}\])(:[0-9]{1,5})?)?(?!\n)$",
+            description="HOST, HOST:PORT or empty",
+        ),
+    ] = ""
+    """Where others reach the metrics, as Prometheus is told; empty: at the address by which this
+    process reaches the router."""
+    metrics_tls: bool = False
+    """Whether metrics are served over TLS, with the certificate that this process shows the router.
+    """
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 

@@ -19,6 +19,7 @@ import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
 from swarm import keyspace, transport
+from swarm.announce import PLACE, bracketed
 from swarm.asking import Question
 from swarm.credit import Window
 from swarm.defaults import ROUTER_PORT
@@ -30,6 +31,8 @@ from swarm.metrics import MetricsServer
 from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
+from swarm.targets import Targets
+from swarm.tcp_peers import PeerTraffic
 from swarm.tcp_reporter import TcpReporter
 from swarm.tcp_stuck import Way
 from swarm.traffic import TrafficClass
@@ -37,6 +40,7 @@ from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
 from swarm.trust.renewal import Renewal
+from swarm.trust.roles import role_of
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
@@ -60,18 +64,23 @@ def read_config(path: Path) -> dict[str, object]:
 
 
 def serve_metrics(
-    router: Router, host: str, port: int, refusals: Refusals | None = None
+    router: Router,
+    host: str,
+    port: int,
+    refusals: Refusals | None = None,
+    identity: Identity | None = None,
 ) -> MetricsServer:
-    """Serves how many sessions and links the router has, and a secure one how many it refused.
-    Raises SettingError for a taken port."""
+    """Serves how many sessions and links the router has, and a secure one how many it refused;
+    with an identity, over TLS. Raises SettingError for a taken port."""
     registry = CollectorRegistry()
     sessions = Gauge("coadapt_router_sessions", "Processes connected.", registry=registry)
     sessions.set_function(lambda: router.connected()[0])
     links = Gauge("coadapt_router_links", "Transport links of all sessions.", registry=registry)
     links.set_function(lambda: router.connected()[1])
+    registry.register(router.traffic)
     if refusals is not None:
         registry.register(refusals.counted)
-    return MetricsServer(registry, port, host)
+    return MetricsServer(registry, port, host, identity)
 
 
 class Router:
@@ -83,8 +92,16 @@ class Router:
         configure: Callable[[], dict[str, object]],
         swarm: str | None,
         unix_socket: str | None,
+        targets: Targets | None = None,
+        token: str = "",
     ) -> None:
-        """Raises what `configure`, which gives the settings, raises, and TransportError."""
+        """`token`: the key of `keyspace.metrics` that says where its own are; empty for none.
+
+        Raises what `configure`, which gives the settings, raises, and TransportError.
+        """
+        self._targets = targets
+        self._token = token
+        self.traffic = PeerTraffic()
         self._configure = configure
         self._swarm = swarm
         self._unix_socket = unix_socket
@@ -143,7 +160,14 @@ class Router:
         if self._unix_socket:
             Path(self._unix_socket).unlink(missing_ok=True)
         self.session = transport.open_zenoh({"mode": "router", **config})
-        self._reporter = TcpReporter(self.session, self._swarm) if self._swarm else None
+        self._reporter = (
+            TcpReporter(self.session, self._swarm, self.traffic.take) if self._swarm else None
+        )
+        if self._targets is not None:
+            self._targets.attach(self.session)
+        if self._token:
+            # Kept: a token ends with what declares it.
+            self._held = self.session.liveliness().declare_token(self._token)
 
 
 def main() -> int:
@@ -169,6 +193,17 @@ def main() -> int:
         help="let in only who has a certificate of this router's authority (docs/security.md)",
     )
     parser.add_argument(
+        "--metrics-tls",
+        action="store_true",
+        help="serve them over TLS, with the certificate of --identity",
+    )
+    parser.add_argument(
+        "--targets",
+        type=Path,
+        metavar="FILE",
+        help="keep a file for Prometheus of where the swarm's processes serve metrics (file_sd)",
+    )
+    parser.add_argument(
         "--scouting", action="store_true", help="answer who looks for a router by multicast"
     )
     parser.add_argument(
@@ -185,6 +220,10 @@ def main() -> int:
     identity = Identity(args.identity.absolute()) if args.identity else None
     if args.config and identity is not None:
         parser.error("--config and --identity do not go together: the file says all")
+    if args.metrics_tls and identity is None:
+        parser.error("--metrics-tls needs --identity: whose certificate it shows")
+    if args.targets and not args.swarm:
+        parser.error("--targets needs --swarm: whose processes they are")
 
     def configure() -> dict[str, object]:
         if args.config:
@@ -202,9 +241,17 @@ def main() -> int:
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)
         refusals = Refusals(log) if identity is not None else None
         seen = members.version(identity) if identity is not None else ()
-        router = Router(configure, args.swarm, args.unix_socket)
+        targets = Targets(args.targets, args.swarm, log) if args.targets and args.swarm else None
+        token = _token(identity, args)
+        router = Router(configure, args.swarm, args.unix_socket, targets, token)
         metrics = (
-            serve_metrics(router, args.host, args.metrics_port, refusals)
+            serve_metrics(
+                router,
+                args.host,
+                args.metrics_port,
+                refusals,
+                identity if args.metrics_tls else None,
+            )
             if args.metrics_port is not None
             else None
         )
@@ -225,6 +272,8 @@ def main() -> int:
     while not stop.wait(LOOK_S):
         router.connected()  # does not return while Zenoh hangs
         turned()
+        if targets is not None:
+            targets.look()
         peers.look(router.ends() if args.peer else ())
         way.look()
         if identity is None or (now := members.version(identity)) == seen:
@@ -248,6 +297,19 @@ def main() -> int:
         refusals.close()
     log.info("router_down")
     return 0
+
+
+def _token(identity: Identity | None, args: argparse.Namespace) -> str:
+    """By which another machine's router tells where its metrics are. The swarm's first one stands
+    in Prometheus' configuration."""
+    anywhere = args.host in ("0.0.0.0", "::")
+    if identity is None or args.metrics_port is None or anywhere:
+        return ""
+    if not role_of(identity.name).name:
+        return ""
+    scheme = "https" if args.metrics_tls else "http"
+    place = f"{scheme}:{bracketed(args.host)}:{args.metrics_port}"
+    return keyspace.metrics(args.swarm, identity.name, place) if PLACE.fullmatch(place) else ""
 
 
 def _trust(identity: Identity, swarm: str | None) -> Trust:

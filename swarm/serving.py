@@ -24,6 +24,7 @@ from swarm.trust.roles import Role
 
 M = TypeVar("M", bound=Message)
 MAX_WAITING_QUERIES = 16
+_LEARNT = 0.2
 
 
 class _Taken(NamedTuple, Generic[M]):
@@ -52,9 +53,10 @@ class Server(Generic[M]):
         on_invalid: Callable[[MessageError], None],
     ) -> None:
         """At most `waiting` queries are taken at a time, which are answered in the order in which
-        they came, or the newest first; then the oldest one gives way to one more. Who asks (the
-        request's `ego`) has a share of them, and never all of several workers. `on_invalid` hears
-        of a request that does not validate."""
+        they came, or the newest first; then the oldest one gives way to one more. With
+        `newest_first` a request that would wait beyond its own `deadline_s` is refused. Who asks
+        (the request's `ego`) has a share of them, and never all of several workers. `on_invalid`
+        hears of a request that does not validate."""
         self._key = key
         self._kind = kind
         self._handler = handler
@@ -68,6 +70,9 @@ class Server(Generic[M]):
         )
         self._credits = Credits()
         self._workers = workers
+        self._newest_first = newest_first
+        self._handling_s = 0.0
+        """What a handler takes, smoothed."""
         self._woken = 0
         """Threads that were told to look for what waits, and have not begun to."""
         self._waking = threading.Lock()
@@ -90,15 +95,33 @@ class Server(Generic[M]):
                 self._refuse(query, str(error))
             return
         # By this process's own clock, from now: the asker's may show another time.
-        until = math.inf if asked is None else time.monotonic() + asked.timeout_s
+        now = time.monotonic()
+        until = math.inf if asked is None else now + asked.timeout_s
+        due = now + self._deadline_s(request)
+        if (wait_s := self._wait_s()) > due - now:
+            with query:
+                why = f"busy: this would wait for {wait_s:.2f} s"
+                self._refuse(query, why, getattr(request, "request", 0), "busy")
+            return
         taken = _Taken(query, request, asked, until)
-        loser = self._places.add(name or _asker(request), taken)
+        loser = self._places.add(name or _asker(request), taken, due)
         if loser is not None:
             with loser.query:
                 why = f"busy: {self._max_waiting} requests are waiting already"
                 self._refuse(loser.query, why, code="busy")
         if loser is not taken:
             self._wake()
+
+    def _deadline_s(self, request: M) -> float:
+        """How soon an answer is of use, where old ones are worth less; infinity: any time."""
+        told = getattr(request, "deadline_s", 0.0) if self._newest_first else 0.0
+        return float(told) or math.inf
+
+    def _wait_s(self) -> float:
+        """How long one more query would wait until it is handled, while others are ahead of it; 0
+        for the first, so that what handlers take is never only believed."""
+        ahead = self._places.ahead()
+        return self._handling_s * (ahead / self._workers + 1.0) if ahead >= self._workers else 0.0
 
     def drain(self, until: float) -> bool:
         """Refuses new queries from now on, and waits until those taken are answered.
@@ -141,8 +164,10 @@ class Server(Generic[M]):
     def _handle(self, asker: str, taken: _Taken[M]) -> None:
         query, request, asked, until = taken
         number = getattr(request, "request", 0)
+        begun = time.monotonic()
         try:
             data = encode(self._handler(request))
+            self._handling_s += _LEARNT * (time.monotonic() - begun - self._handling_s)
         except CoAdaptError as error:
             self._refuse(query, str(error), number, error.code)
         except Exception as error:

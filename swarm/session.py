@@ -264,6 +264,11 @@ class Session:
         """Calls back with whether an ego leads, whenever its token comes or goes."""
         self._watch_token(keyspace.ego_leads(self.swarm, ego), on_change)
 
+    def declare_metrics(self, role: str, place: str) -> None:
+        """Shows where a role's metrics are served until this session closes or its link breaks."""
+        key = keyspace.metrics(self.swarm, role, place)
+        self._connection.declare(lambda session: session.liveliness().declare_token(key))
+
     def declare_gateway(self) -> None:
         """Shows the LLM gateway as alive until this session closes or its link breaks."""
         key = keyspace.llm_alive(self.swarm)

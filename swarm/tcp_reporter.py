@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 import zenoh
@@ -22,7 +22,14 @@ MAX_PEERS = 256
 class TcpReporter:
     """Publishes how a router's connections of the fusion class are doing, until closed."""
 
-    def __init__(self, session: zenoh.Session, swarm: str) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        swarm: str,
+        on_seen: Callable[[Mapping[str, Backlog]], None] = lambda seen: None,
+    ) -> None:
+        """`on_seen(seen)` hears of all connections, twice a second."""
+        self._on_seen = on_seen
         self._session = session
         self._key = keyspace.net_tcp(swarm)
         self._number = random.getrandbits(48)
@@ -35,6 +42,7 @@ class TcpReporter:
         self._watch.close()
 
     def _report(self, seen: Mapping[str, Backlog]) -> None:
+        self._on_seen(seen)
         news = {peer: now for peer, now in seen.items() if self._is_news(peer, now)}
         self._told = {peer: now for peer, now in (self._told | news).items() if peer in seen}
         if not news:

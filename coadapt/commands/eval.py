@@ -29,6 +29,7 @@ def register(commands: Any) -> None:
     _add_live(experiments)
     _add_surrogate(experiments)
     _add_quality(experiments)
+    _add_ways(experiments)
     published = experiments.add_parser(
         "published",
         help="what CoAdapt's published result files say",
@@ -126,6 +127,27 @@ def _add_quality(experiments: Any) -> None:
     parser.set_defaults(run=run_quality)
 
 
+def _add_ways(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "ways",
+        help="rates, mixed forms and memory, frame after frame",
+        description="Drives factory floors that nothing was set on, and a recorded scenario in "
+        "OPV2V's layout, with several forms, rates and codec settings, with memory and without. "
+        "Writes ways.json.",
+    )
+    parser.add_argument(
+        "--floors", type=at_least_one, default=12, metavar="N", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--frames", type=at_least_one, default=60, metavar="N",
+        help="of each, one after the other (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--data", type=Path, metavar="DIR", help="the recorded scenario")
+    _add_workers(parser)
+    _add_folder(parser)
+    parser.set_defaults(run=run_ways)
+
+
 def _add_measuring(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--windows", type=at_least_one, default=240, metavar="N",
@@ -217,6 +239,15 @@ def run_quality(args: argparse.Namespace) -> int:
     from research.evaluation.surrogate.quality import fit_quality
 
     fit_quality(args.detector, args.windows, args.workers, FOLDER, args.output or QUALITY)
+    return 0
+
+
+def run_ways(args: argparse.Namespace) -> int:
+    """Compares, writes and prints the figures. Raises CoAdaptError for data that cannot be read."""
+    from research.evaluation.ways.run import run
+
+    found = run(args.floors, args.frames, args.data, args.workers, args.output / "ways.json")
+    print(json.dumps(found, indent=1))
     return 0
 
 

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
-import sys
+import threading
 from pathlib import Path
 
 from coadapt.joining import (
+    CALM,
     Wish,
-    environment_of,
     folder_of,
     learn,
     needs_ego,
     router_of,
+    settings_of,
     swarm_of,
 )
 from coadapt.systemd import print_unit
 from deploy.progress import say
 from swarm.errors import SettingError, TransportError
 from swarm.keyspace import check_name
-from swarm.process import stop_on_signals
+from swarm.process import leave, stop_on_signals
 from swarm.trust.identity import KEY
+
+PROCESS = "robot_agent.__main__"
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -64,7 +68,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> int:
-    """Becomes the robot's process once its settings are known and checked."""
+    """Runs the robot once its settings are known and checked."""
     if args.output and not args.systemd:
         raise SettingError("--output goes with --systemd only")
     wish = _wish(args)
@@ -74,21 +78,24 @@ def run(args: argparse.Namespace) -> int:
         _write_unit(args, wish, swarm)
         return 0
     say(f"robot {wish.robot} joins swarm {swarm!r} at {router.partition('#')[0]}; Ctrl-C ends it")
+    for name, value in CALM.items():
+        os.environ.setdefault(name, value)
+    stop = stop_on_signals()
+    # What the robot is made of takes as long to load as the ego takes to say a word.
+    loading = threading.Thread(target=importlib.import_module, args=(PROCESS,), daemon=True)
+    loading.start()
     learnt: dict[str, object] = {}
     if needs_ego(wish.given()):
-        stop = stop_on_signals()
         try:
             learnt = learn(router, swarm, stop)
         except TransportError:
             if stop.is_set():
-                return 0
+                leave(0)
             raise
         say(f"the ego's world: {' '.join(f'{name}={value}' for name, value in learnt.items())}")
-    # What was learnt may change: the process ends then, and whoever watches over it starts it anew.
-    environment = environment_of(wish, router, swarm, learnt, os.environ)
-    sys.stdout.flush()
-    # The very process that `up` starts, and with this one's id, for whoever watches over it.
-    os.execve(sys.executable, [sys.executable, "-m", "robot_agent"], environment)
+    settings = settings_of(wish, router, swarm, learnt, os.environ)
+    loading.join()
+    leave(importlib.import_module(PROCESS).serve(lambda: settings, stop))
 
 
 def _wish(args: argparse.Namespace) -> Wish:

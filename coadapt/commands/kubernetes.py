@@ -11,7 +11,7 @@ from pathlib import Path
 
 from coadapt.cluster_choice import add_cluster, certify, chosen_cluster, settled
 from coadapt.commands.up import add_roster, wished
-from deploy.cluster import charts, kubernetes
+from deploy.cluster import charts, kubernetes, site
 from swarm.version import installed_version
 
 
@@ -28,7 +28,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         parser,
         "host: robots, egos and router in the nodes' own network, which keeps packets' marks; "
         "overlay: in the cluster's (default: %(default)s)",
-        router=kubernetes.ROUTER,
+        router=site.ROUTER,
     )
     parser.add_argument(
         "--output",
@@ -44,7 +44,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument(
         "--monitoring",
-        default=kubernetes.MONITORING,
+        default=site.MONITORING,
         metavar="NAMESPACE",
         help="where Prometheus and its operator are (default: %(default)s)",
     )

@@ -109,6 +109,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="every process shows a certificate, and may do only its part (default: in Docker)",
     )
     parser.add_argument(
+        "--metrics-tls",
+        action="store_true",
+        help="serve metrics over TLS, with the processes' certificates",
+    )
+    parser.add_argument(
         "--port-base",
         type=int,
         metavar="PORT",

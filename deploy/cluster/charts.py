@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def chart(spec: SwarmSpec, cluster: Cluster, monitoring: str, version: str) -> d
     if cluster.llm_image:
         values["llmImage"] = cluster.llm_image
     names = {key: f"coadapt.invalid/{key.lower()}" for key in values}
-    marked = Cluster(names["image"], cluster.router, cluster.network, names.get("llmImage", ""))
+    marked = replace(cluster, image=names["image"], llm_image=names.get("llmImage", ""))
     files = {}
     for name, own in kubernetes.objects(spec, marked, names.get("monitoringNamespace", "")).items():
         text = documents(own).replace("{{", '{{ "{{" }}')

@@ -6,32 +6,15 @@ import base64
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePosixPath
-from typing import Any
 
-import yaml
-
-from deploy.cluster import plan
+from deploy.cluster import plan, site
 from deploy.cluster.plan import Cluster, Container
-from deploy.dashboards import ALERTS as ALERT_RULES
+from deploy.cluster.site import Object
 from deploy.docker import compose
-from deploy.services import SCRAPE_S
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 
-Object = dict[str, Any]
-
-ROUTER = "router"
-"""The router's Service, by whose name all reach it."""
-METRICS = "metrics"
-"""The Service, and the port of each container, where Prometheus finds metrics."""
-ROBOT_LABEL, SITE_LABEL = "coadapt/robot", "coadapt/site"
-"""Of a node: the robot that it is, and whether it runs the router."""
-PROCESS_LABEL = "coadapt/process"
-"""Of a pod: the process's name, by which exactly its own objects select it."""
-COMPONENT = "app.kubernetes.io/component"
-MONITORING = "monitoring"
-"""The namespace from which Prometheus comes."""
-_ON_HOSTS = ("router", "robot", "ego")
+_ON_HOSTS = ("router", "robot", "ego", "controller")
 """Whose packets keep their marks in the nodes' own network; the others have an address of the
 cluster's, where its rules for networks hold."""
 _STAYS: Sequence[Object] = [
@@ -39,13 +22,17 @@ _STAYS: Sequence[Object] = [
     {"key": f"node.kubernetes.io/{trouble}", "operator": "Exists", "effect": "NoExecute"}
     for trouble in ("not-ready", "unreachable")
 ]
-_PULLED = "200m"
-_CPU: Mapping[str, str] = {"ego": "1", "robot": _PULLED}
+_KEPT: Mapping[str, Object] = {
+    "StatefulSet": {"replicas": 1, "serviceName": site.METRICS},
+    "Deployment": {"replicas": 1, "strategy": {"type": "Recreate"}},
+    "DaemonSet": {},
+}
+_CPU: Mapping[str, str] = {"ego": "1", "robot": "200m"}
 """What a process is sure to get; others 50m."""
 
 
 def objects(
-    spec: SwarmSpec, cluster: Cluster, monitoring: str = MONITORING
+    spec: SwarmSpec, cluster: Cluster, monitoring: str = site.MONITORING
 ) -> dict[str, list[Object]]:
     """All objects but the secrets, by the file in which they belong. They name no namespace: a
     swarm has one of its own. `monitoring`: the namespace from which Prometheus comes; empty: nobody
@@ -60,16 +47,19 @@ def objects(
         by_role.setdefault(one.service.role, []).append(one)
     robots = [_workload(spec, cluster, one, "StatefulSet") for one in by_role.pop("robot")]
     files = {
-        "services.yaml": [_router_service(spec), _metrics_service(spec)],
-        "robots.yaml": [*robots, _disruption_budget(spec)],
+        "services.yaml": [site.router_service(spec), site.metrics_service(spec)],
+        "robots.yaml": [*robots, site.disruption_budget(spec)],
         **{
-            f"{role}.yaml": [_workload(spec, cluster, one, "Deployment") for one in own]
+            f"{role}.yaml": [
+                _workload(spec, cluster, one, "DaemonSet" if role == "controller" else "Deployment")
+                for one in own
+            ]
             for role, own in by_role.items()
         },
-        "network-policy.yaml": [_network_policy(spec, monitoring)],
+        "network-policy.yaml": [site.network_policy(spec, monitoring)],
     }
     if monitoring:
-        files["monitoring.yaml"] = [_service_monitor(spec), _alerts(spec)]
+        files["monitoring.yaml"] = [site.service_monitor(spec), site.alerts(spec)]
     return files
 
 
@@ -90,7 +80,7 @@ def secrets(spec: SwarmSpec, cluster: Cluster) -> list[Object]:
             made[name] = {
                 "apiVersion": "v1",
                 "kind": "Secret",
-                "metadata": {"name": name, "labels": _labels(spec)},
+                "metadata": {"name": name, "labels": site.labels_of(spec)},
                 "type": "Opaque",
                 "data": data,
             }
@@ -118,23 +108,20 @@ def _workload(spec: SwarmSpec, cluster: Cluster, one: Container, kind: str) -> O
     """What keeps one process running, and one only: neither a StatefulSet nor a Deployment that
     recreates begins a pod before the last one is known to have ended."""
     labels = {
-        **_labels(spec),
-        COMPONENT: one.service.role,
-        PROCESS_LABEL: one.service.name,
-        **({ROBOT_LABEL: one.robot} if one.robot else {}),
+        **site.labels_of(spec),
+        site.COMPONENT: one.service.role,
+        site.PROCESS_LABEL: one.service.name,
+        **({site.ROBOT_LABEL: one.robot} if one.robot else {}),
     }
     return {
         "apiVersion": "apps/v1",
         "kind": kind,
         "metadata": {"name": name_of(one.service.name), "labels": labels},
         "spec": {
-            "replicas": 1,
-            "selector": {"matchLabels": {**_labels(spec), PROCESS_LABEL: one.service.name}},
-            **(
-                {"serviceName": METRICS}
-                if kind == "StatefulSet"
-                else {"strategy": {"type": "Recreate"}}
-            ),
+            "selector": {
+                "matchLabels": {**site.labels_of(spec), site.PROCESS_LABEL: one.service.name}
+            },
+            **_KEPT[kind],
             "template": {"metadata": {"labels": labels}, "spec": _pod(cluster, one)},
         },
     }
@@ -143,9 +130,9 @@ def _workload(spec: SwarmSpec, cluster: Cluster, one: Container, kind: str) -> O
 def _pod(cluster: Cluster, one: Container) -> Object:
     on_host = cluster.network == "host" and one.service.role in _ON_HOSTS
     if one.robot:
-        where = {ROBOT_LABEL: one.robot}
+        where = {site.ROBOT_LABEL: one.robot}
     else:
-        where = {SITE_LABEL: "true"} if one.service.role == "router" else {}
+        where = {site.SITE_LABEL: "true"} if one.service.role == "router" else {}
     return {
         **({"nodeSelector": where, "tolerations": list(_STAYS)} if where else {}),
         **({"hostNetwork": True, "dnsPolicy": "ClusterFirstWithHostNet"} if on_host else {}),
@@ -153,10 +140,10 @@ def _pod(cluster: Cluster, one: Container) -> Object:
         "enableServiceLinks": False,
         "terminationGracePeriodSeconds": plan.ENDS_S,
         "securityContext": {
-            "runAsNonRoot": True,
-            "runAsUser": plan.USER,
-            "runAsGroup": plan.USER,
-            "fsGroup": plan.USER,
+            "runAsNonRoot": one.user != 0,
+            "runAsUser": one.user,
+            "runAsGroup": one.user,
+            "fsGroup": one.user,
             "seccompProfile": {"type": "RuntimeDefault"},
         },
         "containers": [_container(one)],
@@ -184,8 +171,8 @@ def _container(one: Container) -> Object:
     }
     ports = [{"name": f"port-{port}", "containerPort": port} for port in one.ports]
     if one.service.metrics_port is not None:
-        ports.append({"name": METRICS, "containerPort": one.service.metrics_port})
-        asked = {"httpGet": {"path": "/metrics", "port": METRICS}}
+        ports.append({"name": site.METRICS, "containerPort": one.service.metrics_port})
+        asked = {"httpGet": {"path": "/metrics", "port": site.METRICS}}
         often = {
             "periodSeconds": plan.HEALTH_PERIOD_S,
             "timeoutSeconds": plan.HEALTH_TIMEOUT_S,
@@ -230,115 +217,7 @@ def _secret_names(one: Container) -> dict[str, str]:
     """The Secrets of a container, and the folder in which each appears."""
     found = {}
     for folder in dict.fromkeys(str(PurePosixPath(place).parent) for place in one.files):
-        own = one.service.common_name and PurePosixPath(folder).name == one.service.common_name
-        what = f"identity-{one.service.common_name}" if own else f"settings-{one.service.name}"
+        own = one.common_name and PurePosixPath(folder).name == one.common_name
+        what = f"identity-{one.common_name}" if own else f"settings-{one.service.name}"
         found[name_of(what)] = folder
     return found
-
-
-def _labels(spec: SwarmSpec) -> dict[str, str]:
-    return {"app.kubernetes.io/name": "coadapt-edge", "app.kubernetes.io/instance": spec.swarm}
-
-
-def _router_service(spec: SwarmSpec) -> Object:
-    """Without an address of its own: the name leads to the router's node or pod itself."""
-    ports = range(spec.router_port, spec.router_port + 3)
-    return {
-        "apiVersion": "v1",
-        "kind": "Service",
-        "metadata": {"name": ROUTER, "labels": _labels(spec)},
-        "spec": {
-            "clusterIP": "None",
-            "publishNotReadyAddresses": True,
-            "selector": {**_labels(spec), PROCESS_LABEL: ROUTER},
-            "ports": [{"name": f"port-{port}", "port": port} for port in ports],
-        },
-    }
-
-
-def _metrics_service(spec: SwarmSpec) -> Object:
-    return {
-        "apiVersion": "v1",
-        "kind": "Service",
-        "metadata": {"name": METRICS, "labels": {**_labels(spec), COMPONENT: METRICS}},
-        "spec": {
-            "clusterIP": "None",
-            "publishNotReadyAddresses": True,
-            "selector": _labels(spec),
-            # Each pod's own number behind the one name.
-            "ports": [{"name": METRICS, "port": 9100, "targetPort": METRICS}],
-        },
-    }
-
-
-def _disruption_budget(spec: SwarmSpec) -> Object:
-    """Who empties nodes for maintenance takes one robot at a time."""
-    return {
-        "apiVersion": "policy/v1",
-        "kind": "PodDisruptionBudget",
-        "metadata": {"name": "robots", "labels": _labels(spec)},
-        "spec": {
-            "maxUnavailable": 1,
-            "selector": {"matchLabels": {**_labels(spec), COMPONENT: "robot"}},
-        },
-    }
-
-
-def _network_policy(spec: SwarmSpec, monitoring: str) -> Object:
-    """Who may reach the pods: the swarm's own, and Prometheus their metrics."""
-    prometheus = {"matchLabels": {"kubernetes.io/metadata.name": monitoring}}
-    metrics = {"from": [{"namespaceSelector": prometheus}], "ports": [{"port": METRICS}]}
-    return {
-        "apiVersion": "networking.k8s.io/v1",
-        "kind": "NetworkPolicy",
-        "metadata": {"name": "swarm", "labels": _labels(spec)},
-        "spec": {
-            "podSelector": {"matchLabels": _labels(spec)},
-            "policyTypes": ["Ingress"],
-            "ingress": [
-                {"from": [{"podSelector": {"matchLabels": _labels(spec)}}]},
-                *([metrics] if monitoring else []),
-            ],
-        },
-    }
-
-
-def _service_monitor(spec: SwarmSpec) -> Object:
-    """Tells Prometheus' operator what to scrape, with the labels that dashboards and alerts ask
-    for."""
-    named = {COMPONENT: "role", PROCESS_LABEL: "instance", ROBOT_LABEL: "robot"}
-    return {
-        "apiVersion": "monitoring.coreos.com/v1",
-        "kind": "ServiceMonitor",
-        "metadata": {"name": "swarm", "labels": _labels(spec)},
-        "spec": {
-            "selector": {"matchLabels": {**_labels(spec), COMPONENT: METRICS}},
-            "endpoints": [
-                {
-                    "port": METRICS,
-                    "interval": f"{SCRAPE_S}s",
-                    "scrapeTimeout": f"{SCRAPE_S}s",
-                    # A robot process and the ego name robots in their own metrics.
-                    "honorLabels": True,
-                    "relabelings": [
-                        {
-                            "sourceLabels": [
-                                "__meta_kubernetes_pod_label_" + re.sub(r"\W", "_", label)
-                            ],
-                            "targetLabel": target,
-                        }
-                        for label, target in named.items()
-                    ],
-                }
-            ],
-        },
-    }
-
-
-def _alerts(spec: SwarmSpec) -> Object:
-    return {
-        "apiVersion": "monitoring.coreos.com/v1",
-        "kind": "PrometheusRule",
-        "metadata": {"name": "swarm", "labels": _labels(spec)},
-        "spec": yaml.safe_load(ALERT_RULES.read_text()),
-    }

@@ -21,6 +21,7 @@ from deploy.spec import EMBEDDED, SwarmSpec
 from swarm.errors import DeployError
 from swarm.trust.identity import CA, CERTIFICATE, KEY, Identity
 from swarm.trust.members import MEMBERS
+from swarm.trust.roles import Role
 
 Network = Literal["host", "overlay"]
 NETWORK: Network = "host"
@@ -55,6 +56,11 @@ class Cluster:
     network: Network = NETWORK
     llm_image: str = ""
     """The image of the gateway where it runs the embedded model; empty: `image`."""
+    interface: str = ""
+    """The interface of each robot's node that a network controller there shapes; empty: no link is
+    shaped, and C(t) is measured only."""
+    default_route: bool = False
+    """Whether it may be the one of the default route."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +72,14 @@ class Container:
     env: Mapping[str, str]
     memory: int
     """Bytes that it may take."""
+    common_name: str
+    """What its certificate says; empty for one that takes no part in the swarm's network."""
     files: Mapping[str, Path]
     """Secrets: where the container finds each, and the file of this machine that holds it."""
     folder: str = ""
     """What it writes and what should outlive it: a folder of `PLACE.var_dir`."""
     capabilities: tuple[str, ...] = ()
+    """Those of `USER` are none; a container with some is root's."""
     data: str = ""
     """Recorded data: a folder that is the same on every machine, read only, at `compose.DATA`."""
     ports: tuple[int, ...] = field(default=())
@@ -81,9 +90,20 @@ class Container:
         """The robot on whose machine it runs; empty: on the site's."""
         return self.service.robot
 
+    @property
+    def user(self) -> int:
+        """Who its process is."""
+        return 0 if self.capabilities else USER
+
 
 def make_cluster(
-    image: str, router: str, network: Network = NETWORK, llm_image: str = ""
+    image: str,
+    router: str,
+    network: Network = NETWORK,
+    llm_image: str = "",
+    interface: str = "",
+    *,
+    default_route: bool = False,
 ) -> Cluster:
     """A checked description. Raises DeployError that names what is not valid."""
     for option, name in (("--image", image), ("--llm-image", llm_image)):
@@ -98,7 +118,14 @@ def make_cluster(
         raise DeployError(
             f"--router {router!r} is not valid; it must be a host's name or IP address"
         )
-    return Cluster(image, router, network, llm_image)
+    if interface and not re.fullmatch(r"[^\s/]{1,15}", interface):
+        raise DeployError(f"--interface {interface!r} is not the name of an interface, like eth1")
+    if interface and network != "host":
+        raise DeployError(
+            f"--interface {interface} needs --network host: what the nodes' own interfaces carry "
+            "of another network cannot be told apart by robots"
+        )
+    return Cluster(image, router, network, llm_image, interface, default_route)
 
 
 def place_of(spec: SwarmSpec, cluster: Cluster) -> Place:
@@ -109,33 +136,37 @@ def place_of(spec: SwarmSpec, cluster: Cluster) -> Place:
         var_dir=compose.PLACE.var_dir,
         prometheus_config=compose.PLACE.prometheus_config,
         data=compose.DATA if spec.data else "",
-        prometheus_host_port=spec.prometheus_port,
+        prometheus_host_port=roster.PROMETHEUS_PORT,
     )
 
 
 def containers(spec: SwarmSpec, cluster: Cluster) -> tuple[Container, ...]:
     """The containers of a swarm, in the order of the roster.
 
-    Who renews certificates is left out, as the keystore stays with the operator; so is the network
-    controller, whose links are those of one machine's containers. Raises DeployError for a secret
-    that would stand in what is written.
+    Who renews certificates is left out, as the keystore stays with the operator. Each robot's node
+    has a network controller of its own, where an interface is named. Raises DeployError for a
+    secret that would stand in what is written.
     """
     if spec.llm == EMBEDDED and not cluster.llm_image:
         raise DeployError(
             "--llm embedded needs --llm-image, an image with the model (deploy/docker/llm_image.py)"
         )
-    members = roster.services(spec, place_of(spec, cluster))
-    return tuple(
+    place = place_of(spec, cluster)
+    members = roster.services(spec, place)
+    found = [
         _container(spec, cluster, member)
         for member in members
         if member.role not in ("authority", "controller", "grafana")
-    )
+    ]
+    if cluster.interface:
+        (site,) = (member for member in members if member.role == "controller")
+        found += [_controller(spec, cluster, place, site, robot) for robot in spec.robots]
+    return tuple(found)
 
 
 def roles(spec: SwarmSpec, cluster: Cluster) -> list[str]:
     """The common names of those who need a certificate there."""
-    names = [one.service.common_name for one in containers(spec, cluster)]
-    return [name for name in names if name]
+    return [one.common_name for one in containers(spec, cluster) if one.common_name]
 
 
 def identity_files(var_dir: str, common_name: str) -> dict[str, Path]:
@@ -162,6 +193,7 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
         image=cluster.llm_image if gateway else cluster.image,
         env={**own, **service.env, "HOME": "/tmp", **compose.CACHES.get(service.role, {})},
         memory=int(limit[:-1]) * _UNITS[limit[-1]],
+        common_name=service.common_name,
         files=files,
         folder=compose.FOLDERS.get(service.role, ""),
         data=spec.data if service.role in ("ego", "robot") else "",
@@ -169,10 +201,38 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
     )
 
 
+def _controller(
+    spec: SwarmSpec, cluster: Cluster, place: Place, site: Service, robot: str
+) -> Container:
+    """The network controller of a robot's node; `site`: the only one of a swarm on one machine."""
+    name = Role("controller", robot).common_name
+    identity = roster.identity_path(place.var_dir, name)
+    shaped = {"COADAPT_LINK_BPS", "COADAPT_LINK_RATES_BPS", "COADAPT_LINK_INTERVAL_S"}
+    # Only the ego's node has the ego's link.
+    env = {k: v for k, v in site.env.items() if robot == spec.ego or k not in shaped} | {
+        "COADAPT_ROUTER": roster.router_address(spec, cluster.router, identity),
+        "COADAPT_CONTROLLER": robot,
+        "COADAPT_DRIVER": "interface",
+        "COADAPT_INTERFACE": cluster.interface,
+        "COADAPT_INTERFACE_ROBOTS": robot,
+        "COADAPT_INTERFACE_CONFIRMED": cluster.interface if cluster.default_route else "",
+        "COADAPT_INTERFACE_STATE": f"{place.var_dir}/{roster.NET}/interface.json",
+    }
+    service = replace(site, name=f"controller-{robot}", host=robot, robot=robot, env=env)
+    made = _container(spec, cluster, service)
+    return replace(
+        made,
+        common_name=name,
+        files=identity_files(spec.var_dir, name)
+        | {place: file for place, file in made.files.items() if place.startswith("/run/")},
+        capabilities=tuple(compose.CONTROLLER["cap_add"]),
+    )
+
+
 def _settings(service: Service) -> tuple[dict[str, str], dict[str, Path]]:
     """Settings from the caller's environment that there is no option for, and the files that some
     of them name. Raises DeployError for a secret's value: what is written here is kept and sent."""
-    if service.role not in ("robot", "ego", "gateway", "console"):
+    if service.role not in ("robot", "ego", "controller", "gateway", "console"):
         return {}, {}
     own = roster.inherited(service.role, os.environ)
     found = {k: v for k, v in own.items() if k.startswith("COADAPT_")}

@@ -13,6 +13,7 @@ from deploy import services as roster
 from deploy.cluster import plan
 from deploy.cluster.plan import Cluster, Container
 from deploy.docker import compose
+from deploy.ports import LOCALHOST
 from deploy.services import Service
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
@@ -102,6 +103,8 @@ def prometheus_file(spec: SwarmSpec, cluster: Cluster, addresses: Mapping[str, s
     def address(service: Service) -> str:
         if cluster.network == "overlay":
             return service.name
+        if service.role == "prometheus":
+            return LOCALHOST
         return addresses[service.robot] if service.robot else cluster.router
 
     members = [one.service for one in plan.containers(spec, cluster)]
@@ -120,7 +123,7 @@ def _service(spec: SwarmSpec, cluster: Cluster, pin: Pin, one: Container) -> dic
         "image": one.image,
         "command": list(one.service.argv),
         "environment": {**one.env, **(_off_loopback(one) if overlay else {})},
-        "user": f"{plan.USER}:{plan.USER}",
+        "user": f"{one.user}:{one.user}",
         "init": True,
         "read_only": True,
         "cap_drop": ["ALL"],
@@ -137,8 +140,8 @@ def _service(spec: SwarmSpec, cluster: Cluster, pin: Pin, one: Container) -> dic
             {
                 "source": _key(one, place),
                 "target": place,
-                "uid": str(plan.USER),
-                "gid": str(plan.USER),
+                "uid": str(one.user),
+                "gid": str(one.user),
                 "mode": 0o400,
             }
             for place in one.files
@@ -229,7 +232,7 @@ def _configs(spec: SwarmSpec, wanted: Iterable[Container], prometheus: str) -> d
 
 def _key(one: Container, place: str) -> str:
     """What a secret is called within the stack file."""
-    return f"{one.service.common_name or one.service.name}-{Path(place).name}"
+    return f"{one.common_name or one.service.name}-{Path(place).name}"
 
 
 def _secret(swarm: str, one: Container, place: str, file: Path) -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import socket
 import subprocess
 import zlib
 from pathlib import Path
@@ -113,6 +114,7 @@ def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
         data=DATA if spec.data else "",
         cache=CACHE if spec.cache else "",
         prometheus_host_port=spec.prometheus_port,
+        targets=f"{PLACE.var_dir}/{roster.TARGETS}/joined.json",
     )
 
 
@@ -149,7 +151,12 @@ def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> s
 def prometheus_file(spec: SwarmSpec) -> str:
     """Prometheus' configuration; it reaches each container by its name."""
     return roster.prometheus_config(
-        roster.services(spec, place_of(spec)), lambda service: service.name, ALERTS
+        roster.services(spec, place_of(spec)),
+        lambda service: service.name,
+        ALERTS,
+        place_of(spec).targets,
+        ca=roster.authority_path(PLACE.var_dir) if spec.secure else "",
+        tls=spec.metrics_tls,
     )
 
 
@@ -158,6 +165,8 @@ def _container(spec: SwarmSpec, service: Service, image: str) -> dict[str, Any]:
         "image": image,
         **({"command": list(service.argv)} if service.argv else {}),
         "environment": {
+            # A container's own name says nothing.
+            "COADAPT_HOST": os.environ.get("COADAPT_HOST") or socket.gethostname(),
             **_settings(service),
             **service.env,
             "HOME": "/tmp",
@@ -220,10 +229,17 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
         here = roster.identity_path(spec.var_dir, service.common_name)
         there = roster.identity_path(PLACE.var_dir, service.common_name)
         volumes.append(f"{here}:{there}:ro")
+    targets = f"{spec.var_dir}/{roster.TARGETS}:{PLACE.var_dir}/{roster.TARGETS}"
+    if service.role == "router":
+        volumes.append(targets)
     if service.role == "console":
         volumes.append(f"{spec.var_dir}/{roster.RECORDINGS}:{PLACE.var_dir}/{roster.RECORDINGS}:ro")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
+        volumes.append(f"{targets}:ro")
+        if spec.secure:
+            here, there = map(roster.authority_path, (spec.var_dir, PLACE.var_dir))
+            volumes.append(f"{here}:{there}:ro")
     if service.role in ("ego", "robot") and spec.data:
         volumes.append(f"{spec.data}:{DATA}:ro")
     if service.role in ("ego", "robot") and spec.cache:

@@ -24,7 +24,9 @@ from deploy.services import (
     EGO_METRICS_PORT,
     INFRA,
     PROMETHEUS_PORT,
+    TARGETS,
     Place,
+    authority_path,
     prometheus_config,
     services,
 )
@@ -56,6 +58,7 @@ def place_of(spec: SwarmSpec) -> Place:
         driver="netns",
         qod_socket=f"{spec.run_dir}/{QOD_SOCKET}",
         prometheus_config=f"{spec.run_dir}/{PROMETHEUS_FILE}",
+        targets=f"{spec.var_dir}/{TARGETS}/joined.json",
         data=spec.data,
         cache=spec.cache,
         python=sys.executable,
@@ -78,7 +81,12 @@ class Supervisor:
         network.build(self._spec)
         (self._run_dir / PROMETHEUS_FILE).write_text(
             prometheus_config(
-                self._members, lambda s: network.address(self._spec, s.host), str(ALERTS)
+                self._members,
+                lambda s: network.address(self._spec, s.host),
+                str(ALERTS),
+                place_of(self._spec).targets,
+                ca=authority_path(self._spec.var_dir) if self._spec.secure else "",
+                tls=self._spec.metrics_tls,
             )
         )
         loop = asyncio.get_running_loop()

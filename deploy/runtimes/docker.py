@@ -99,7 +99,7 @@ class DockerRuntime:
                 prometheus_url=(
                     f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else ""
                 ),
-                ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
+                ego_metrics_url=roster.ego_metrics_url(spec),
                 qod_url=f"http://127.0.0.1:{spec.qod_port}",
                 llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
                 grafana_url=f"http://127.0.0.1:{spec.grafana_port}" if spec.grafana else "",

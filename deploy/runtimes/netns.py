@@ -14,7 +14,7 @@ from deploy.netns.supervisor import ROUTER_SOCKET, place_of
 from deploy.ports import listen_endpoints
 from deploy.progress import typed
 from deploy.runtime import ProcessStatus
-from deploy.services import FOLDERS, identity_path, services
+from deploy.services import FOLDERS, ego_metrics_url, identity_path, services
 from deploy.spec import SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,
@@ -178,7 +178,7 @@ def _state(spec: SwarmSpec, marks: dict[str, ProcessMark]) -> State:
         spec=spec,
         router=f"unixsock-stream/{spec.run_dir}/{ROUTER_SOCKET}{shown}",
         prometheus_url=f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else "",
-        ego_metrics_url=f"http://127.0.0.1:{spec.ego_metrics_port}/metrics",
+        ego_metrics_url=ego_metrics_url(spec),
         qod_url=f"http://127.0.0.1:{spec.qod_port}",
         llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
         console_url=f"http://localhost:{spec.console_port}" if spec.console else "",

@@ -32,6 +32,7 @@ from swarm.files import write_whole
 from swarm.trust import certificates, members
 from swarm.trust.identity import CA, CERTIFICATE, ISSUED, KEY, Identity
 from swarm.trust.roles import LOCAL, SITE, role_of
+from swarm.trust.serving import SERVER_NAME
 
 AUTHORITY, REVOKED, LOCK = "ca", "revoked", "lock"
 LIFE = timedelta(hours=24)
@@ -131,19 +132,17 @@ class Keystore:
         role = role_of(name)
         ca, ca_key = self._authority()
         subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, role.common_name)])
-        usage = [ExtendedKeyUsageOID.CLIENT_AUTH]
-        if role.kind == "router":
-            # It is reached by others, and reaches the routers of other machines itself.
-            usage.append(ExtendedKeyUsageOID.SERVER_AUTH)
+        # A router is reached by others and reaches those of other machines itself; every other
+        # process may serve its metrics.
+        usage = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
         builder = (
             _begun(subject, ca.subject, key, self._life)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs=False), critical=True)
             .add_extension(x509.ExtendedKeyUsage(usage), critical=False)
         )
-        if addresses:
-            names = x509.SubjectAlternativeName([_general(address) for address in addresses])
-            builder = builder.add_extension(names, critical=False)
+        names = [_general(address) for address in (*addresses, SERVER_NAME)]
+        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
         made = builder.sign(ca_key, hashes.SHA256())
         _put(
             self.identity(name).folder,
@@ -225,7 +224,7 @@ class Keystore:
             found = held.extensions.get_extension_for_class(x509.SubjectAlternativeName)
         except (IdentityError, x509.ExtensionNotFound):
             return []
-        return [str(general.value) for general in found.value]
+        return [str(one.value) for one in found.value if one.value != SERVER_NAME]
 
     def _revoked(self) -> dict[str, datetime]:
         """The revoked, and when the certificate ends that each had."""

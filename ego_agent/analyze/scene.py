@@ -61,6 +61,7 @@ class _Member:
     sizes: dict[Algorithm, int]
     seen: _Seen
     capacity_bps: float = math.inf
+    shared: frozenset[Algorithm] = frozenset()
 
 
 def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
@@ -112,6 +113,7 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             evidence=row,
             capacity_bps=member.capacity_bps,
             answers=learnt.of(member.robot, member.sizes) if knowledge.learns else {},
+            shared=member.shared,
         )
         for member, row in zip(everyone, evidence, strict=True)
     )
@@ -167,7 +169,8 @@ def _member(
         seen = _seen(view, objective)
     except MessageError as error:
         return f"its scene description is not valid: {error}"
-    return _Member(robot, pose, distance, sizes, seen, view.capacity_bps)
+    shared = frozenset(view.beacon.shared) if knowledge.shares else frozenset()
+    return _Member(robot, pose, distance, sizes, seen, view.capacity_bps, shared)
 
 
 def _scene_in_time(view: RobotView, objective: Objective) -> bool:

@@ -19,7 +19,7 @@ from ego_agent.execute.ask import Asker
 from ego_agent.execute.frame_round import FrameRound, Missing
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
-from ego_agent.knowledge.pace import stride
+from ego_agent.knowledge.pace import due, rate_of, stride
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
 from perception.detector.config import configuration
@@ -226,7 +226,14 @@ class FusionLoop:
 
     def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
         """Begins a frame and asks its robots."""
-        others = tuple(robot for robot in decision.participants if robot != self._ego)
+        step = stride(decision, self._sensor.rate_hz, self._rate_hz)
+        others = tuple(
+            robot
+            for robot in decision.participants
+            if robot != self._ego and due(decision, robot, own.frame // step)
+        )
+        # Robots that contribute rarely take turns, in an order of this ego's own.
+        always = [robot for robot in others if rate_of(decision, robot) >= decision.rate_hz]
         fusion = self._fusions[decision.algorithm]
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
@@ -238,8 +245,8 @@ class FusionLoop:
             own.capture_ns,
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
-            rate_hz=decision.rate_hz,
-            shareable=fusion.shareable,
+            rate_hz=min((rate_of(decision, robot) for robot in others), default=decision.rate_hz),
+            sharing=dict.fromkeys(always, decision.rate_hz) if fusion.shareable else {},
         )
         return AskedFrame(decision, own, fusion, gathering, done)
 

@@ -61,12 +61,14 @@ class Knowledge:
         receipt_max_age_s: float = 10.0,
         results: int = 256,
         learns: bool = True,
+        shares: bool = True,
     ) -> None:
         """`algorithms`: those that can be fused, early to late. `quality`: what precision to
         expect, a share where None. `works`: what algorithms take of processors, where nothing was
         measured yet; nothing where None. `learns`: whether decisions heed what came of those
-        before."""
+        before. `shares`: whether the ego takes what robots publish for several."""
         self.learns = learns
+        self.shares = shares
         self.experience = Experience()
         """How long robots take to answer."""
         self.own_costs = OwnCosts()
@@ -91,12 +93,15 @@ class Knowledge:
         algorithms: Iterable[str] = ALGORITHMS,
         *,
         learns: bool = True,
+        shares: bool = True,
     ) -> Knowledge:
         """Of an ego with that detector: its quality model, and what its algorithms take of
         processors. Where it has none, Q is a share and work costs nothing until it is measured."""
         works = packaged_compute().detectors.get(detector)
         quality = quality_of(detector)
-        return cls(objective, algorithms, quality=quality, works=works, learns=learns)
+        return cls(
+            objective, algorithms, quality=quality, works=works, learns=learns, shares=shares
+        )
 
     def record_payload(self, robot: str, algorithm: str, size: int, now_ns: int) -> None:
         """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock."""

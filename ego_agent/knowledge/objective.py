@@ -36,6 +36,9 @@ class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """How long a frame waits for the robots at that rate."""
     slower_hz: tuple[Annotated[float, msgspec.Meta(gt=0, le=1000)], ...] = ()
     """Lower rates that a decision may choose instead."""
+    rarer_hz: tuple[Annotated[float, msgspec.Meta(gt=0, le=1000)], ...] = ()
+    """Lower rates at which single robots may contribute to frames that are fused more often, as
+    memory carries on what they showed."""
     comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=1e5)] = COMM_RANGE_M
     """Farthest participant, in the ground plane."""
     headroom: Headroom = 0.8

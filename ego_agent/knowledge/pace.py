@@ -19,6 +19,11 @@ SLOWER_HZ = (5.0, 2.5, 2.0, 1.0)
 """Rates that a live ego may choose instead of the set one."""
 
 
+RARER_HZ = (5.0, 2.0)
+"""Rates at which a live ego may ask single robots: whatever its cycle of a second, each contributes
+at least twice in it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Pace:
     """A fusion rate and its deadline."""
@@ -51,6 +56,22 @@ def paces(objective: Objective) -> tuple[Pace, ...]:
     )
     waits = [max(objective.deadline_s, min(MAX_DEADLINE_S, 1.0 / rate)) for rate in slower]
     return (fastest, *(Pace(rate, wait_s) for rate, wait_s in zip(slower, waits, strict=True)))
+
+
+def due(decision: Decision, robot: str, number: int) -> bool:
+    """Whether a participant contributes to the fused frame of that number.
+
+    Robots of one rate take turns, by their names: a frame takes up few, and a place that several
+    see is seen anew more often.
+    """
+    step = max(1, round(decision.rate_hz / rate_of(decision, robot)))
+    return number % step == sorted(decision.participants).index(robot) % step
+
+
+def rate_of(decision: Decision, robot: str) -> float:
+    """Contributions a second of a participant."""
+    rates = (one.rate_hz for one in decision.assignments if one.robot == robot)
+    return next(rates, decision.rate_hz)
 
 
 def stride(decision: Decision, sensor_hz: float, most_hz: float) -> int:

@@ -8,6 +8,7 @@ import msgspec
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
+from ego_agent.plan.assign import assigned
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.validation import Unusable, bounded, make_decision, validate
@@ -60,11 +61,12 @@ def _decided(
         if isinstance(found, Unusable):
             repairs = (*repairs, *found.repairs)
         elif proposer is policy:
-            return found
+            return assigned(found, scene, knowledge, previous)
         else:
-            return msgspec.structs.replace(
+            taken = msgspec.structs.replace(
                 found, source="fallback", repairs=bounded((*repairs, *found.repairs))
             )
+            return assigned(taken, scene, knowledge, previous)
     scorer = Scorer(scene, knowledge)
     return make_decision(
         scorer,

@@ -22,7 +22,7 @@ from swarm.errors import CoAdaptError
 from swarm.http_hosts import Hosts, is_loopback
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
-from swarm.metrics import MetricsServer
+from swarm.metrics import serve_metrics
 from swarm.process import leave, stop_on_signals
 
 
@@ -34,7 +34,7 @@ def main() -> int:
         transport.check_router(settings.router, "console")
         endpoint = Endpoint(settings)
         registry = CollectorRegistry()
-        server = MetricsServer(registry, settings.metrics_port, settings.metrics_host)
+        server = serve_metrics(registry, settings)
         try:
             loops = LoopWatch(make_logger("console", swarm=settings.swarm)).loop
             asyncio.run(serve(settings, endpoint, registry, stop, loops))

@@ -23,6 +23,7 @@ from swarm.messages import (
     RobotSteered,
     SceneDescription,
     ShapeRequest,
+    Tracks,
 )
 
 MAX_ROBOTS = 1024
@@ -180,6 +181,7 @@ class View:
         try:
             boxes = unpack_finite(detections.boxes, "boxes", 7)[:MAX_BOXES]
             scores = unpack_finite(detections.scores, "scores", 1)[:MAX_BOXES, 0]
+            remembered = _remembered(detections.tracks)
         except MessageError as error:
             with self._lock:
                 if self._known(detections.ego):
@@ -198,6 +200,8 @@ class View:
                 [round(float(row[i]), 2) for i in (0, 1, 3, 4, 6)] + [round(float(score), 2)]
                 for row, score in zip(boxes, scores, strict=False)
             ],
+            # The same of what nobody sees in this frame, and for how long nobody has, seconds.
+            "remembered": remembered,
             # Robot, x, y, length, width, heading, and why it may stand elsewhere.
             "known": [
                 [one.robot]
@@ -237,6 +241,10 @@ class View:
             "remarks": decision.remarks,
             "ages_s": decision.ages_s,
             "rate_hz": decision.rate_hz,
+            # Robot, algorithm, contributions a second.
+            "assignments": [
+                [one.robot, one.algorithm, round(one.rate_hz, 2)] for one in decision.assignments
+            ],
             "arrival": {robot: round(share, 2) for robot, share in decision.arrival.items()},
         }
         now = monotonic()
@@ -356,3 +364,19 @@ class View:
     def _tell(self, **facts: Any) -> None:
         self._swarm = self._swarm | facts
         self._board.put("swarm", self._swarm)
+
+
+def _remembered(tracks: Tracks | None) -> list[list[float]]:
+    """x, y, length, width, heading, score and age of what was not seen in a frame. Raises
+    MessageError for tables that do not fit each other."""
+    if tracks is None:
+        return []
+    boxes = unpack_finite(tracks.boxes, "boxes", 7)[:MAX_BOXES]
+    scores = unpack_finite(tracks.scores, "scores", 1)[:MAX_BOXES, 0]
+    ages_s = unpack_finite(tracks.ages_s, "ages_s", 1)[:MAX_BOXES, 0]
+    return [
+        [round(float(row[i]), 2) for i in (0, 1, 3, 4, 6)]
+        + [round(float(score), 2), round(float(age_s), 1)]
+        for row, score, age_s in zip(boxes, scores, ages_s, strict=False)
+        if age_s > 0.0
+    ]

@@ -11,7 +11,6 @@ are pooled (logarithmic opinion pool).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -50,17 +49,18 @@ SAME_PLACE = 0.1
 """Two solid bodies do not overlap this much."""
 JUMP_M, FASTEST_M_S = 2.0, 40.0
 """An ego that is farther from where it was, and faster, has had its pose set anew."""
-FEW = 3
-"""Returns that tell whether a place is free."""
+FEW, MANY = 3, 30
+"""Returns that tell whether a place is free, and from which on an object would be found by anybody
+(docs/decision.md)."""
 LOOKED_AT, TOLD_AGAIN, SEEN_FREE = 0.7, 0.6, 0.95
 """How likely an object that exists would have been found: where there is something, by the clouds
 of those who showed it before; where those who showed it before sent boxes or features again; where
 rays pass through its place (so it is not there)."""
 UNCONFIRMED = 0.2
-"""Of the chance of a new box where robots that showed more in the last INFORMED_S seconds, and send
-less often, have not shown it."""
+"""Of the chance of a new box that the ego alone shows, where others have sent in the last
+INFORMED_S seconds; of one that a part of these shows, as much more as they are."""
 INFORMED_S = 1.5
-NEAR_ENOUGH = 0.35
+NEAR_ENOUGH = 0.5
 """Of a body's width: an offset beyond which a box of it is wrong."""
 SQUARE = 0.1
 """By how much of the longer side those of a square differ at most."""
@@ -119,9 +119,8 @@ class Memory:
         """Forgets everything but which numbers were given."""
         self._time_s: float | None = None
         self._stood: Floats | None = None
-        self._informed: frozenset[str] = frozenset()
-        """Helpers of the best informed frame of late, and its time."""
-        self._informed_s = -math.inf
+        self._of_late: dict[str, float] = {}
+        """When each helper of the last INFORMED_S seconds has shown anything last."""
         self._motions = Motions(self._usual)
         self._boxes = Boxes.empty()
         """As last seen, with the shape of the best views; scores are the tracks' chances."""
@@ -160,8 +159,8 @@ class Memory:
         if jumped:
             self.clear()
             dt_s = 0.0
-        if frame.helpers >= self._informed or frame.time_s - self._informed_s > INFORMED_S:
-            self._informed, self._informed_s = frame.helpers, frame.time_s
+        kept = {r: at for r, at in self._of_late.items() if frame.time_s - at <= INFORMED_S}
+        self._of_late = kept | dict.fromkeys(frame.helpers, frame.time_s)
         self._time_s = frame.time_s
         self._stood = self._stood if stood is None else stood.copy()
         return dt_s
@@ -175,14 +174,23 @@ class Memory:
 
         if not len(found) or not len(self._ids):
             return np.zeros(0, np.intp), np.zeros(0, np.intp)
-        spread = self._motions.sds()[:, None] ** 2 + _sds(found)[None] ** 2
-        off = self._boxes.centers[:, None, :2] - found.centers[None, :, :2]
-        apart = (off**2).sum(axis=2) / spread
+        apart = self._motions.apart(found.centers[:, :2], _sds(found))
         other = np.array(self._boxes.labels)[:, None] != np.array(found.labels)
         cost = np.where(other, GATE, np.minimum(apart, GATE))
         rows, columns = linear_sum_assignment(cost)
         close = cost[rows, columns] < GATE
-        return rows[close], columns[close]
+        rows, columns = rows[close], columns[close]
+        # One that moved on faster than anybody could know still covers its place.
+        left = np.setdiff1d(np.arange(len(self._ids)), rows)
+        free = np.setdiff1d(np.arange(len(found)), columns)
+        shared = iou_bev(self._boxes.take(left), found.take(free))
+        shared[other[np.ix_(left, free)]] = 0.0
+        more, others = linear_sum_assignment(-shared)
+        over = shared[more, others] > SAME_PLACE
+        return (
+            np.concatenate([rows, left[more[over]]]),
+            np.concatenate([columns, free[others[over]]]),
+        )
 
     def _missed(self, rows: NDArray[np.intp], frame: Frame) -> None:
         """Tracks that no box shows: were they to be seen?"""
@@ -204,7 +212,7 @@ class Memory:
             unseen = self._seen_by[row] - frame.views.keys()
             if unseen <= frame.helpers and (unseen or not frame.views):
                 expected[i] = max(expected[i], TOLD_AGAIN)
-            elif there[i] >= FEW and self._seen_by[row] <= frame.helpers:
+            elif there[i] >= MANY or (there[i] >= FEW and self._seen_by[row] <= frame.helpers):
                 expected[i] = max(expected[i], LOOKED_AT)
         chance = self._boxes.scores
         left = chance[rows] * (1.0 - expected) / (1.0 - expected * chance[rows])
@@ -243,9 +251,10 @@ class Memory:
             found = found.take(np.flatnonzero(apart))
         if not len(found):
             return
-        if frame.helpers < self._informed:
-            # Those who see more have shown nothing there.
-            found = replace(found, scores=found.scores * UNCONFIRMED)
+        if self._of_late:
+            # Of those who see more, nobody has shown it.
+            asked = len(frame.helpers & self._of_late.keys()) / len(self._of_late)
+            found = replace(found, scores=found.scores * UNCONFIRMED ** (1.0 - asked))
         self._motions.add(found.centers[:, :2], _sds(found))
         self._boxes = Boxes.concatenate([self._boxes, found])
         self._ids = np.append(self._ids, self._next + np.arange(len(found)))

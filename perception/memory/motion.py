@@ -17,8 +17,9 @@ STAYS_S = 30.0
 """How long an object stays still, or on the move, on average."""
 WANDER_M2_S = 1e-4
 """Of a still object: what its place strays, as its box is seen from other sides."""
-TURNS_M2_S3 = 0.1
-"""Spectral density of a moving object's acceleration."""
+CHANGES_HZ = 0.1
+"""Spectral density of a moving object's acceleration, by the square of the usual speed: what drives
+fast brakes hard."""
 STILL, MOVING = 0, 1
 
 
@@ -69,8 +70,10 @@ class Motions:
         step = np.array([[[1.0, 0.0], [0.0, 0.0]], [[1.0, dt_s], [0.0, 1.0]]])
         noise = np.zeros((2, 2, 2))
         noise[STILL, 0, 0] = WANDER_M2_S * dt_s
-        noise[MOVING] = TURNS_M2_S3 * np.array(
-            [[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]]
+        noise[MOVING] = (
+            CHANGES_HZ
+            * self._usual**2
+            * np.array([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]])
         )
         self._mean = np.einsum("jab,njbx->njax", step, mean)
         self._spread = np.einsum("jab,njbc,jdc->njad", step, spread, step) + noise
@@ -104,6 +107,14 @@ class Motions:
         """(N,): standard deviation of the place along an axis, metres."""
         sd: Floats = np.sqrt((self._weight * self._variances()).sum(axis=1))
         return sd
+
+    def apart(self, places: Floats, sds: Floats) -> Floats:
+        """(N, K): squared distances, in variances, of places (K, 2) with standard deviations (K,)
+        along an axis from what the nearer model of each object expects."""
+        variance = self._spread[:, :, 0, 0, None] + sds**2
+        off = places - self._mean[:, :, None, 0]
+        nearest: Floats = ((off**2).sum(axis=3) / variance).min(axis=1)
+        return nearest
 
     def near(self, reaches: Floats) -> Floats:
         """(N,): the chance that each is within so many metres (N,) of `places`."""

@@ -50,6 +50,10 @@ KEYS = [
     *(key(SWARM, robot) for key in ROBOT_KEYS for robot in ("R1", "R2", "R3")),
     *(key(SWARM, ego) for key in EGO_KEYS for ego in ("R1", "R2")),
     *(key(SWARM) for key in SITE_KEYS),
+    *(
+        keyspace.metrics(SWARM, role, "http:10.0.0.7:9101")
+        for role in ("R3", "ego-R1", "controller", "controller-hall-2")
+    ),
     *(key(SWARM, "hall-2") for key in (keyspace.net_state, keyspace.net_shape)),
     *(keyspace.within(key(SWARM, "R3"), CELL) for key in (keyspace.beacon, keyspace.scene)),
 ]

@@ -82,6 +82,15 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     """What its answer is expected to cost, once."""
 
 
+class Assignment(msgspec.Struct, frozen=True, kw_only=True):
+    """What one participant sends, and how often."""
+
+    robot: RobotId
+    algorithm: Algorithm
+    rate_hz: Positive
+    """Contributions a second."""
+
+
 class Decision(Message, frozen=True, kw_only=True):
     """Who takes part in the fusion and with which algorithm, and where that came from."""
 
@@ -136,6 +145,9 @@ class Decision(Message, frozen=True, kw_only=True):
     remarks: Reasons = msgspec.field(default_factory=dict)
     """What is odd about robots that may take part all the same: a clock that is off, another
     version of the software."""
+    assignments: Annotated[tuple[Assignment, ...], msgspec.Meta(max_length=MAX_NAMED)] = ()
+    """What each participant but the ego sends, where that is not the same of all in every fused
+    frame; empty: it is."""
 
 
 class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):

@@ -58,6 +58,8 @@ class Beacon(Message, frozen=True, kw_only=True):
     say, empty."""
     software: Software = ""
     """The package's version, told with `world`."""
+    shared: Annotated[tuple[Algorithm, ...], msgspec.Meta(max_length=16)] = ()
+    """What it publishes at present for several egos: one more takes nothing of its link."""
 
     def sensor_pose(self) -> Pose:
         """The sensor's pose in the world frame."""
@@ -110,6 +112,8 @@ class ObservationRequest(Message, frozen=True, kw_only=True):
     """It receives that already: an answer of its own is needed only where nothing is published."""
     rate_hz: NonNegative = 0.0
     """Frames a second that the ego will want, where it shares; 0: all that there are."""
+    deadline_s: NonNegative = 0.0
+    """How soon the answer has to be there to be fused; 0: the ego does not say."""
 
     def reference_pose(self) -> Pose | None:
         """`reference` as a pose in the world frame."""

@@ -14,6 +14,9 @@ from swarm.keyspace import ANY
 from swarm.trust.roles import Role
 
 Act = Literal["put", "listen", "serve", "ask", "hold", "watch"]
+ANNOUNCED = ("robot", "ego", "controller")
+"""What may join from elsewhere tells where its metrics are; only the router's own process hears it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,14 @@ def rights_of(role: Role, swarm: str) -> tuple[Right, ...]:
 
 def _acts(role: Role, swarm: str) -> dict[Act, tuple[str, ...]]:
     own = role.name
+    acts = _own_acts(role, swarm, own)
+    if role.kind in ANNOUNCED:
+        place = keyspace.metrics(swarm, role.common_name)
+        acts["hold"] = (*acts.get("hold", ()), place)
+    return acts
+
+
+def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
     match role.kind:
         case "robot":
             return {

@@ -52,18 +52,23 @@ def must(*argv: str, text: str = "") -> str:
     return done.stdout
 
 
+def need_namespaces() -> None:
+    """Skips a test that makes namespaces where they cannot be made."""
+    if os.geteuid() != 0 or shutil.which("tc") is None or shutil.which("nsenter") is None:
+        pytest.skip("namespaces of a test's own need root, iproute2 and nsenter")
+
+
 @contextmanager
 def links(robots: int = 2) -> Iterator[Links]:
     """Makes them, and moves this thread, and what it starts, into the bridge's namespace."""
-    if os.geteuid() != 0 or shutil.which("tc") is None or shutil.which("nsenter") is None:
-        pytest.skip("namespaces of a test's own need root, iproute2 and nsenter")
+    need_namespaces()
     mark = f"t{os.getpid()}"
     host, names = f"{mark}-host", tuple(f"{mark}-R{i + 1}" for i in range(robots))
     with ExitStack() as stack:
         for name in (host, *names):
             must("ip", "netns", "add", name)
             stack.callback(must, "ip", "netns", "del", name)
-        stack.enter_context(_entered(host))
+        stack.enter_context(entered(host))
         must("ip", "link", "add", "coadapt0", "type", "bridge")
         must("ip", "addr", "add", "10.77.0.1/16", "dev", "coadapt0")
         must("ip", "link", "set", "coadapt0", "up")
@@ -81,7 +86,7 @@ def add_link(device: str, robot: str, address: str) -> None:
 
 
 @contextmanager
-def _entered(name: str) -> Iterator[None]:
+def entered(name: str) -> Iterator[None]:
     """This thread in another network namespace for a while."""
     libc = ctypes.CDLL(None, use_errno=True)
     here = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
@@ -98,8 +103,13 @@ def _entered(name: str) -> Iterator[None]:
 def send(links: Links, to: str, size: int, tos: int, *, frm: str = "") -> None:
     """Sends that many bytes by TCP with a mark, and waits until they have arrived; from the
     bridge's host when `frm` is empty, and to it when `to` is."""
-    receive_at, send_at = _enter(to), _enter(frm)
     address = links.driver.robots()[to] if to else "10.77.0.1"
+    receive_in(to, address, size, tos, frm=frm)
+
+
+def receive_in(to: str, address: str, size: int, tos: int, *, frm: str = "") -> None:
+    """The same between namespaces by name, to an address of the one; empty: this thread's."""
+    receive_at, send_at = _enter(to), _enter(frm)
     with subprocess.Popen(
         [*receive_at, sys.executable, "-c", _RECEIVE, address], stdout=subprocess.PIPE, text=True
     ) as receiver:

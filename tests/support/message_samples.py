@@ -15,6 +15,7 @@ from swarm.body import Body
 from swarm.messages import (
     AdviceReport,
     AnswerReport,
+    Assignment,
     Backlog,
     Beacon,
     CertificateRequest,
@@ -72,6 +73,7 @@ SAMPLES: tuple[Message, ...] = (
         echoes={"R2": (77_000_000_001, 54_990_000_000)},
         world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
         software="1.0.0",
+        shared=("early",),
     ),
     SceneDescription(
         robot="R1",
@@ -99,6 +101,7 @@ SAMPLES: tuple[Message, ...] = (
         shares=True,
         listens=True,
         rate_hz=5.0,
+        deadline_s=0.25,
     ),
     Observation(
         robot="R1",
@@ -156,6 +159,7 @@ SAMPLES: tuple[Message, ...] = (
         doubted={"R1": "2 robots see free ground where it says to stand"},
         ages_s={"R1": 0.125, "R2": 0.0625},
         stands_in_for="R1",
+        assignments=(Assignment(robot="R1", algorithm="late", rate_hz=2.0),),
     ),
     Detections(
         ego="R2",

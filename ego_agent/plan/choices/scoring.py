@@ -155,8 +155,14 @@ class Scorer:
         )
 
     def needs_bps(self, robot: str, algorithm: Algorithm) -> float:
-        """bit/s of a robot's observations. Raises KeyError where `known` is false."""
+        """bit/s of a robot's own link that its observations take, beside what it sends to other
+        egos anyway. Raises KeyError where `known` is false."""
+        if self._is_shared(robot, algorithm):
+            return 0.0
         return self.size(robot, algorithm) * 8.0 * self.pace.rate_hz
+
+    def _is_shared(self, robot: str, algorithm: Algorithm) -> bool:
+        return algorithm in self.scene.candidates[self.row_of[robot] - 1].shared
 
     def allowed_bps(self, robot: str) -> float:
         """bit/s that observations may take of a candidate's own link; may be infinite."""
@@ -206,7 +212,9 @@ class Scorer:
         if price is None:
             candidate, known = self.scene.candidates[row - 1], self.knowledge
             encode_s = candidate.answers.get(algorithm, UNTRIED).encode_s
-            compute_s = known.encode_s(algorithm, encode_s) + known.add_s(algorithm)
+            compute_s = known.add_s(algorithm)
+            if algorithm not in candidate.shared:
+                compute_s += known.encode_s(algorithm, encode_s)
             size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps
             price = self.objective.cost(size, capacity_bps, compute_s, self.pace.rate_hz)
             self._prices[row, algorithm] = price

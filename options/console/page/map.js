@@ -260,13 +260,15 @@ export class FloorMap {
     }
     c.strokeStyle = this.theme("--box");
     const least = this.leastScore(found);
-    for (const [x, y, length, wide, heading, score] of found.boxes) {
+    const remembered = found.remembered ?? [];
+    for (const [x, y, length, wide, heading, score, age] of [...found.boxes, ...remembered]) {
       if (score < least) continue;
       const [px, py] = at(x, y);
       c.save();
       c.translate(px, py);
       c.rotate(-heading);
-      c.lineWidth = 2;
+      c.lineWidth = age ? 1 : 2;
+      if (age) c.setLineDash([4, 3]);
       c.strokeRect((-length / 2) * scale, (-wide / 2) * scale, length * scale, wide * scale);
       c.beginPath();
       c.moveTo((length / 2) * scale - 4, 0);

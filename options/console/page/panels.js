@@ -113,6 +113,8 @@ export function showDecision(stream) {
     ["quality", `${decision.blind && !decision.quality ? "not known" : `${decision.quality.toFixed(2)} predicted`}` +
       (demand && now - demand.at <= old ? `, at least ${demand.q_min} asked for` : "")],
   ];
+  if (decision.assignments?.length)
+    facts.push(["how often", decision.assignments.map(([robot, , hz]) => `${robot} ${hz} Hz`).join(", ")]);
   if (decision.advice) facts.push(["advice", decision.advice.filter(Boolean).join(": ")]);
   if (decision.repairs.length) facts.push(["repaired", decision.repairs.join("; ")]);
   const without = stale ? "" : excluded(stream);

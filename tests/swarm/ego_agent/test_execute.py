@@ -12,10 +12,11 @@ import pytest
 from ego_agent.analyze.scene import analyze
 from ego_agent.execute.frame_round import MISSING_KINDS, Missing
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.pace import due
 from swarm import keyspace
 from swarm.arrays import unpack_finite
 from swarm.errors import PerceptionError
-from swarm.messages import Beacon, Detections, Observation, ObservationRequest
+from swarm.messages import Assignment, Beacon, Detections, Observation, ObservationRequest
 from swarm.session import Session
 from tests.support.ego_hall import (  # noqa: F401
     Ego,
@@ -60,8 +61,9 @@ def test_what_a_robot_showed_is_remembered_when_it_says_nothing(
     ego: Ego, hall: Hall, robot: RobotStarter
 ) -> None:
     robot("R2", honest(hall, "R2"))
-    # Each frame has a time of its own.
-    shown = [ego.fuse("R2").tracks for _ in range(3)][-1]
+    result = ego.fuse("R2")
+    shown = result.tracks
+    until(lambda: ego.sensor.newest() > result.own.frame, "the next frame")
     alone = ego.fuse()
     assert shown is not None
     assert alone.tracks is not None
@@ -287,6 +289,30 @@ def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
     assert unpack_finite(last.velocities, "velocities", 2) == pytest.approx(0.0, abs=0.1)
     assert unpack_finite(last.ages_s, "ages_s", 1).tolist() == [[0.0], [0.0]]
     assert sorted(unpack_finite(last.boxes, "boxes", 7)[:, 1].round()) == [0.0, 10.0]
+
+
+def test_who_is_assigned_a_lower_rate_is_asked_in_its_turn(
+    swarm: Swarm, ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    robot("R3", honest(hall, "R3"))
+    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    rare = Assignment(robot="R3", algorithm="early", rate_hz=2.0)
+    carried_out = msgspec.structs.replace(decision("R2", "R3"), assignments=(rare,))
+    ego.loop.follow(carried_out)
+    ego.loop.start()
+    heard.until(lambda d: d.participants == ("R1", "R2", "R3"))
+    after = heard.until(lambda d: d.participants == ("R1", "R2"))
+    ego.loop.stop()
+    for one in heard.all:
+        asked = {*one.participants, *one.missing} - {"R1"}
+        assert asked == {robot for robot in ("R2", "R3") if due(carried_out, robot, one.frame)}
+    # What R3 showed is told of in its absence.
+    assert after.tracks is not None
+    assert len(after.labels) == 2
+    assert len(after.tracks.ids) == 3
+    ages = unpack_finite(after.tracks.ages_s, "ages_s", 1)[:, 0]
+    assert sorted(age > 0.0 for age in ages) == [False, False, True]
 
 
 def test_frames_that_there_is_no_time_for_are_skipped_and_counted(ego: Ego, hall: Hall) -> None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import msgspec
 import pytest
@@ -116,7 +117,7 @@ class Rig:
         return sum(a != b for a, b in itertools.pairwise(choices))
 
 
-def live(**objective: float) -> Knowledge:
+def live(**objective: Any) -> Knowledge:
     return Knowledge(Objective(slower_hz=SLOWER_HZ, **objective), ("early", "late"))
 
 

@@ -243,9 +243,12 @@ def test_without_rights_every_request_says_why_and_the_wish_is_carried_out_once_
     with pytest.raises(NetworkError, match="needs NET_ADMIN"):
         site.ask(rate_bps=1_000_000)
     assert "NET_ADMIN" in site.ask("show").notes[0]
+    assert "NET_ADMIN" in site.controller.troubles()[0]
+    assert site.controller.robots() == ("R1", "R2")
     site.driver.unable = ""
     site.step()
     assert site.driver.rate() == 5_000_000
+    assert site.controller.troubles() == ()
 
 
 def test_two_sessions_hold_the_higher_level_and_the_last_one_lets_go(site: Site) -> None:

@@ -28,6 +28,7 @@ from swarm.messages import (
 from swarm.session import Session
 from swarm.traffic import TrafficClass
 from swarm.trust.identity import Identity
+from tests.support.free_ports import free_port
 from tests.support.message_samples import SAMPLES
 from tests.support.secure_swarm import HOST, made_keystore
 from tests.support.zenoh_fixtures import WAIT_S, Inbox, RouterProcess, until
@@ -50,13 +51,14 @@ class Machine(RouterProcess):
         log: Path,
         *peers: Machine,
         identity: Identity | None = None,
+        options: tuple[str, ...] = (),
     ) -> None:
         """`identity`: a copy of the keystore's, as it is on another machine."""
         self.store = store
         self.log = log
         folder = str((identity or store.identity(name)).folder)
         words = [word for peer in peers for word in ("--peer", f"tls/{HOST}:{peer.port}")]
-        super().__init__("--swarm", SWARM, "--identity", folder, *words)
+        super().__init__("--swarm", SWARM, "--identity", folder, *words, *options)
         # Whoever does not read a pipe stops who writes to it.
         threading.Thread(target=self._keep, daemon=True).start()
 
@@ -92,9 +94,10 @@ def machines(
     """A's router, and B's, which names it."""
     logs = tmp_path_factory.mktemp("logs")
     with ExitStack() as stack:
-        first = Machine(store, "router", logs / "A")
+        first = Machine(store, "router", logs / "A", options=("--targets", f"{logs}/joined.json"))
         stack.callback(first.stop)
-        second = Machine(store, "router-B", logs / "B", first)
+        metrics = ("--metrics-port", str(free_port()))
+        second = Machine(store, "router-B", logs / "B", first, options=metrics)
         stack.callback(second.stop)
         until(lambda: bool(second.reasons("peer_linked")), "B is linked with A")
         yield first, second
@@ -108,6 +111,23 @@ def come(machines: tuple[Machine, Machine]) -> Iterator[Callable[[int, str], Ses
 
 
 Come = Callable[[int, str], Session]
+
+
+def test_prometheus_is_told_of_the_router_and_the_robot_of_another_machine(
+    machines: tuple[Machine, Machine], come: Come
+) -> None:
+    file = machines[0].log.parent / "joined.json"
+    robot, other = come(1, "R3"), come(1, "R2")
+    other.declare_metrics("ego-R1", "http:10.0.0.9:9102")
+    robot.declare_metrics("R3", "http:10.0.0.7:9101")
+
+    def told() -> set[str]:
+        groups = json.loads(file.read_text()) if file.exists() else []
+        return {group["labels"]["instance"] for group in groups}
+
+    until(lambda: "robot-R3" in told(), "the robot at B's router is told of at A's")
+    # Nothing in another's name.
+    assert told() == {"robot-R3", "router-B"}
 
 
 def test_words_tokens_and_questions_cross_from_machine_to_machine(come: Come) -> None:

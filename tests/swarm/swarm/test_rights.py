@@ -18,6 +18,7 @@ from research.benchmarks.rights_matrix import (
 )
 from swarm import transport
 from swarm.errors import TransportError
+from swarm.trust.members import Trust
 from swarm.trust.rights import Act
 from swarm.trust.roles import LOCAL, Role
 from tests.support.free_ports import free_ports
@@ -37,7 +38,7 @@ def test_a_role_may_do_its_part_and_nothing_else(site: Site, role: Role, act: Ac
 
 
 def test_every_key_is_tried() -> None:
-    assert len(KEYS) == len(set(KEYS)) == 38
+    assert len(KEYS) == len(set(KEYS)) == 42
 
 
 def refused(config: dict[str, object]) -> str:
@@ -54,3 +55,16 @@ def test_a_stranger_does_not_come_in(site: Site, tmp_path: Path) -> None:
     known = str(foreign.identity("R3").ca)
     for extra in ({}, {"transport/link/tls/root_ca_certificate": known}):
         refused(own | {"connect/endpoints": [f"tls/127.0.0.1:{site.port}"]} | extra)
+
+
+def test_a_robots_certificate_makes_no_router(tmp_path: Path) -> None:
+    store = made_keystore(tmp_path / "keystore", SWARM, "R2", "R3")
+    port = free_ports(3)
+    trust = Trust(store.identity("R3"), {"enabled": False})
+    session = transport.open_zenoh(transport.router_config("127.0.0.1", port, None, trust))
+    try:
+        for host in ("127.0.0.1", "localhost"):
+            own = store.identity("R2").folder
+            refused(transport.client_config(f"tls/{host}:{port}#identity={own}"))
+    finally:
+        transport.close_zenoh(session)

@@ -419,6 +419,32 @@ def queued(pair: Pair, *numbers: int) -> list[Future[Answer[Observation]]]:
     return futures
 
 
+def test_a_request_that_would_wait_beyond_its_deadline_is_refused_at_once(pair: Pair) -> None:
+    go, begun = threading.Event(), threading.Event()
+
+    def slow(request: ObservationRequest) -> Observation:
+        if request.request == 1:
+            time.sleep(0.05)
+        else:
+            begun.set()
+            assert go.wait(WAIT_S)
+        return observation(request)
+
+    serve(pair, slow, workers=1, newest_first=True)
+    try:
+        # The first one is always answered, however short its time: so the server learns.
+        hasty = {"deadline_s": 0.001}
+        assert ask(pair[1], msgspec.structs.replace(numbered(1), **hasty)).result(WAIT_S)
+        patient = ask(pair[1], numbered(2))
+        assert begun.wait(WAIT_S)
+        with pytest.raises(RefusedError, match="busy: this would wait for") as refused:
+            ask(pair[1], msgspec.structs.replace(numbered(3), **hasty)).result(WAIT_S)
+        assert refused.value.code == "busy"
+    finally:
+        go.set()
+    assert patient.result(WAIT_S).message.request == 2
+
+
 def test_the_newest_request_is_answered_first_where_a_server_says_so(
     pair: Pair, in_turn: tuple[threading.Event, list[int]]
 ) -> None:

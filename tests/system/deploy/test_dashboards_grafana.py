@@ -37,6 +37,7 @@ from swarm.http_access import Access
 from swarm.log import make_logger
 from swarm.metrics import show_free_disk
 from swarm.router import serve_metrics
+from swarm.tcp_peers import PeerTraffic
 from tests.support.paths import REPOSITORY
 
 SCHEMA = 42
@@ -49,6 +50,9 @@ OTHERS = {
     "coadapt_messages_invalid_total": {"kind"},
     # Of a secure router: `tests/swarm/swarm/test_trust.py` reads it.
     "coadapt_router_refused_links_total": set(),
+    # Once fusion has gone to some host: `tests/unit/swarm/test_tcp_peers.py` reads them.
+    "coadapt_router_peer_sent_bytes_total": {"peer"},
+    "coadapt_router_peer_stood_seconds_total": {"peer"},
 }
 UNTOLD = {"titleFormat", "textFormat", "step", "definition"}
 """Keys of Prometheus' annotations and variables, which the schema leaves to its plugin."""
@@ -102,12 +106,14 @@ def metrics() -> dict[str, set[str]]:
         found |= {collected._name + end: labels for end in ends}
         if collected._type == "histogram":
             found[collected._name + "_bucket"] = labels | {"le"}
-    nothing = SimpleNamespace(connected=lambda: (0, 0))
+    nothing = SimpleNamespace(connected=lambda: (0, 0), traffic=PeerTraffic())
     with closing(serve_metrics(cast("Any", nothing), "127.0.0.1", 0)) as server:
         url = f"http://127.0.0.1:{server.port}/metrics"
         with urllib.request.urlopen(url, timeout=10) as reply:
             text = reply.read().decode()
-    return found | {family.name: set() for family in text_string_to_metric_families(text)}
+    families = list(text_string_to_metric_families(text))
+    named = {s.name: set(s.labels) for family in families for s in family.samples}
+    return found | {family.name: set() for family in families} | named
 
 
 NAME = re.compile(r"\b(coadapt_\w+|up|ALERTS)\b(?:\{([^}]*)\})?")
@@ -167,7 +173,12 @@ def test_every_query_is_valid(tmp_path: Path) -> None:
 
 def test_dashboards_can_be_imported_together() -> None:
     boards = dashboards()
-    assert [b["uid"] for b in boards] == ["coadapt-gateway", "coadapt-network", "coadapt-swarm"]
+    assert [b["uid"] for b in boards] == [
+        "coadapt-gateway",
+        "coadapt-hosts",
+        "coadapt-network",
+        "coadapt-swarm",
+    ]
     for board in boards:
         assert board["schemaVersion"] == SCHEMA
         assert "id" not in board

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,12 +14,13 @@ import pytest
 
 from deploy.netns import launch
 from deploy.prometheus import Prometheus
-from deploy.services import journal_path, net_journal_path
+from deploy.services import KEYSTORE, journal_path, net_journal_path
 from deploy.state import State, need_state
 from ego_agent.knowledge.journal import read_journal
+from swarm.trust.identity import ISSUED
 from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import WAIT_S, await_
-from tests.support.free_ports import free_port
+from tests.support.free_ports import free_port, free_ports
 
 READY_S = 120.0
 SWARM = "trusty"
@@ -44,7 +47,9 @@ def cli() -> Iterator[Cli]:
 def up() -> tuple[str, ...]:
     options = ("--prometheus-port", "--ego-metrics-port", "--qod-port", "--console-port")
     ports = tuple(word for option in options for word in (option, str(free_port())))
-    robots = ("--runtime", "netns", "--robots", "3", "--rings", "16")
+    robots: tuple[str, ...] = ("--runtime", "netns", "--robots", "3", "--rings", "16")
+    # Others reach it at an address of this machine, and the floor has room for one of them.
+    robots += ("--listen", "127.0.0.1", "--router-port", str(free_ports(3)), "--world-robots", "4")
     return ("up", "--secure", *robots, *ports, "--wait", str(READY_S))
 
 
@@ -103,6 +108,46 @@ def test_who_acts_stands_in_the_journal_as_the_router_let_them_in(swarm: State, 
     await_(told, "the action is in the controller's journal")
     on_duty = "R3 is on duty, by operator-local since"
     await_(lambda: on_duty in cli("steer", "--start", "R3").stdout, "R3 is on duty")
+
+
+def identity_of(swarm: State, cli: Cli, name: str) -> Path:
+    assert cli("certs", "issue", name).returncode == 0
+    return Path(swarm.spec.var_dir, KEYSTORE, ISSUED, name)
+
+
+def test_who_has_a_certificate_operates_it_without_its_run_directory(
+    swarm: State, cli: Cli
+) -> None:
+    place = f"tls/127.0.0.1:{swarm.spec.router_port}"
+    router = ("--router", f"{place}#identity={identity_of(swarm, cli, 'operator-ann')}")
+
+    def seen() -> dict[str, Any]:
+        done = cli("status", "--json", *router)
+        table: dict[str, Any] = json.loads(done.stdout) if done.returncode == 0 else {}
+        return table if table.get("selected") else {}
+
+    table = await_(seen, "a status through the router")
+    assert (table["ego"], table["runtime"]) == ("R1", "elsewhere")
+    assert {row["robot"] for row in table["robots"]} >= {"R1", "R2", "R3"}
+    assert (table["processes"], table["trust"]) == ([], None)
+    await_(lambda: "R1 decides by" in cli("steer", *router).stdout, "the ego is asked")
+    await_(lambda: cli("net", "show", *router).returncode == 0, "the controller is asked")
+
+
+def test_a_robot_that_joins_is_chosen_until_it_leaves(swarm: State, cli: Cli) -> None:
+    folder = identity_of(swarm, cli, "R4")
+    place = f"tls/127.0.0.1:{swarm.spec.router_port}"
+    options = ("--robot", "R4", "--cert", str(folder), "--rings", "16", "--metrics", "127.0.0.1:0")
+    with subprocess.Popen(
+        [sys.executable, "-m", "coadapt.main", "join", place, *options], stderr=subprocess.DEVNULL
+    ) as joined:
+        try:
+            await_(lambda: "R4" in (status(cli)["selected"] or ()), "the ego chooses R4")
+            joined.terminate()
+            assert joined.wait(WAIT_S) == 0
+        finally:
+            joined.kill()
+    await_(lambda: "R4" not in (status(cli)["selected"] or ("R4",)), "R4 is out")
 
 
 def ends(cli: Cli) -> dict[str, str]:

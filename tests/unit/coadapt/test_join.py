@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from coadapt import elsewhere
-from coadapt.joining import Wish, environment_of, needs_ego, router_of, swarm_of
+from coadapt.joining import Wish, needs_ego, router_of, settings_of, swarm_of
 from coadapt.main import main
 from swarm.errors import CoAdaptError, IdentityError, SettingError
 from tests.support.secure_swarm import made_keystore
@@ -73,16 +73,13 @@ def test_what_is_not_given_the_ego_tells() -> None:
 
 def test_what_is_typed_goes_before_what_was_learnt() -> None:
     typed = wish("tcp/h", world_seed=9, world_rings=None)
-    made = environment_of(typed, "tcp/h:7447", "floor", LEARNT, {"COADAPT_WORKERS": "2"})
-    assert made["COADAPT_WORLD_SEED"] == "9"
-    assert made["COADAPT_WORLD_ROBOTS"] == "6"
-    assert made["COADAPT_EPOCH_NS"] == "5"
-    assert made["COADAPT_WORKERS"] == "2"
-    assert "COADAPT_WORLD_RINGS" not in made
+    made = settings_of(typed, "tcp/h:7447", "floor", LEARNT, {"COADAPT_WORKERS": "2"})
+    assert (made.world_seed, made.world_robots, made.epoch_ns) == (9, 6, 5)
+    assert (made.robots, made.swarm, made.router) == (("R2",), "floor", "tcp/h:7447")
+    assert (made.workers, made.world_learnt) == (2, True)
     # Of another world than the ego's only the time holds.
-    road = environment_of(wish("tcp/h", world="road"), "tcp/h:7447", "floor", LEARNT, {})
-    assert road["COADAPT_EPOCH_NS"] == "5"
-    assert "COADAPT_WORLD_SEED" not in road
+    road = settings_of(wish("tcp/h", world="road"), "tcp/h:7447", "floor", LEARNT, {})
+    assert (road.epoch_ns, road.world_seed) == (5, 1)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +94,7 @@ def test_a_robot_that_could_not_live_in_its_world_is_not_started(
     settings: dict[str, Any], told: str
 ) -> None:
     with pytest.raises(SettingError, match=told):
-        environment_of(wish("tcp/h", **settings), "tcp/h:7447", "floor", LEARNT, {})
+        settings_of(wish("tcp/h", **settings), "tcp/h:7447", "floor", LEARNT, {})
 
 
 def test_a_unit_runs_the_command_that_was_typed(

@@ -53,6 +53,10 @@ def test_names_are_checked_before_anything_starts(
     assert words in refusal(capsys, *options)
 
 
+def test_metrics_over_tls_need_certificates(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "a plain swarm has none: start it with --secure" in refusal(capsys, "--metrics-tls")
+
+
 @pytest.mark.stumble(
     "DATA without WORLD starts the simulated factory", command="make up DATA=scans"
 )

@@ -77,9 +77,14 @@ def test_an_image_may_be_a_setting(
     assert not any(IMAGE in one["environment"] for one in services.values())
 
 
-def test_a_link_that_nobody_there_shapes_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_link_is_shaped_where_the_interface_is_named_that_leads_there(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main((*STACK, "--link", "5mbit")) == 1
-    assert "--link shapes links of one machine's" in capsys.readouterr().err
+    assert "--link shapes the link of the ego's node: name the interface" in capsys.readouterr().err
+    assert main((*STACK, "--link", "5mbit", "--interface", "eth1")) == 0
+    services = yaml.safe_load(capsys.readouterr().out)["services"]
+    assert services["controller-R1"]["environment"]["COADAPT_LINK_BPS"] == "5000000"
 
 
 def test_what_is_wrong_with_the_roster_is_said_as_up_says_it(

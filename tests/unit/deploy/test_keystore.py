@@ -17,6 +17,7 @@ from swarm.errors import IdentityError
 from swarm.trust import certificates
 from swarm.trust.identity import CERTIFICATE, KEY, Identity
 from swarm.trust.members import read_members
+from swarm.trust.serving import SERVER_NAME
 
 
 @pytest.fixture
@@ -38,12 +39,16 @@ def test_what_is_issued_holds_for_a_day_at_most_and_is_for_one_role(store: Keyst
     assert held.not_valid_after_utc - held.not_valid_before_utc == LIFE == timedelta(hours=24)
     assert held.not_valid_before_utc < datetime.now(UTC) < held.not_valid_after_utc
     usage = held.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
-    assert list(usage) == [x509.oid.ExtendedKeyUsageOID.CLIENT_AUTH]
+    # It may serve, too: its metrics, under no name by which a router is reached.
+    both = [x509.oid.ExtendedKeyUsageOID.SERVER_AUTH, x509.oid.ExtendedKeyUsageOID.CLIENT_AUTH]
+    assert list(usage) == both
+    own = held.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    assert [name.value for name in own] == [SERVER_NAME]
     limits = held.extensions.get_extension_for_class(x509.BasicConstraints).value
     assert not limits.ca
     server = certificates.check(store.identity("router"))
     names = server.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    assert [str(name.value) for name in names] == ["127.0.0.1", "router"]
+    assert [str(name.value) for name in names] == ["127.0.0.1", "router", SERVER_NAME]
 
 
 def test_keys_are_for_their_owner_alone(store: Keystore) -> None:
@@ -151,7 +156,7 @@ def test_the_router_keeps_its_addresses_and_is_not_issued_without_one(
 ) -> None:
     held = certificates.check(store.issue("router", ("edge.plant",)))
     names = held.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    assert [str(name.value) for name in names] == ["127.0.0.1", "router", "edge.plant"]
+    assert [str(name.value) for name in names] == ["127.0.0.1", "router", "edge.plant", SERVER_NAME]
     store.renew("router")
     other = Keystore(tmp_path / "other")
     other.init("qa")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from deploy.cluster import charts, kubernetes, plan
+from deploy.cluster import charts, kubernetes, plan, site
 from deploy.cluster.plan import Cluster, make_cluster
 from deploy.docker import compose
 from deploy.spec import SwarmSpec, make_spec
@@ -27,8 +27,8 @@ OLDEST, NEWEST = "1.35", "1.37"
 FOREIGN = "monitoring.coreos.com"
 """Kinds of Prometheus' operator, which are not the API's own."""
 ROBOTS = ("R1", "arm_2", "R3")
-HOST = make_cluster("registry:5000/coadapt-edge:1", kubernetes.ROUTER)
-MODEL = make_cluster("registry:5000/edge:1", kubernetes.ROUTER, llm_image="registry:5000/llm:1")
+HOST = make_cluster("registry:5000/coadapt-edge:1", site.ROUTER)
+MODEL = make_cluster("registry:5000/edge:1", site.ROUTER, llm_image="registry:5000/llm:1")
 Object = dict[str, Any]
 
 
@@ -37,10 +37,8 @@ def kept(spec: SwarmSpec) -> tuple[str, ...]:
     return keep(spec, plan.place_of(spec, HOST), plan.roles(spec, MODEL))
 
 
-@pytest.fixture(params=["server", "embedded"])
-def spec(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> SwarmSpec:
+@pytest.fixture
+def spec(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SwarmSpec:
     """Three robots and all that a site has, with certificates and a token of the operator's."""
     token = tmp_path / "token"
     token.write_text("secret")
@@ -52,22 +50,27 @@ def spec(
         runtime="kubernetes",
         robots=ROBOTS,
         ego_standby="arm_2",
-        world="scans" if request.param == "server" else "factory",
-        data=str(recorded) if request.param == "server" else "",
+        world="scans",
+        data=str(recorded),
         secure=True,
         console=True,
         prometheus=False,
-        llm="http://models:8000" if request.param == "server" else "embedded",
+        llm="embedded",
         var_dir=str(tmp_path),
     )
     kept(made)
     return made
 
 
-@pytest.fixture(params=["host", "overlay"])
-def cluster(request: pytest.FixtureRequest) -> Cluster:
+@pytest.fixture(params=["host", "overlay", "interface"])
+def cluster(request: pytest.FixtureRequest, spec: SwarmSpec) -> Cluster:
+    """On the nodes' own network, on the cluster's, and with a controller on each robot's node."""
     image, model = "registry:5000/coadapt-edge:1", "registry:5000/coadapt-llm:1"
-    return make_cluster(image, kubernetes.ROUTER, request.param, model)
+    if request.param != "interface":
+        return make_cluster(image, site.ROUTER, request.param, model)
+    made = make_cluster(image, site.ROUTER, "host", model, "eth1")
+    keep(spec, plan.place_of(spec, made), plan.roles(spec, made))
+    return made
 
 
 def flat(spec: SwarmSpec, cluster: Cluster) -> list[Object]:
@@ -211,11 +214,13 @@ def test_an_identity_lies_where_its_process_looks_for_it(spec: SwarmSpec, cluste
 def test_a_process_may_do_no_more_than_its_part(spec: SwarmSpec, cluster: Cluster) -> None:
     for name, one in workloads(flat(spec, cluster)).items():
         pod = one["spec"]["template"]["spec"]
-        assert pod["securityContext"]["runAsNonRoot"], name
+        shapes = name.startswith("controller-")
+        assert pod["securityContext"]["runAsNonRoot"] != shapes, name
         assert pod["automountServiceAccountToken"] is False, name
         (container,) = pod["containers"]
         context = container["securityContext"]
-        assert context["capabilities"] == {"drop": ["ALL"]}, name
+        added = {"add": ["NET_ADMIN", "DAC_OVERRIDE"]} if shapes else {}
+        assert context["capabilities"] == {"drop": ["ALL"], **added}, name
         assert context["readOnlyRootFilesystem"], name
         assert not context["allowPrivilegeEscalation"], name
         assert int(container["resources"]["limits"]["memory"]) >= 256 << 20, name
@@ -239,6 +244,21 @@ def test_a_robot_is_one_pod_on_its_own_node_however_long_the_node_is_away(
             assert one["spec"]["strategy"] == {"type": "Recreate"}, name
 
 
+def test_each_robots_node_has_a_controller_where_an_interface_is_named(
+    spec: SwarmSpec, cluster: Cluster
+) -> None:
+    found = {
+        name: one["spec"]["template"]["spec"]
+        for name, one in workloads(flat(spec, cluster)).items()
+        if one["kind"] == "DaemonSet"
+    }
+    robots = {f"controller-{kubernetes.name_of(robot)}": robot for robot in ROBOTS}
+    assert set(found) == (set(robots) if cluster.interface else set())
+    for name, pod in found.items():
+        assert pod["nodeSelector"] == {"coadapt/robot": robots[name]}
+        assert pod["hostNetwork"]
+
+
 def test_names_that_kubernetes_cannot_tell_apart_are_refused(tmp_path: Path) -> None:
     spec = make_spec(robots=("r1", "R1"), runtime="kubernetes", var_dir=str(tmp_path))
     with pytest.raises(DeployError, match="robot-r1 and robot-R1 have one name in Kubernetes"):
@@ -248,7 +268,7 @@ def test_names_that_kubernetes_cannot_tell_apart_are_refused(tmp_path: Path) -> 
 def test_the_chart_is_the_same_objects_with_values_to_choose(
     spec: SwarmSpec, cluster: Cluster
 ) -> None:
-    files = charts.chart(spec, cluster, kubernetes.MONITORING, "1.2.3")
+    files = charts.chart(spec, cluster, site.MONITORING, "1.2.3")
     key = lambda one: (one["kind"], one["metadata"]["name"])  # noqa: E731
     assert sorted(rendered(files), key=key) == sorted(flat(spec, cluster), key=key)
     about = yaml.safe_load(files["Chart.yaml"])
@@ -274,7 +294,7 @@ def test_the_chart_is_the_same_objects_with_values_to_choose(
 def test_kustomize_builds_the_base(spec: SwarmSpec, cluster: Cluster, tmp_path: Path) -> None:
     if shutil.which("kubectl") is None:
         pytest.skip("kubectl, which has kustomize built in, is not installed")
-    base, chart = charts.write(tmp_path / "out", spec, cluster, kubernetes.MONITORING, "1.2.3")
+    base, chart = charts.write(tmp_path / "out", spec, cluster, site.MONITORING, "1.2.3")
     assert (chart / "Chart.yaml").is_file()
     done = subprocess.run(
         ["kubectl", "kustomize", str(base)], capture_output=True, text=True, check=False
@@ -317,8 +337,7 @@ def test_a_service_account_is_nobodys_and_recorded_data_is_only_read(
 ) -> None:
     pod = workloads(flat(spec, cluster))["robot-r1"]["spec"]["template"]["spec"]
     data = [one for one in pod["volumes"] if "hostPath" in one]
-    assert bool(data) == bool(spec.data)
-    for volume in data:
-        assert volume["hostPath"] == {"path": spec.data, "type": "Directory"}
-        (mount,) = [m for m in pod["containers"][0]["volumeMounts"] if m["name"] == volume["name"]]
-        assert (mount["mountPath"], mount["readOnly"]) == (compose.DATA, True)
+    assert [one["hostPath"] for one in data] == [{"path": spec.data, "type": "Directory"}]
+    mounts = pod["containers"][0]["volumeMounts"]
+    (mount,) = [one for one in mounts if one["name"] == data[0]["name"]]
+    assert (mount["mountPath"], mount["readOnly"]) == (compose.DATA, True)

@@ -51,7 +51,7 @@ def stacked(spec: SwarmSpec, cluster: Cluster = HOST, **options: Any) -> dict[st
     return document
 
 
-def test_the_processes_are_those_of_up_but_the_authority_and_the_controller(
+def test_the_processes_are_those_of_up_but_the_authority_and_its_one_controller(
     spec: SwarmSpec,
 ) -> None:
     members = {one.name for one in roster.services(spec, plan.place_of(spec, HOST))}
@@ -92,6 +92,35 @@ def test_a_task_may_do_no_more_than_its_part(spec: SwarmSpec) -> None:
         assert one["healthcheck"]["test"][-1] == one["environment"].get(
             "COADAPT_METRICS_PORT", str(roster.ROUTER_METRICS_PORT)
         )
+
+
+def test_a_named_interface_gets_a_controller_on_each_robots_node(spec: SwarmSpec) -> None:
+    shaped = msgspec.structs.replace(spec, link_bps=5_000_000)
+    cluster = make_cluster("edge:1", "10.0.0.1", interface="eth1", default_route=True)
+    keep(shaped, plan.place_of(shaped, cluster), plan.roles(shaped, cluster))
+    services = stacked(shaped, cluster)["services"]
+    own = {name: one for name, one in services.items() if name.startswith("controller")}
+    assert list(own) == ["controller-R1", "controller-R2", "controller-R3"]
+    for name, one in own.items():
+        robot = name.removeprefix("controller-")
+        env = one["environment"]
+        assert env["COADAPT_DRIVER"] == "interface"
+        assert env["COADAPT_CONTROLLER"] == env["COADAPT_INTERFACE_ROBOTS"] == robot
+        assert env["COADAPT_INTERFACE"] == env["COADAPT_INTERFACE_CONFIRMED"] == "eth1"
+        assert env.get("COADAPT_LINK_BPS") == ("5000000" if robot == "R1" else None)
+        assert env["COADAPT_ROUTER"].endswith(f"/keystore/issued/{name}")
+        assert one["cap_drop"] == ["ALL"]
+        assert one["cap_add"] == ["NET_ADMIN", "DAC_OVERRIDE"]
+        assert one["user"] == "0:0"
+        assert one["deploy"]["placement"]["constraints"] == [
+            f"node.labels.coadapt.robot == {robot}"
+        ]
+        assert {Path(held["target"]).parent.name for held in one["secrets"]} == {name}
+        assert {held["uid"] for held in one["secrets"]} == {"0"}
+    assert not any("cap_add" in one for name, one in services.items() if name not in own)
+    unconfirmed = make_cluster("edge:1", "10.0.0.1", interface="eth1")
+    env = stacked(shaped, unconfirmed)["services"]["controller-R2"]["environment"]
+    assert env["COADAPT_INTERFACE_CONFIRMED"] == ""
 
 
 def test_a_task_gets_its_own_certificate_only(spec: SwarmSpec) -> None:
@@ -176,6 +205,7 @@ def test_prometheus_finds_every_process_and_answers_its_own_node_only(spec: Swar
         on_host = cluster is HOST
         assert found["robot-R3"] == ("10.0.0.3:9101" if on_host else "robot-R3:9101")
         assert found["ego-R2"] == ("10.0.0.2:9102" if on_host else "ego-R2:9102")
+        assert found["prometheus"] == ("127.0.0.1:9090" if on_host else "prometheus:9090")
         assert found["router"] == ("10.0.0.1:9100" if on_host else "router:9100")
     text = stack.stack_file(watched, HOST, prometheus="a: 1")
     again = stack.stack_file(watched, HOST, prometheus="a: 2")
@@ -208,6 +238,8 @@ def test_only_some_processes_are_written_when_asked_for(spec: SwarmSpec) -> None
         ({"image": "a b"}, "--image 'a b' is not valid"),
         ({"image": "edge@sha256:12"}, "--image 'edge@sha256:12' is not valid"),
         ({"image": "edge", "router": "tls/host"}, "--router 'tls/host' is not valid"),
+        ({"image": "edge", "interface": "eth 1"}, "--interface 'eth 1' is not the name"),
+        ({"image": "edge", "interface": "eth1", "network": "overlay"}, "needs --network host"),
     ],
 )
 def test_what_the_machines_could_not_use_is_refused(values: dict[str, Any], said: str) -> None:

@@ -87,6 +87,16 @@ def test_the_ego_needs_no_liveliness_token_and_no_usable_scene() -> None:
     assert not unified.ego.area.any()
 
 
+def test_what_a_robot_shares_counts_for_egos_that_take_it() -> None:
+    robot = view("R", 10)
+    assert robot.beacon is not None
+    told = replace(robot, beacon=msgspec.structs.replace(robot.beacon, shared=("early",)))
+    known = knowledge()
+    assert analyze(snapshot(view("E"), told), known).candidates[0].shared == {"early"}
+    known.shares = False
+    assert analyze(snapshot(view("E"), told), known).candidates[0].shared == frozenset()
+
+
 def test_an_object_that_two_robots_see_is_one_with_evidence_of_both() -> None:
     ego = view("E", sees=objects((10, 0, 15), (0, 20, 60)))
     other = view("R", 20, sees=objects((11.2, 0, 30)))

@@ -186,6 +186,15 @@ def test_a_robot_is_not_asked_for_more_than_its_own_link_carries() -> None:
     )
 
 
+def test_what_a_robot_sends_to_other_egos_anyway_takes_nothing_more_of_its_link() -> None:
+    narrow = candidate("B", range(40, 50), capacity_bps=1e6, shared=("early",))
+    decision, repairs = check(proposal("E", "B", algorithm="early"), scene(NARROW.ego, narrow))
+    assert decision is not None
+    assert (decision.participants, decision.algorithm, repairs) == (("E", "B"), "early", ())
+    # The ego's own cell carries it all the same.
+    assert decision.cost_bytes == 12_000
+
+
 def test_a_robot_behind_a_narrow_link_is_dropped_where_nothing_else_can_be_fused() -> None:
     decision, repairs = check(proposal("E", "A", "B"), NARROW, knowledge(("early",)))
     assert decision is not None

@@ -89,6 +89,15 @@ class TestIdentity:
         assert told.velocities[0] == pytest.approx([speed, 0.0], abs=0.2)
         assert told.ages_s.tolist() == [0.0]
 
+    @pytest.mark.parametrize("speed", [8.0, 15.0])
+    def test_what_drives_fast_is_followed_from_its_first_frame(self, speed: float) -> None:
+        memory = Memory(6.0)
+        for i in range(12):
+            told = memory.update(frame(i / 10, boxes((i / 10 * speed, 3.0))))
+            assert told.ids.tolist() == [1]
+        assert told.boxes.centers[0, 0] == pytest.approx(1.1 * speed, abs=0.25)
+        assert told.velocities[0, 0] == pytest.approx(speed, rel=0.05)
+
     def test_two_that_pass_each_other_stay_themselves(self) -> None:
         memory = Memory(1.0)
         for i in range(40):

@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 from prometheus_client import CollectorRegistry, Counter
 
-from swarm.errors import SettingError
-from swarm.metrics import MetricsServer, show_free_disk
+from swarm.errors import IdentityError, SettingError
+from swarm.metrics import MetricsServer, serve_metrics, show_free_disk
+from swarm.process import SwarmSettings
+from swarm.settings import load
+from swarm.trust.identity import Identity
 
 
 def scrape(port: int) -> str:
@@ -59,3 +62,14 @@ def test_room_on_a_disk_is_told_and_where_nobody_knows_that_it_is_not_known(tmp_
     assert free is not None
     assert free > 0
     assert math.isnan(nowhere.get_sample_value("coadapt_disk_free_bytes") or 0.0)
+
+
+def test_tls_needs_a_certificate() -> None:
+    settings = load(SwarmSettings, {"COADAPT_METRICS_TLS": "true", "COADAPT_METRICS_PORT": "0"})
+    with pytest.raises(SettingError, match="COADAPT_METRICS_TLS = true needs a certificate"):
+        serve_metrics(CollectorRegistry(), settings)
+
+
+def test_a_certificate_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(IdentityError, match=r"R7/cert.pem .*coadapt certs issue R7"):
+        MetricsServer(CollectorRegistry(), 0, "127.0.0.1", Identity(tmp_path / "R7"))

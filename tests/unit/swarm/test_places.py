@@ -68,6 +68,31 @@ def test_the_asker_for_whom_the_least_is_done_comes_first() -> None:
     assert held.next() == ("stranger", 0)
 
 
+def test_of_those_for_whom_as_much_is_done_the_earliest_deadline_comes_first() -> None:
+    held = places(limit=8, each=2)
+    held.add("patient", 0, 9.0)
+    held.add("hasty", 10, 2.0)
+    held.add("whenever", 20)
+    held.add("patient", 1, 9.5)
+    assert held.ahead() == 4
+    # An asker's own: the newest, for which its older one is out of date.
+    assert [held.next() for _ in range(4)] == [
+        ("hasty", 10),
+        ("patient", 1),
+        ("whenever", 20),
+        ("patient", 0),
+    ]
+    assert held.ahead() == 4
+
+
+def test_deadlines_do_not_overtake_where_the_order_counts() -> None:
+    held = places(each=2, newest_first=False)
+    held.add("a", 0, 5.0)
+    held.add("a", 1, 1.0)
+    held.add("b", 10, 3.0)
+    assert [held.next() for _ in range(3)] == [("b", 10), ("a", 0), ("a", 1)]
+
+
 def test_who_may_not_be_answered_now_is_not_waited_for() -> None:
     held = places(limit=8, each=2)
     for number in range(3):

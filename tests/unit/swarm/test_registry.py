@@ -59,7 +59,7 @@ def add(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Add:
 def test_one_new_file_is_a_new_driver(add: Add) -> None:
     add(drivers.__name__, DRIVER)
     assert make_driver("mine", "hall").swarm == "hall"  # type: ignore[attr-defined]
-    with pytest.raises(CoAdaptError, match="'other' is not valid; allowed: docker, mine, netns"):
+    with pytest.raises(CoAdaptError, match="allowed: docker, interface, mine"):
         make_driver("other", "hall")
 
 

@@ -23,7 +23,7 @@ EVERYBODY = [
     Role("operator", "ann"),
     Role("reader", "bob"),
 ]
-TOKENS = (keyspace.alive, keyspace.ego_leads, keyspace.llm_alive)
+TOKENS = (keyspace.alive, keyspace.ego_leads, keyspace.llm_alive, keyspace.metrics)
 
 
 def key_functions() -> list[Callable[..., str]]:
@@ -58,20 +58,24 @@ def test_every_key_has_one_who_speaks_and_one_who_hears(function: Callable[..., 
     ]
     # The router tells of its own connections, and is not subject to its own rules.
     assert speakers or function is keyspace.net_tcp
-    assert hearers
+    # So it hears, too, where metrics are.
+    assert hearers or function is keyspace.metrics
     if function in TOKENS:
         assert all(allows(role, "hold", key) for role in speakers)
 
 
 def test_there_are_as_many_key_functions_as_keys() -> None:
     keys = {key_of(function) for function in key_functions()}
-    assert len(keys) == len(key_functions()) == 18
+    assert len(keys) == len(key_functions()) == 19
 
 
 @pytest.mark.parametrize("role", EVERYBODY, ids=lambda r: r.common_name)
 def test_nobody_speaks_for_another_robot(role: Role) -> None:
     for right in rights_of(role, SWARM):
         if right.act in ("put", "serve", "hold"):
+            place = keyspace.metrics(SWARM, role.common_name)
+            if (right.act, right.key) == ("hold", place):
+                continue  # One's own, wherever that is.
             # Of a robot's own, whatever the algorithm, and in whatever cell of the floor it is.
             own = right.key.removesuffix("/robot/R1/shared/*").removesuffix("/**")
             assert "*" not in own

@@ -14,8 +14,18 @@ from options.console.board import MAX_GONE, Board
 from options.console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Faults
 from options.console.view import MAX_ROBOTS, View
 from swarm.arrays import Array, pack
-from swarm.messages import Beacon, Decision, Detections, GatewayState, SceneDescription
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    GatewayState,
+    LinkState,
+    NetState,
+    SceneDescription,
+    ShapeRequest,
+)
 from tests.support.console_swarm import EGO, rows
+from tests.support.message_samples import SAMPLES
 
 VISIBLE = pack(np.full((72, 1), 9.5, np.float32))
 
@@ -138,6 +148,24 @@ def test_the_first_figures_count_from_when_somebody_looks(
     assert shown(board)["history"][-1]["used_bps"] == 8 * 5000
 
 
+def test_what_is_remembered_is_shown_beside_what_is_seen(view: View, board: Board) -> None:
+    found = next(sample for sample in SAMPLES if isinstance(sample, Detections))
+    assert found.tracks is not None
+    view.on_detections(msgspec.structs.replace(found, ego=EGO))
+    value = shown(board)["state"]["detections"]
+    assert value["remembered"] == [[0.0, 1.0, 3.0, 4.0, 6.0, 0.75, 0.5]]
+    seen_now = msgspec.structs.replace(found.tracks, ages_s=pack(np.zeros((1, 1), np.float32)))
+    for tracks in (None, seen_now):
+        view.on_detections(msgspec.structs.replace(found, ego=EGO, tracks=tracks))
+        assert shown(board)["state"]["detections"]["remembered"] == []
+
+
+def test_how_often_each_contributes_is_shown(view: View, board: Board) -> None:
+    decided = next(sample for sample in SAMPLES if isinstance(sample, Decision))
+    view.on_decision(decided)
+    assert shown(board)["state"]["decision"]["assignments"] == [["R1", "late", 2.0]]
+
+
 def test_a_clock_that_is_set_back_hides_no_silence(
     view: View, board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -181,6 +209,28 @@ def decision(cycle: int, *, valid: bool = True) -> Decision:
         policy="coverage",
         valid=valid,
     )
+
+
+def test_the_links_of_several_hosts_are_shown_together(view: View, board: Board) -> None:
+    for seq, (name, robot) in enumerate((("hall-1", EGO), ("hall-2", "R7"))):
+        link = LinkState(
+            robot=robot,
+            direction="down",
+            capacity_bps=5_000_000,
+            available_bps=4_000_000,
+            latency_ms=0.0,
+            level=0,
+            classes={},
+        )
+        why = ("R7 up: refused",) if name == "hall-2" else ()
+        state = NetState(controller=seq, seq=seq, sent_ns=0, links=(link,), name=name, unshaped=why)
+        view.on_net_state(state)
+    net = shown(board)["state"]["net"]
+    assert [link["robot"] for link in net["links"]] == [EGO, "R7"]
+    assert net["unshaped"] == ["controller hall-2: R7 up: refused"]
+    # What is asked here goes to who has the link.
+    assert list(view.addressees(ShapeRequest(profile="congest", robot="R7"))) == ["hall-2"]
+    assert list(view.addressees(ShapeRequest(profile="congest"))) == ["hall-1"]
 
 
 def test_the_ego_that_stands_in_is_shown_and_told(view: View, board: Board) -> None:

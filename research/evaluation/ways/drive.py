@@ -1,0 +1,132 @@
+"""Frames of one drive that follow each other, fused in any way, each fusion once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from perception.fusion.base import Contribution, EncodeOptions, Fusion
+from perception.fusion.known import KnownRobot, seen_at
+from perception.fusion.mixed import Mixed
+from perception.fusion.registry import make_fusion
+from perception.memory.memory import View
+from perception.types import Boxes
+from research.evaluation.splits import nearest_first
+from research.evaluation.windows.frames import OnceWorld
+from swarm.errors import PerceptionError
+from swarm.geometry import Matrix, Points
+from worlds.base import World
+from worlds.cooperative.fusing import SINGLE, disturbed, known_robots
+from worlds.registry import open_world
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Where and when."""
+
+    world: str
+    seed: int
+    robots: int
+    ego: int
+    """Its number among the robots."""
+    first: int
+    frames: int
+    folder: Path | None = None
+    pose_noise_m: float = 0.0
+
+    def open(self) -> World:
+        """The world; no scan is computed yet."""
+        return open_world(self.world, data=self.folder, robots=self.robots, seed=self.seed)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FusedOnce:
+    """What one fusion of one frame brought."""
+
+    found: Boxes
+    """With raw scores, in the world frame."""
+    scored_as: str
+    helpers: frozenset[str]
+    bytes: Mapping[str, int]
+    known: tuple[KnownRobot, ...]
+    views: Mapping[str, View]
+    world_from_own: Matrix
+
+
+class Driven:
+    """A drive, frame by frame; what was fused once is kept."""
+
+    def __init__(self, drive: Drive) -> None:
+        self.drive = drive
+        self.world = OnceWorld(drive.open())
+        self.ego = self.world.robots[drive.ego]
+        self.frames = range(drive.first, drive.first + drive.frames)
+        self.nearest = tuple(nearest_first(self.world, self.ego, drive.first))[1:]
+        """The other robots as the drive begins."""
+        self._fusions: dict[str, Fusion] = {}
+        self._payloads: dict[tuple[int, str, str, float], tuple[Contribution, int]] = {}
+        self._fused: dict[tuple[int, tuple[tuple[str, str], ...], float], FusedOnce] = {}
+
+    def fused(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
+        """The frame with these robots, each in the form asked for; points within the error."""
+        key = (frame, tuple(sorted(asked.items())), max_error_m)
+        if key not in self._fused:
+            self._fused[key] = self._fuse(frame, asked, max_error_m)
+        return self._fused[key]
+
+    def _fuse(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
+        own = self.world.scan(self.ego, frame)
+        forms = {name: self._fusion(name) for name in dict.fromkeys(asked.values())}
+        here = own.pose.matrix()
+        gathering = Mixed(forms or {"early": self._fusion("early")}).begin(own.points, here)
+        sizes: dict[str, int] = {}
+        helpers: set[str] = set()
+        for robot, name in asked.items():
+            key = (frame, robot, name, max_error_m)
+            if key not in self._payloads:
+                self._payloads[key] = self._encoded(frame, robot, name, max_error_m, own.points)
+            contribution, sizes[robot] = self._payloads[key]
+            try:
+                gathering.add(contribution)
+                helpers.add(robot)
+            except PerceptionError:
+                continue
+        found = gathering.finish()
+        known = known_robots(self.world, frame, self.ego, self.drive.pose_noise_m)
+        views = {self.ego: (own.points, here), **gathering.sent_points()}
+        return FusedOnce(
+            found,
+            _scored_as([asked[robot] for robot in sorted(helpers)]),
+            frozenset(helpers),
+            sizes,
+            seen_at(known, gathering.corrections()),
+            views,
+            here,
+        )
+
+    def _encoded(
+        self, frame: int, robot: str, name: str, max_error_m: float, own: Points
+    ) -> tuple[Contribution, int]:
+        """What the robot sends, and the bytes of that and of asking for it."""
+        fusion, scan = self._fusion(name), self.world.scan(robot, frame)
+        here = self.world.pose(self.ego, frame).matrix()
+        ask = fusion.begin(own, here).ask()
+        pose = disturbed(scan.pose, robot, frame, self.drive.pose_noise_m)
+        options = EncodeOptions(
+            max_error_m=max_error_m, pose=pose, reference=ask.reference, demand=ask.demand
+        )
+        payload = fusion.encode(scan.points, options)
+        sent = Contribution(robot, payload, pose.matrix(), form=name)
+        return sent, len(payload) + ask.size()
+
+    def _fusion(self, name: str) -> Fusion:
+        if name not in self._fusions:
+            self._fusions[name] = make_fusion(name, self.world.detector)
+        return self._fusions[name]
+
+
+def _scored_as(forms: list[str]) -> str:
+    """Whose calibration holds: that of the form that most robots have sent."""
+    return Counter(forms).most_common(1)[0][0] if forms else SINGLE

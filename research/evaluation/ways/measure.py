@@ -1,0 +1,137 @@
+"""What ways bring on a drive."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.detector.config import configuration
+from perception.fusion.publishing import publish
+from perception.memory.memory import Frame, Memory
+from perception.memory.remembering import remember
+from perception.tally import Tally
+from perception.types import Boxes
+from research.evaluation.ways.drive import Driven, FusedOnce
+from research.evaluation.ways.tracking import NEAR_M, Following
+from research.evaluation.ways.way import Way
+from worlds.cooperative.judging import judge
+
+SETTLED_FRAMES = 10
+"""From the first that counts: a memory begins empty."""
+
+
+@dataclass(slots=True)
+class Measured:
+    """What one way brought on one drive, or on several."""
+
+    tally: Tally = field(default_factory=Tally)
+    following: Following = field(default_factory=Following)
+    bytes: int = 0
+    """That robots sent, requests included."""
+    memory_ms: list[float] = field(default_factory=list)
+    lost: int = 0
+    """Objects that were told of, and then shown by nobody until a silence ended..."""
+    found_again: int = 0
+    """...and of these those whose place was right then."""
+
+    def take_up(self, other: Measured, drive: int) -> None:
+        """Adds another drive."""
+        self.tally.take_up(other.tally)
+        self.following.take_up(other.following, drive)
+        self.bytes += other.bytes
+        self.memory_ms += other.memory_ms
+        self.lost += other.lost
+        self.found_again += other.found_again
+
+
+def measure(driven: Driven, way: Way) -> Measured:
+    """Drives the way."""
+    world, measured = driven.world, Measured()
+    detector = world.detector
+    memory = Memory(configuration(detector).usual_speed_m_s) if way.memory else None
+    silence = Silence(measured)
+    for number, frame in enumerate(driven.frames):
+        asked = way.asked(number, driven.nearest, world.rate_hz)
+        fused = driven.fused(frame, asked, way.max_error_m)
+        shown = _published(fused, detector)
+        told, tracks = shown, np.arange(len(shown)) + number * 1000
+        if memory is not None:
+            begun = time.perf_counter()
+            given = Frame(
+                frame / world.rate_hz, fused.found, fused.helpers, fused.views, fused.world_from_own
+            )
+            remembered = remember(memory, given, detector, fused.scored_as, fused.known)
+            measured.memory_ms.append((time.perf_counter() - begun) * 1e3)
+            assert remembered is not None, "only calibrated algorithms are measured"
+            told, tracks = remembered.boxes, remembered.ids
+        if number < SETTLED_FRAMES:
+            continue
+        found, truth = judge(world, frame, driven.ego, told)
+        measured.tally.add(found, truth, fused.bytes.values())
+        measured.bytes += sum(fused.bytes.values())
+        names = _names(world.ground_truth(frame).boxes, world.ground_truth(frame).ids, truth)
+        kept = _rows(told, found)
+        measured.following.add(found.centers[:, :2], tracks[kept], truth.centers[:, :2], names)
+        if way.silent is not None:
+            place = number % way.silent[0] - (way.silent[0] - way.silent[1])
+            silence.add(
+                place, way.silent[1], shown, told, dict(zip(names, truth.centers, strict=True))
+            )
+    return measured
+
+
+def _published(fused: FusedOnce, detector: str) -> Boxes:
+    """The frame's own boxes, as they are published."""
+    return publish(fused.found, detector, fused.scored_as, len(fused.helpers), fused.known)
+
+
+def _names(boxes: Boxes, ids: tuple[str, ...], some: Boxes) -> tuple[str, ...]:
+    """Whose some of the boxes are."""
+    return tuple(ids[i] for i in _rows(boxes, some))
+
+
+def _rows(boxes: Boxes, some: Boxes) -> NDArray[np.intp]:
+    """Where some of the boxes, in the same order, are among them."""
+    same = (some.centers[:, None] == boxes.centers[None]).all(axis=2)
+    return same.argmax(axis=1) if len(some) else np.zeros(0, dtype=np.intp)
+
+
+class Silence:
+    """Follows what becomes of objects while nobody sends."""
+
+    def __init__(self, measured: Measured) -> None:
+        self._measured = measured
+        self._told: set[str] = set()
+        self._shown: set[str] = set()
+
+    def add(
+        self,
+        place: int,
+        length: int,
+        shown: Boxes,
+        told: Boxes,
+        truth: dict[str, NDArray[np.float64]],
+    ) -> None:
+        """A frame, so many after a silence of that length begins; -1: the last one before it."""
+        if place == -1:
+            self._told, self._shown = _near(told, truth), set()
+            return
+        if place < 0:
+            return
+        self._shown |= _near(shown, truth)
+        if place == length - 1:
+            lost = (self._told - self._shown) & truth.keys()
+            self._measured.lost += len(lost)
+            self._measured.found_again += len(lost & _near(told, truth))
+
+
+def _near(boxes: Boxes, truth: dict[str, NDArray[np.float64]]) -> set[str]:
+    """The objects that have a box within NEAR_M."""
+    return {
+        name
+        for name, center in truth.items()
+        if (np.hypot(*(boxes.centers[:, :2] - center[:2]).T) <= NEAR_M).any()
+    }

@@ -1,0 +1,38 @@
+"""Who sends what, and how often, on a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way to share a drive's frames."""
+
+    name: str
+    forms: tuple[tuple[str, float], ...] = ()
+    """Algorithm and contributions a second of the nearest robot, the next, and so on; the last one
+    also of all that are farther. None: nobody sends."""
+    memory: bool = True
+    max_error_m: float = 0.1
+    """Of points that are sent."""
+    in_turn: bool = False
+    """Whether robots of one rate send in different frames, not all in the same."""
+    silent: tuple[int, int] | None = None
+    """(period, frames): of each period of frames nobody sends in the last ones."""
+
+    def asked(self, number: int, nearest: Sequence[str], rate_hz: float) -> Mapping[str, str]:
+        """The robots that send in the frame of that number, nearest first, and what. `rate_hz`: of
+        the drive's frames."""
+        if not self.forms:
+            return {}
+        if self.silent is not None and number % self.silent[0] >= self.silent[0] - self.silent[1]:
+            return {}
+        asked = {}
+        for place, robot in enumerate(nearest):
+            algorithm, hz = self.forms[min(place, len(self.forms) - 1)]
+            step = max(1, round(rate_hz / hz))
+            if number % step == (place % step if self.in_turn else 0):
+                asked[robot] = algorithm
+        return asked

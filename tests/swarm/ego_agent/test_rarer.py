@@ -1,0 +1,73 @@
+"""A whole swarm in which robots are asked less often than frames are fused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ego_agent.knowledge.pace import RARER_HZ, due
+from perception.detector.weight_files import has_weights
+from swarm.arrays import unpack_finite
+from swarm.messages import Decision, Detections
+from tests.support.ego_swarm import Heard, Swarm, factory, swarm_of
+
+pytestmark = pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
+
+
+@pytest.fixture
+def swarm(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Swarm]:
+    scans = tmp_path_factory.getbasetemp() / "scans"
+    with swarm_of(factory(scans, robots=3), tmp_path) as running:
+        running.router()
+        running.robot("R2", "R3")
+        yield running
+
+
+def test_each_frame_asks_whoever_is_due_and_tells_of_what_others_showed(swarm: Swarm) -> None:
+    session = swarm.session()
+    decisions: Heard[Decision] = swarm.decisions(session, "R1")
+    frames: Heard[Detections] = swarm.detections(session, "R1")
+    # A processor dear enough that nobody is asked ten times a second.
+    swarm.ego(rarer="true", compute_weight="0.1", q_min="0.3", algorithms="early", learn="false")
+    decided = decisions.until(lambda d: bool(d.assignments))
+    assert {one.robot for one in decided.assignments} == set(decided.participants) - {"R1"}
+    assert {one.rate_hz for one in decided.assignments} <= {decided.rate_hz, *RARER_HZ}
+    assert {one.algorithm for one in decided.assignments} == {decided.algorithm} == {"early"}
+    assert min(one.rate_hz for one in decided.assignments) < decided.rate_hz
+    asked = alone = 0
+    while asked < 3 or alone < 3:
+        frame = frames.until(lambda d: d.cycle > decided.cycle)
+        carried_out = the_decision(decisions, frame.cycle)
+        wanted = {
+            robot
+            for robot in carried_out.participants
+            if robot != "R1" and due(carried_out, robot, frame.frame)
+        }
+        assert {*frame.participants, *frame.missing} - {"R1"} == wanted
+        asked, alone = asked + bool(wanted), alone + (not wanted)
+        assert frame.tracks is not None
+    # Between contributions, what was shown is told of.
+    frames.until(
+        lambda d: (
+            d.participants == ("R1",)
+            and d.tracks is not None
+            and any(age > 0.0 for age in unpacked(d))
+        )
+    )
+
+
+def the_decision(decisions: Heard[Decision], cycle: int) -> Decision:
+    """That of a cycle; a frame of it may be heard first."""
+    for one in list(decisions.all):
+        if one.cycle == cycle:
+            return one
+    return decisions.until(lambda d: d.cycle == cycle)
+
+
+def unpacked(frame: Detections) -> list[float]:
+    """How long ago each track was seen, seconds."""
+    assert frame.tracks is not None
+    ages: list[float] = unpack_finite(frame.tracks.ages_s, "ages_s", 1)[:, 0].tolist()
+    return ages

@@ -1,0 +1,140 @@
+"""Each participant at its own rate: what it adds against what it costs, steadily."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.pace import RARER_HZ, due
+from ego_agent.plan.assign import assigned, kept
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.coverage import Coverage
+from swarm.messages import Assignment, Decision
+from tests.support.ego_scenes import NOW_NS, candidate, knowledge, scene, snapshot
+
+
+def rarer(**objective: Any) -> Knowledge:
+    known = knowledge(**objective)
+    known.objective = msgspec.structs.replace(known.objective, rarer_hz=RARER_HZ)
+    return known
+
+
+def a_floor(capacity_bps: float = 20e6) -> UnifiedScene:
+    """B shows much of its own, C very little."""
+    return scene(
+        candidate("E", range(20), [1.0]),
+        candidate("B", range(20, 60), [0, 1.0], distance_m=5),
+        candidate("C", range(59, 62), [1.0], distance_m=9),
+        capacity_bps=capacity_bps,
+    )
+
+
+def decide(found: UnifiedScene, known: Knowledge, previous: Decision | None = None) -> Decision:
+    return plan(snapshot(), found, Coverage(), known, previous, 7, NOW_NS)
+
+
+def rates(decision: Decision) -> dict[str, float]:
+    return {one.robot: one.rate_hz for one in decision.assignments}
+
+
+def test_without_rarer_rates_nothing_is_assigned() -> None:
+    assert decide(a_floor(), knowledge()).assignments == ()
+
+
+def test_who_adds_little_is_asked_less_often() -> None:
+    known = rarer(lambda_link=0.02)
+    usual = decide(a_floor(), knowledge(lambda_link=0.02))
+    decision = decide(a_floor(), known)
+    assert usual.participants == decision.participants == ("E", "B", "C")
+    assert rates(decision)["B"] > rates(decision)["C"] == min(RARER_HZ)
+    assert decision.quality < usual.quality
+    assert decision.cost_bytes < usual.cost_bytes
+    assert "times a second" in decision.reason
+
+
+def test_where_bytes_cost_nothing_everybody_contributes_in_every_frame() -> None:
+    assert decide(a_floor(), rarer(lambda_link=0.0, lambda_compute=0.0)).assignments == ()
+
+
+def test_the_dearer_the_link_the_rarer() -> None:
+    sums = [
+        sum(rates(decide(a_floor(), rarer(lambda_link=weight, q_min=0.0))).values() or [20.0])
+        for weight in (0.0, 0.01, 0.03)
+    ]
+    assert sums == sorted(sums, reverse=True)
+    assert sums[0] > sums[-1]
+
+
+def test_bytes_and_quality_are_those_of_the_rates() -> None:
+    usual, decision = (decide(a_floor(), make(lambda_link=0.02)) for make in (knowledge, rarer))
+    sizes = {c.robot: c.sizes[decision.algorithm] for c in a_floor().candidates}
+    mean = sum(sizes[robot] * hz / decision.rate_hz for robot, hz in rates(decision).items())
+    assert decision.cost_bytes == pytest.approx(mean, abs=1)
+    assert 0.0 < decision.quality <= usual.quality
+
+
+def test_a_rate_stays_while_another_is_hardly_better() -> None:
+    known = rarer(lambda_link=0.02)
+    first = decide(a_floor(), known)
+    again = first
+    for capacity_bps in (20.3e6, 19.7e6, 20.1e6, 19.9e6):
+        again = decide(a_floor(capacity_bps), known, again)
+        assert rates(again) == rates(first)
+
+
+def test_worth_falls_with_age() -> None:
+    worth = [kept(hz, 10.0) for hz in (10.0, 5.0, 2.0, 1.0, 0.5)]
+    assert worth[0] == 1.0
+    assert worth == sorted(worth, reverse=True)
+    assert worth[-1] > 0.0
+
+
+@given(
+    st.lists(st.sampled_from((10.0, *RARER_HZ)), min_size=1, max_size=6),
+    st.integers(0, 1000),
+)
+def test_each_contributes_as_often_as_assigned(given_hz: list[float], first: int) -> None:
+    robots = [f"R{i}" for i in range(2, 2 + len(given_hz))]
+    decision = msgspec.structs.replace(
+        decide(a_floor(), knowledge()),
+        participants=("R1", *robots),
+        assignments=tuple(
+            Assignment(robot=robot, algorithm="early", rate_hz=hz)
+            for robot, hz in zip(robots, given_hz, strict=True)
+        ),
+    )
+    for robot, hz in zip(robots, given_hz, strict=True):
+        frames = [n for n in range(first, first + 20) if due(decision, robot, n)]
+        assert len(frames) == 2 * hz
+        assert len({b - a for a, b in itertools.pairwise(frames)}) <= 1
+
+
+def test_robots_of_one_rate_take_turns() -> None:
+    robots = [f"R{i}" for i in range(2, 7)]
+    decision = msgspec.structs.replace(
+        decide(a_floor(), knowledge()),
+        participants=("R1", *robots),
+        assignments=tuple(
+            Assignment(robot=robot, algorithm="early", rate_hz=2.0) for robot in robots
+        ),
+    )
+    for number in range(10):
+        assert sum(due(decision, robot, number) for robot in robots) == 1
+
+
+def test_who_is_not_assigned_is_due_in_every_frame() -> None:
+    decision = decide(a_floor(), knowledge())
+    assert all(due(decision, "B", number) for number in range(10))
+
+
+def test_an_ego_alone_is_left_as_it_is() -> None:
+    alone = scene(candidate("E", range(20), [1.0]))
+    decision = decide(alone, knowledge())
+    assert assigned(decision, alone, rarer(), None) is decision
