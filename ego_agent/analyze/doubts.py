@@ -68,6 +68,9 @@ def doubted(snapshot: Snapshot, objective: Objective, usual_body: Body) -> dict[
     return found
 
 
+Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
+
+
 @dataclass(frozen=True, slots=True)
 class _Witness:
     """What one robot says it sees."""
@@ -100,21 +103,24 @@ def _witnessed(
     Only what is near enough to tell is looked at, so that the work grows with the robots.
     """
     reach = np.hypot(*sizes.T) / 2.0
-    there = _seen_there(witnesses, places, reach)
-    free = _seen_through(witnesses, places, sizes, reach) - there
-    own = {(witness.index, number) for number, witness in enumerate(witnesses)}
-    return _count(there - own, len(places)), _count(free - own, len(places))
+    there, free = (np.zeros((len(places), len(witnesses)), dtype=np.bool_) for _ in range(2))
+    there[_seen_there(witnesses, places, reach)] = True
+    free[_seen_through(witnesses, places, sizes, reach)] = True
+    free &= ~there
+    for number, witness in enumerate(witnesses):
+        there[witness.index, number] = free[witness.index, number] = False
+    return there.sum(axis=1), free.sum(axis=1)
 
 
 def _seen_there(
     witnesses: list[_Witness], places: NDArray[np.float64], reach: NDArray[np.float64]
-) -> set[tuple[int, int]]:
-    """Which place has an object of which witness near it: (place, number of the witness)."""
+) -> Pairs:
+    """Which place has an object of which witness near it: places, and numbers of witnesses."""
     objects = np.concatenate([np.zeros((0, 2)), *(one.objects for one in witnesses)])
     owner = np.repeat(np.arange(len(witnesses)), [len(one.objects) for one in witnesses])
     place, which = _pairs(places, objects, reach + SAME_M)
     near = np.hypot(*(objects[which] - places[place]).T) <= reach[place] + SAME_M
-    return set(zip(place[near].tolist(), owner[which[near]].tolist(), strict=True))
+    return place[near], owner[which[near]]
 
 
 def _seen_through(
@@ -122,12 +128,12 @@ def _seen_through(
     places: NDArray[np.float64],
     sizes: NDArray[np.float64],
     reach: NDArray[np.float64],
-) -> set[tuple[int, int]]:
+) -> Pairs:
     """Through which place which witness sees the ground behind it, where its view is fine enough to
-    tell: (place, number of the witness)."""
-    seeing = [number for number, one in enumerate(witnesses) if len(one.visible)]
-    if not seeing:
-        return set()
+    tell: places, and numbers of witnesses."""
+    seeing = np.array([at for at, one in enumerate(witnesses) if len(one.visible)], dtype=np.intp)
+    if not len(seeing):
+        return seeing, seeing
     sectors = np.array([len(witnesses[number].visible) for number in seeing])
     first = np.concatenate([[0], np.cumsum(sectors)[:-1]])
     visible = np.concatenate([witnesses[number].visible for number in seeing])
@@ -140,7 +146,7 @@ def _seen_through(
     seen_m = visible[first[which] + np.minimum(sector.astype(np.intp), sectors - 1)]
     fine = (away > reach[place]) & (largest[place] >= FILLED * away * TWO_PI / sectors)
     free = fine & (seen_m >= away + reach[place] + BEYOND_M)
-    return {(int(at), seeing[by]) for at, by in zip(place[free], which[free], strict=True)}
+    return place[free], seeing[which[free]]
 
 
 def _beside(places: NDArray[np.float64], within: NDArray[np.float64]) -> dict[int, int]:
@@ -156,7 +162,7 @@ def _beside(places: NDArray[np.float64], within: NDArray[np.float64]) -> dict[in
 
 def _pairs(
     places: NDArray[np.float64], points: NDArray[np.float64], within: NDArray[np.float64]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+) -> Pairs:
     """All pairs of a place (N, 2) and a point (M, 2) that may be within (N,) of each other, and
     some more: int (P,) each."""
     if not len(points):
@@ -166,7 +172,3 @@ def _pairs(
     near = tree.query_ball_point(np.clip(places, -ENDLESS_M, ENDLESS_M), SLACK * within)
     place = np.repeat(np.arange(len(places)), [len(one) for one in near])
     return place, np.fromiter(chain.from_iterable(near), np.intp, len(place))
-
-
-def _count(pairs: set[tuple[int, int]], places: int) -> NDArray[np.intp]:
-    return np.bincount([place for place, _ in pairs], minlength=places).astype(np.intp)

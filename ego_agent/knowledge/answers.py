@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,7 @@ PRIOR_WEIGHT = 0.5
 """Frames that the belief counts for that answers come in time."""
 
 
-@dataclass(frozen=True, slots=True)
-class Weighted:
+class Weighted(NamedTuple):
     """One answer's time, and the frames that it counts for by now."""
 
     answer_s: float

@@ -134,16 +134,17 @@ def _seen(scene: SceneDescription, robot: str, east: float, north: float) -> Sce
     return msgspec.structs.replace(scene, robot=robot, pose=pose, objects=pack(objects))
 
 
-def replay(session: Session, robots: Sequence[Replayed], ended: threading.Event) -> float:
-    """Tells at BEACON_HZ until ended; the rate that was held, rounds a second."""
+def replay(
+    session: Session, robots: Sequence[Replayed], beacon_hz: float, ended: threading.Event
+) -> None:
+    """Tells at a rate until ended; what the machine has no time for is left out."""
     for robot in robots:
         session.declare_alive(robot.robot)
-    begun, rounds = time.monotonic(), 0
-    while not ended.wait(max(0.0, begun + rounds / BEACON_HZ - time.monotonic())):
+    due = time.monotonic()
+    while not ended.wait(max(0.0, due - time.monotonic())):
         for robot in robots:
             robot.tell(session.put)
-        rounds += 1
-    return rounds / (time.monotonic() - begun)
+        due = max(due + 1.0 / beacon_hz, time.monotonic())
 
 
 def _until_input_ends(ended: threading.Event) -> None:
@@ -152,12 +153,13 @@ def _until_input_ends(ended: threading.Event) -> None:
 
 
 def main() -> None:
-    """Replays until standard input ends, then writes the rate that was held."""
+    """Replays until standard input ends."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--router", required=True)
     parser.add_argument("--robots", type=int, required=True)
     parser.add_argument("--of", default="0/1")
     parser.add_argument("--areas", action="store_true")
+    parser.add_argument("--beacon-hz", type=float, default=BEACON_HZ)
     args = parser.parse_args()
     part, parts = map(int, args.of.split("/"))
     robots = [Replayed(number, args.areas) for number in range(1, args.robots)][part::parts]
@@ -165,7 +167,7 @@ def main() -> None:
     with Session(args.router, SWARM, timeout_s=WAIT_S) as session:
         threading.Thread(target=_until_input_ends, args=(ended,), daemon=True).start()
         print("up", flush=True)
-        print(replay(session, robots, ended), flush=True)
+        replay(session, robots, args.beacon_hz, ended)
 
 
 if __name__ == "__main__":
