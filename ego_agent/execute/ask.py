@@ -13,6 +13,7 @@ import itertools
 import math
 import queue
 import time
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 
@@ -136,16 +137,17 @@ class Asker:
         *,
         rate_hz: float = 10.0,
         probe: bool = False,
-        shareable: bool = False,
+        sharing: Mapping[str, float] | None = None,
     ) -> FrameRound:
         """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
         within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode.
-        `probe`: only for the sake of its time, beside a frame. `shareable`: whether what the
-        algorithm sends to several egos at once can be fused.
+        `probe`: only for the sake of its time, beside a frame. `sharing`: robots of which the ego
+        would take what they publish for several, and how many frames a second.
 
         `attend` takes up the answers; a round in which nobody could be asked is closed at once.
         """
         tell = tell or Ask()
+        sharing = sharing if sharing is not None and self._share and not probe else {}
         now = time.monotonic()
         done = FrameRound(algorithm, now, deadline_s, rate_hz=rate_hz, probe=probe)
         asked: list[str] = []
@@ -157,7 +159,7 @@ class Asker:
                 done.missing[robot] = Missing("left", "its liveliness token is gone")
             elif any(owed.round.probe for owed in self._owing.get(robot, ())):
                 done.missing[robot] = Missing("probe", "asked for another algorithm instead")
-            elif not probe and self._shared.relies(robot, algorithm, now):
+            elif robot in sharing and self._shared.relies(robot, algorithm, now):
                 relied.append(robot)
             elif self._is_busy(robot, now):
                 done.missing[robot] = Missing("busy", "still owes the answer for an earlier frame")
@@ -179,7 +181,6 @@ class Asker:
                     continue
             own_bps = min(capacity_bps / len(done.waiting), limits.get(robot, capacity_bps))
             share = min(int(own_bps / 8.0 * MAX_TRANSFER_S), MAX_MESSAGE_BYTES - 4096)
-            may_share = self._share and shareable and not probe
             request = ObservationRequest(
                 ego=self._ego,
                 request=next(self._numbers),
@@ -190,9 +191,9 @@ class Asker:
                 max_bytes=max(MIN_PAYLOAD_BYTES, share),
                 reference=None if tell.reference is None else tell.reference.as_tuple(),
                 demand=tell.demand,
-                shares=may_share and self._shared.wants(robot, algorithm, now),
+                shares=robot in sharing and self._shared.wants(robot, algorithm, now),
                 listens=robot in relied,
-                rate_hz=rate_hz,
+                rate_hz=sharing.get(robot, 0.0),
                 deadline_s=deadline_s,
             )
             self._send(_Ask(robot, request, done, session, tries=1))

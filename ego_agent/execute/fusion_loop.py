@@ -232,6 +232,8 @@ class FusionLoop:
             for robot in decision.participants
             if robot != self._ego and due(decision, robot, own.frame // step)
         )
+        # Robots that contribute rarely take turns, in an order of this ego's own.
+        always = [robot for robot in others if rate_of(decision, robot) >= decision.rate_hz]
         fusion = self._fusions[decision.algorithm]
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
@@ -244,7 +246,7 @@ class FusionLoop:
             decision.deadline_s or self._deadline_s,
             gathering.ask(),
             rate_hz=min((rate_of(decision, robot) for robot in others), default=decision.rate_hz),
-            shareable=fusion.shareable,
+            sharing=dict.fromkeys(always, decision.rate_hz) if fusion.shareable else {},
         )
         return AskedFrame(decision, own, fusion, gathering, done)
 

@@ -278,5 +278,6 @@ class Speakers:
             level=0,
             classes={"fusion": fusion},
         )
-        message = NetState(controller=1, seq=1, sent_ns=time.time_ns(), links=(link,))
+        now_ns = time.time_ns()
+        message = NetState(controller=1, seq=now_ns, sent_ns=now_ns, links=(link,))
         self._session.put(keyspace.net_state(self._swarm), message)

@@ -95,7 +95,7 @@ def test_control_keys_carry_no_more_than_they_need(own_router: RouterProcess) ->
         keyspace.beacon(SWARM, "R1"): beacon,
         keyspace.within(keyspace.beacon(SWARM, "R1"), "3_-4"): beacon,
         keyspace.scene(SWARM, "R1"): CONTROL_BYTES["coadapt/*/robot/*/scene/**"],
-        keyspace.net_state(SWARM): CONTROL_BYTES["coadapt/*/net/*"],
+        keyspace.net_state(SWARM): CONTROL_BYTES["coadapt/*/net/**"],
     }
     with client(own_router) as stranger, client(own_router) as listener:
         listener.declare_subscriber(

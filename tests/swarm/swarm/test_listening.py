@@ -46,8 +46,8 @@ def key_of(message: Message, swarm: str) -> str:
             return keyspace.llm_state(swarm)
         case NetDemand():
             return keyspace.net_demand(swarm)
-        case NetState():
-            return keyspace.net_state(swarm)
+        case NetState(name=name):
+            return keyspace.net_state(swarm, name)
     return keyspace.net_tcp(swarm)
 
 

@@ -199,11 +199,13 @@ def test_a_session_that_is_lost_at_once_is_opened_again(
     subscribe = Session.subscribe
     lost: list[Session] = []
 
-    def lost_once(session: Session, key: str, kind: type[Message], handler: Any) -> None:
+    def lost_once(
+        session: Session, key: str, kind: type[Message], handler: Any, *more: Any
+    ) -> None:
         if kind is Beacon and not lost:
             lost.append(session)
             raise TransportError("cannot declare: the session is closed")
-        subscribe(session, key, kind, handler)
+        subscribe(session, key, kind, handler, *more)
 
     monkeypatch.setattr(Session, "subscribe", lost_once)
     viewer = viewers()

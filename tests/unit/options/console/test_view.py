@@ -14,7 +14,16 @@ from options.console.board import MAX_GONE, Board
 from options.console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Faults
 from options.console.view import MAX_ROBOTS, View
 from swarm.arrays import Array, pack
-from swarm.messages import Beacon, Decision, Detections, GatewayState, SceneDescription
+from swarm.messages import (
+    Beacon,
+    Decision,
+    Detections,
+    GatewayState,
+    LinkState,
+    NetState,
+    SceneDescription,
+    ShapeRequest,
+)
 from tests.support.console_swarm import EGO, rows
 from tests.support.message_samples import SAMPLES
 
@@ -200,6 +209,28 @@ def decision(cycle: int, *, valid: bool = True) -> Decision:
         policy="coverage",
         valid=valid,
     )
+
+
+def test_the_links_of_several_hosts_are_shown_together(view: View, board: Board) -> None:
+    for seq, (name, robot) in enumerate((("hall-1", EGO), ("hall-2", "R7"))):
+        link = LinkState(
+            robot=robot,
+            direction="down",
+            capacity_bps=5_000_000,
+            available_bps=4_000_000,
+            latency_ms=0.0,
+            level=0,
+            classes={},
+        )
+        why = ("R7 up: refused",) if name == "hall-2" else ()
+        state = NetState(controller=seq, seq=seq, sent_ns=0, links=(link,), name=name, unshaped=why)
+        view.on_net_state(state)
+    net = shown(board)["state"]["net"]
+    assert [link["robot"] for link in net["links"]] == [EGO, "R7"]
+    assert net["unshaped"] == ["controller hall-2: R7 up: refused"]
+    # What is asked here goes to who has the link.
+    assert list(view.addressees(ShapeRequest(profile="congest", robot="R7"))) == ["hall-2"]
+    assert list(view.addressees(ShapeRequest(profile="congest"))) == ["hall-1"]
 
 
 def test_the_ego_that_stands_in_is_shown_and_told(view: View, board: Board) -> None:
