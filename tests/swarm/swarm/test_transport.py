@@ -141,5 +141,6 @@ def test_a_session_waits_for_a_router_that_starts_later(own_router: RouterProces
     starter = threading.Thread(target=own_router.start)
     starter.start()
     with Session(own_router.address, "s", timeout_s=WAIT_S) as session:
-        assert session.links() == LINKS
+        # They come one after the other.
+        until(lambda: session.links() == LINKS, "all links are up")
     starter.join()
