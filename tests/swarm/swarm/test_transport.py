@@ -17,7 +17,7 @@ from swarm.errors import SettingError, TransportError
 from swarm.session import Session
 from swarm.traffic import LINKS, TrafficClass
 from tests.support.free_ports import free_ports
-from tests.support.zenoh_fixtures import WAIT_S, RouterProcess
+from tests.support.zenoh_fixtures import WAIT_S, RouterProcess, until
 
 
 def test_the_printed_configuration_is_one_that_zenoh_reads(tmp_path: Path) -> None:
