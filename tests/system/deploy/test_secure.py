@@ -50,7 +50,7 @@ def up() -> tuple[str, ...]:
     robots: tuple[str, ...] = ("--runtime", "netns", "--robots", "3", "--rings", "16")
     # Others reach it at an address of this machine, and the floor has room for one of them.
     robots += ("--listen", "127.0.0.1", "--router-port", str(free_ports(3)), "--world-robots", "4")
-    return ("up", "--secure", *robots, *ports, "--wait", str(READY_S))
+    return ("up", "--secure", "--metrics-tls", *robots, *ports, "--wait", str(READY_S))
 
 
 @pytest.fixture(scope="module")
@@ -164,6 +164,21 @@ def test_certificates_are_renewed_and_no_cycle_is_lost(swarm: State, cli: Cli) -
     cycles = [record.cycle for record in read_journal(journal)]
     assert cycles == list(range(cycles[0], cycles[0] + len(cycles)))
     assert {process["restarts"] for process in status(cli)["processes"]} == {0}
+
+
+def test_metrics_are_read_over_tls_while_certificates_are_renewed(swarm: State) -> None:
+    assert swarm.ego_metrics_url.startswith("https://")
+    prometheus = Prometheus(swarm.prometheus_url)
+    wanted = {"router", "controller", "console", "authority", "prometheus", "ego-R1"}
+    wanted |= {f"robot-R{number}" for number in (1, 2, 3)}
+
+    def up() -> set[str]:
+        return {target.instance for target in prometheus.targets() if target.health == "up"}
+
+    await_(lambda: up() >= wanted, "all of them are read")
+    # Those that were started with the swarm are read once, though they tell where they are, too.
+    known = [target.instance for target in prometheus.targets()]
+    assert all(known.count(instance) == 1 for instance in wanted)
 
 
 def test_prometheus_knows_how_long_certificates_hold(swarm: State) -> None:
