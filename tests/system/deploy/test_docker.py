@@ -341,7 +341,8 @@ def test_a_container_sees_its_own_certificate_only() -> None:
         place = f"keystore/issued/{identity}"
         assert seen[name] == [f"/v/{place}:/var/coadapt/{place}:ro"]
     assert seen["authority"] == ["/v/keystore:/var/coadapt/keystore"]
-    assert seen["prometheus"] == []
+    # Who joins from elsewhere may serve metrics over TLS; that certificate is no secret.
+    assert seen["prometheus"] == ["/v/keystore/ca/ca.pem:/var/coadapt/keystore/ca/ca.pem:ro"]
 
 
 def test_a_plain_swarm_in_docker_is_had_by_wish() -> None:
