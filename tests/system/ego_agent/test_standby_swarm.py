@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 
 from deploy.netns import launch
-from deploy.observe import SwarmView, Watch
+from deploy.observe import Watch
 from deploy.prometheus import Prometheus
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.state import State, need_state
+from deploy.view import SwarmView
 from tests.support.command_line import answering, command_line
 from tests.support.deploy_support import WAIT_S, await_
 from tests.support.free_ports import free_port
