@@ -30,6 +30,15 @@ from swarm.messages.ego import (
     Probe,
     Tracks,
 )
+from swarm.messages.intent import (
+    Focus,
+    Intent,
+    IntentInForce,
+    Site,
+    intent_from_json,
+    intent_to_json,
+    problems,
+)
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
     ChatMessage,
@@ -88,7 +97,10 @@ __all__ = [
     "EgoSteered",
     "EgoSteering",
     "EgoWish",
+    "Focus",
     "GatewayState",
+    "Intent",
+    "IntentInForce",
     "KnownRobot",
     "LinkClass",
     "LinkState",
@@ -111,9 +123,13 @@ __all__ = [
     "ShapeInForce",
     "ShapeReply",
     "ShapeRequest",
+    "Site",
     "Source",
     "TcpState",
     "Tracks",
     "decode",
     "encode",
+    "intent_from_json",
+    "intent_to_json",
+    "problems",
 ]
