@@ -118,7 +118,7 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.opencood", {"swarm", "perception"}),
         ("options.pictures", {"swarm", "perception"}),
         ("options.recordings", SENSES | {"deploy", "options.bags"}),
-        ("research.training", SENSES),
+        ("research.training", SENSES | {"sensing", "ego_agent"}),
         (
             "research.chaos",
             SENSES | {"deploy", "ego_agent", "research.benchmarks", "research.evaluation"},
