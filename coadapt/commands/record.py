@@ -49,6 +49,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("--no-truth", action="store_true", help="leave out what is really there")
     parser.add_argument(
+        "--ros2", action="store_true", help="fused objects as ROS 2 messages, too (docs/ros2.md)"
+    )
+    parser.add_argument(
         "--live",
         nargs="?",
         type=int,
@@ -100,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
             rate_hz=args.rate,
             seconds=args.seconds,
             live_port=args.live,
+            ros=args.ros2,
         ),
         stop,
         say,
