@@ -21,6 +21,7 @@ from swarm.messages import (
     Decision,
     Detections,
     GatewayState,
+    IntentTold,
     LinkState,
     NetState,
     RobotSteered,
@@ -118,6 +119,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
     egos: tuple[EgoRow, ...] = ()
     """Every ego of the swarm, the one that is shown among them."""
+    intents: tuple[IntentTold, ...] = ()
+    """Operators' wishes that the decision obeys."""
 
 
 @dataclass(slots=True)
@@ -283,6 +286,7 @@ class Watch:
                 stands_in_for=decision.stands_in_for if decision else None,
                 unshaped=heard.controllers.unshaped(now),
                 egos=self._egos(now),
+                intents=decision.intents if decision else (),
             )
             heard.detections, heard.bytes = 0, None
             self._since = now

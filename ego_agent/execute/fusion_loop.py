@@ -118,6 +118,8 @@ class FusionLoop:
         self._fusions = fusions
         self._motion = motion
         self._memory = memory
+        self.remembered: Remembered | None = None
+        """What was there at the newest fused frame; None without a memory. Any thread may read."""
         self._tally = tally
         self._log = log
         self._detector = detector
@@ -301,7 +303,7 @@ class FusionLoop:
         known = seen_at(self._known.at(own.capture_ns), corrections)
         boxes = publish(found, self._detector, frame.fusion, len(used), known)
         clouds[self._ego] = (own.points, own.world_from_sensor)
-        tracks = self._remembered(frame, found, frozenset(used), known, clouds)
+        self.remembered = tracks = self._remembered(frame, found, frozenset(used), known, clouds)
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)
