@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from coadapt.arguments import add_ego, add_swarm, at_least_one
-from deploy.services import journal_path
+from deploy.paths import journal_path
 from deploy.state import need_state, seen_by
 from swarm.errors import DeployError
 

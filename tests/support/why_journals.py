@@ -19,7 +19,7 @@ from ego_agent.knowledge.tally import Tally
 from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.registry import make_policy
-from swarm.messages import ALGORITHMS, Decision
+from swarm.messages import ALGORITHMS, Decision, IntentTold
 from tests.support.ego_scenes import snapshot
 from tests.support.prompt_scenes import views
 
@@ -109,4 +109,16 @@ def _told(decision: Decision, rng: random.Random) -> Decision:
         changes["silent"] = {decision.participants[1]: "nothing has come for 3.1 s"}
     if rng.random() < 0.05:
         changes["blind"] = "nobody is heard"
+    changes["intents"] = tuple(
+        IntentTold(
+            number=number,
+            operator=rng.choice(("", "lead")),
+            since_ns=1,
+            until=None,
+            says="leave R3 alone",
+            bound=("R3 left out",) if rng.random() < 0.5 else (),
+        )
+        for number in range(1, 4)
+        if rng.random() < 0.1
+    )
     return msgspec.structs.replace(decision, **changes)

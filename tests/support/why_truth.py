@@ -216,6 +216,18 @@ def _excluded_more(f: dict[str, str], line: Line, before: Line | None, since: in
     return len(line["inputs"]["excluded"]) == 4 + int(f["n"]) and int(f["n"]) > 0
 
 
+def _wish(f: dict[str, str], line: Line, before: Line | None, since: int) -> bool:
+    return any(
+        (str(one["number"]), one["operator"], one["says"])
+        == (f["n"], f["operator"] or "", f["said"])
+        for one in line["intents"]
+    )
+
+
+def _wishes(line: Line | None) -> set[str]:
+    return {str(one["number"]) for one in line["intents"]} if line else set()
+
+
 Holds = Callable[[dict[str, str], Line, Line | None, int], bool]
 FORMS: list[tuple[str, Holds]] = [
     (
@@ -329,6 +341,21 @@ FORMS: list[tuple[str, Holds]] = [
         lambda f, n, b, s: (
             "fit" in _verdicts(n) and _is(f["kb"], n["weighed"]["budget_bytes"], 1e3)
         ),
+    ),
+    (r'Wish (?P<n>\d+)(?: of (?P<operator>.+?))? is in force: "(?P<said>.*)"\.', _wish),
+    (
+        r'Wish (?P<n>\d+) bound it: "(?P<said>.*)"\.',
+        lambda f, n, b, s: any(
+            str(one["number"]) == f["n"] and f["said"] in one["bound"] for one in n["intents"]
+        ),
+    ),
+    (
+        r"Wish (?P<n>\d+) came\.",
+        lambda f, n, b, s: b is not None and f["n"] in _wishes(n) - _wishes(b),
+    ),
+    (
+        r"Wish (?P<n>\d+) ended\.",
+        lambda f, n, b, s: b is not None and f["n"] in _wishes(b) - _wishes(n),
     ),
     (r"Robots' own links bound it\.", lambda f, n, b, s: "link" in _verdicts(n)),
     (

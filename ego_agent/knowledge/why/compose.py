@@ -155,6 +155,9 @@ def _changed(found: Found) -> Iterator[str]:
         if robot in before.inputs.excluded or robot not in before.inputs.robots:
             yield f"{robot} could not take part then."
     yield from _numbers(line, before)
+    ours, theirs = ({wish.number for wish in one.intents} for one in (line, before))
+    for number in sorted(ours ^ theirs):
+        yield f"Wish {number} {'came' if number in ours else 'ended'}."
     if now.policy != then.policy:
         yield f"The policy was {then.policy} then."
 
@@ -172,6 +175,11 @@ def _numbers(line: CycleRecord, before: CycleRecord) -> Iterator[str]:
 
 def _limits(line: CycleRecord) -> Iterator[str]:
     decision, weighed = line.decision, line.weighed
+    for wish in line.intents:
+        by = f" of {wish.operator}" if wish.operator else ""
+        yield f'Wish {wish.number}{by} is in force: "{wish.says}".'
+        for bound in wish.bound:
+            yield f'Wish {wish.number} bound it: "{bound}".'
     if weighed is None:
         return
     verdicts = {one.why for one in weighed.robots.values()}

@@ -117,7 +117,7 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.ros2", SENSES | {"options.ros"}),
         ("options.opencood", {"swarm", "perception"}),
         ("options.pictures", {"swarm", "perception"}),
-        ("options.recordings", SENSES | {"deploy", "options.bags"}),
+        ("options.recordings", SENSES | {"deploy", "options.bags", "options.ros"}),
         ("research.training", SENSES | {"sensing", "ego_agent"}),
         (
             "research.chaos",
