@@ -471,6 +471,7 @@ class EgoAgent:
             demand=running.demand,
             weighed=running.weighed,
         )
+        self._steering.note(record)
         self.knowledge.record_result(cycle_result(running.decision, tally))
         if self._journal is None:
             self._metrics.committed(record)

@@ -314,6 +314,7 @@ SAMPLES: tuple[Message, ...] = (
         said="leave R3 alone and watch the docks, soonish",
         places=(DOCKS,),
         number=4,
+        why=True,
     ),
     EgoSteered(
         request=12,
@@ -342,6 +343,7 @@ SAMPLES: tuple[Message, ...] = (
             nobody=True,
         ),
         number=4,
+        why=("Cycle 7: R1 with R5, early fusion at 10 Hz.", "Policy static-late decided."),
     ),
     CertificateRequest(request=14, role="R7", operator="R7"),
     RenewedCertificate(request=14, certificate="-----BEGIN CERTIFICATE-----"),

@@ -25,21 +25,37 @@ def find(records: Iterable[CycleRecord], cycle: int | None = None) -> Found:
 
     Raises JournalError where there is no such line.
     """
-    line: CycleRecord | None = None
-    since, first = 0, 0
-    before: CycleRecord | None = None
+    follower, first = Follower(), 0
     for record in records:
-        if line is None or choice(record) != choice(line):
-            before, since = line, record.cycle
+        follower.add(record)
         first = first or record.cycle
-        line = record
         if record.cycle == cycle:
             break
-    if line is None:
+    found = follower.found
+    if found is None:
         raise JournalError("the journal holds no line yet")
-    if cycle is not None and line.cycle != cycle:
-        raise JournalError(f"the journal holds no cycle {cycle}; allowed: {first} to {line.cycle}")
-    return Found(line, since, before)
+    if cycle is not None and found.line.cycle != cycle:
+        last = found.line.cycle
+        raise JournalError(f"the journal holds no cycle {cycle}; allowed: {first} to {last}")
+    return found
+
+
+class Follower:
+    """Follows a journal's lines, and knows what an explanation of the newest is made from."""
+
+    def __init__(self) -> None:
+        self.found: Found | None = None
+        """None before the first line."""
+
+    def add(self, record: CycleRecord) -> None:
+        """The next line."""
+        last = self.found
+        if last is None:
+            self.found = Found(record, record.cycle, None)
+        elif choice(record) == choice(last.line):
+            self.found = Found(record, last.since, last.before)
+        else:
+            self.found = Found(record, record.cycle, last.line)
 
 
 def choice(record: CycleRecord) -> tuple[frozenset[str], str, float | None]:

@@ -10,10 +10,16 @@ from typing import Any
 import msgspec
 import pytest
 
+from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord
 from ego_agent.knowledge.why import explain, find
 from ego_agent.knowledge.why.phrase import fault, known_names
+from ego_agent.plan.policies.registry import make_policy
+from ego_agent.settings import EgoSettings
+from ego_agent.steering import Steering
 from swarm.errors import JournalError
+from swarm.log import make_logger
+from swarm.messages import EgoSteering, EgoWish
 from tests.support.why_journals import journal
 from tests.support.why_truth import untrue
 
@@ -137,3 +143,17 @@ def test_a_robot_that_the_facts_do_not_name_may_not_stand_in_a_phrasing() -> Non
     explanation, _, names = words_of(5)
     assert "name no 'alpha'" in fault("alpha takes part.", explanation, names | {"alpha"})
     assert "in words" in fault("Seven robots take part.", explanation, names)
+
+
+def test_an_ego_that_is_asked_tells_why_of_its_newest_line() -> None:
+    known = Knowledge()
+    steering = Steering(
+        EgoSettings(ego="R1"), make_policy("coverage", known.algorithms), known, make_logger("ego")
+    )
+    assert steering.steer(EgoSteering(wish=EgoWish(), why=True)).why == ()
+    records = journal(random.Random(9), 5)
+    for record in records:
+        steering.note(record)
+    told = steering.steer(EgoSteering(wish=EgoWish(), why=True)).why
+    assert list(told) == explain(find(records)).text().split("\n")
+    assert steering.steer(EgoSteering(wish=EgoWish())).why == ()
