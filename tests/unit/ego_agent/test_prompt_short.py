@@ -68,7 +68,8 @@ def test_what_is_seen_adds_up() -> None:
     row_of = Scorer(found, live()).row_of
     rows = [0, *(row_of[robot] for robot in told.robots)]
     assert told.seen == tuple(
-        round(100 * Scorer(found, live()).share(rows[: k + 1])) for k in range(len(rows))
+        round(100 * min(live().quality.enough, Scorer(found, live()).share(rows[: k + 1])))
+        for k in range(len(rows))
     )
     for letter, before, seen in zip("ABCDE", told.seen[:-1], told.seen[1:], strict=True):
         assert f" {letter}{seen}+{seen - before}" in user(short(found))
@@ -141,7 +142,7 @@ def test_late_answers_are_told_only_where_there_are_any() -> None:
     rows = [line.split() for line in user(short(slow)).split("\n")]
     assert rows[1] == ["price", "time", "kB", "fit"]
     assert {row[0]: row[2] for row in rows[2:5]} == {
-        "early": "0",
+        "early": "5",
         "intermediate": "100",
         "late": "100",
     }
