@@ -42,8 +42,10 @@ from ego_agent.monitor.snapshot import Monitor
 from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
 from ego_agent.plan.arrivals import Arrivals
 from ego_agent.plan.control_budget import ControlBudget, Wish
-from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import DemandMeter
+from ego_agent.plan.intents.bind import bound_scene, known_objects
+from ego_agent.plan.intents.obey import plan_obeying
+from ego_agent.plan.intents.told import told as told_intents
 from ego_agent.plan.policies.base import Policy, Requiring
 from ego_agent.plan.policies.registry import make_policy
 from ego_agent.plan.probe import Prober
@@ -207,7 +209,7 @@ class EgoAgent:
             on_result=on_result,
             speaks=lead.speaks,
         )
-        steering = Steering(settings, policy, knowledge.algorithms, log)
+        steering = Steering(settings, policy, knowledge, log, clock)
         journal = Journal(Path(settings.journal)) if settings.journal else None
         if journal is not None:
             metrics.restore(journal.totals)
@@ -322,10 +324,14 @@ class EgoAgent:
         now_ns = self._clock.now_ns()
         snapshot = self.monitor.snapshot(number, now_ns)
         scene: UnifiedScene | None = None
-        policy = self._steering.take(self.knowledge)
+        policy, wishes = self._steering.take(self.knowledge)
         try:
-            scene = analyze(snapshot, self.knowledge)
-            decision = plan(snapshot, scene, policy, self.knowledge, previous, number, now_ns)
+            known = known_objects(self.fusion.remembered)
+            self._steering.minute.note(snapshot, time.monotonic(), known)
+            scene = bound_scene(analyze(snapshot, self.knowledge), wishes, known)
+            decision = plan_obeying(
+                snapshot, scene, policy, self.knowledge, previous, number, now_ns, wishes
+            )
             doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
             decision = msgspec.structs.replace(
                 decision, probe=self._probe, doubted=doubts, remarks=remarks(snapshot)
@@ -337,7 +343,11 @@ class EgoAgent:
             decision = self._alone(snapshot, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
         decision = self._told(decision, snapshot, scene)
-        decision = msgspec.structs.replace(decision, stands_in_for=self._stands_in_for)
+        decision = msgspec.structs.replace(
+            decision,
+            stands_in_for=self._stands_in_for,
+            intents=told_intents(decision, scene, wishes),
+        )
         self._lead.decided(decision.valid and scene is not None and scene.is_whole())
         self._metrics.leads.set(self._lead.speaks())
         self.fusion.follow(decision)

@@ -115,6 +115,7 @@ def cycle_record(
             unreachable_s=round(demand.unreachable_s, 3),
         ),
         advice=decision.advice,
+        intents=decision.intents,
     )
 
 
