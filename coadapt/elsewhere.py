@@ -11,7 +11,7 @@ from coadapt.joining import swarm_of
 from deploy.spec import SwarmSpec, var_dir_of
 from deploy.state import State, need_state, seen_by
 from swarm import transport
-from swarm.defaults import ROUTER_PORT, SWARM
+from swarm.defaults import SWARM
 from swarm.errors import DeployError, SettingError, TransportError
 from swarm.fitting import KIND, read_mark
 from swarm.listening import listen
@@ -24,7 +24,7 @@ CONNECT_S = 5.0
 EGO_S = 6.0
 """An ego speaks in every cycle, every five seconds in the paper."""
 _ROUTER = re.compile(
-    r"(?P<place>(tcp|tls)/(\[[^\]]+\]|[^:/\s#]+))(?P<port>:\d+)?(#identity=(?P<folder>.+))?"
+    r"(?P<place>(tcp|tls)/(\[[^\]]+\]|[^:/\s#]+)(:\d+)?)(#identity=(?P<folder>.+))?"
 )
 
 
@@ -66,7 +66,7 @@ def router_of(text: str) -> str:
             f"--router {text!r} is not valid; it must be tls/HOST[:PORT]#identity=FOLDER or "
             "tcp/HOST[:PORT]"
         )
-    router = found["place"] + (found["port"] or f":{ROUTER_PORT}")
+    router = transport.with_port(found["place"])
     if found["folder"] is None:
         transport.client_config(router)
         return router

@@ -390,7 +390,7 @@ class EgoAgent:
                 demand,
                 world=self.monitor.mark,
                 software=installed_version(),
-                told=told(snapshot),
+                told=told(snapshot, decision.remarks),
             )
             self._publish(lambda swarm, _: keyspace.net_demand(swarm), demand)
             self._metrics.demand(demand)

@@ -12,10 +12,10 @@ import msgspec
 from ego_agent.intents import Intents
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.plan.intents.bind import bound_objective
-from ego_agent.plan.intents.replay import LastMinute
 from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.policies.base import Connecting, Policy, Preparing
 from ego_agent.plan.policies.registry import make_policy, policy_names
+from ego_agent.replay import LastMinute
 from ego_agent.settings import EgoSettings
 from swarm import keyspace
 from swarm.errors import DecisionError

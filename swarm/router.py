@@ -20,13 +20,10 @@ from prometheus_client import CollectorRegistry, Gauge
 
 from swarm import keyspace, transport
 from swarm.announce import PLACE, bracketed
-from swarm.asking import Question
-from swarm.credit import Window
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
-from swarm.messages import CertificateRequest, RenewedCertificate
 from swarm.metrics import MetricsServer
 from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
@@ -35,17 +32,15 @@ from swarm.targets import Targets
 from swarm.tcp_peers import PeerTraffic
 from swarm.tcp_reporter import TcpReporter
 from swarm.tcp_stuck import Way
-from swarm.traffic import TrafficClass
 from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
-from swarm.trust.renewal import Renewal
+from swarm.trust.renewal import Renewal, last_issued
 from swarm.trust.roles import role_of
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
-CERTIFICATE_S = 5.0
 REOPEN_S = 10.0
 """How long a router that opens anew may take to close and to have its ports back; less than what it
 is watched for."""
@@ -143,12 +138,7 @@ class Router:
     def certificate(self, name: str) -> str:
         """What the authority, at another machine's router, issued last to this one. Raises
         TransportError, and RefusedError."""
-        key = keyspace.by(keyspace.trust_certificate(self._swarm or ""), name)
-        asked: Question[RenewedCertificate] = Question(
-            key, RenewedCertificate, CERTIFICATE_S, Window(), lambda error: None
-        )
-        asked.send(self.session, CertificateRequest(role=name), TrafficClass.CONTROL)
-        return asked.future.result().message.certificate
+        return last_issued(self.session, self._swarm or "", name)
 
     def close(self) -> None:
         """Lets go of all."""

@@ -17,12 +17,12 @@ from coadapt.choices import check_choices
 from coadapt.world_choice import chosen_kind, open_chosen
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
+from deploy.paths import KEYSTORE, journal_path
 from deploy.ports import based_on, with_free_ports
 from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.room import check_room
 from deploy.runtime import Runtime
-from deploy.services import KEYSTORE, journal_path
 from deploy.spec import (
     MAX_ROBOTS,
     MIN_ROBOTS,

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from ego_agent.knowledge.objective import Objective
-from swarm.messages import Decision
+from swarm.messages import Algorithm, Decision
 
 MAX_DEADLINE_S = 1.0
 """A slower pace may wait this long: what is older shows another moment."""
@@ -72,6 +72,12 @@ def rate_of(decision: Decision, robot: str) -> float:
     """Contributions a second of a participant."""
     rates = (one.rate_hz for one in decision.assignments if one.robot == robot)
     return next(rates, decision.rate_hz)
+
+
+def algorithm_of(decision: Decision, robot: str) -> Algorithm:
+    """What a participant sends."""
+    forms = (one.algorithm for one in decision.assignments if one.robot == robot)
+    return next(forms, decision.algorithm)
 
 
 def stride(decision: Decision, sensor_hz: float, most_hz: float) -> int:

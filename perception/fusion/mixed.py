@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 
 from perception.fusion.base import EncodeOptions, Fusion, Gathering
 from perception.fusion.one_pass import Form, OnePass
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, Points
 
-MIXED = "mixed"
-
 
 class Mixed(Fusion):
     """Several forms in one frame: each contribution names its own."""
 
-    name = MIXED
+    name = "mixed"
 
     def __init__(self, forms: Mapping[str, Fusion]) -> None:
         """`forms`: by name, of one detector. Raises PerceptionError for none, and for a fusion that
@@ -27,6 +26,12 @@ class Mixed(Fusion):
                 "robots send points, maps or boxes of perception.fusion.one_pass"
             )
         self._forms = {name: form for name, form in forms.items() if isinstance(form, Form)}
+
+    def scored_by(self, sent: Iterable[str]) -> str:
+        """The form whose calibration holds for the scores of a frame to which these were sent: the
+        most frequent one."""
+        counts = Counter(sorted(sent))
+        return counts.most_common(1)[0][0] if counts else next(iter(self._forms))
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """Raises PerceptionError: a robot sends one form."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 from swarm.messages.base import (
     ALGORITHMS,
     MAX_MESSAGE_BYTES,
+    MIXED,
     SCHEMA_VERSION,
     Algorithm,
     Count,
@@ -82,6 +83,7 @@ __all__ = [
     "MAX_PROMPT_CHARS",
     "MAX_RATE_BPS",
     "MIN_RATE_BPS",
+    "MIXED",
     "SCHEMA_VERSION",
     "AdviceReport",
     "AdviceState",

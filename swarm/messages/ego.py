@@ -217,3 +217,6 @@ class Detections(Message, frozen=True, kw_only=True):
     tracks: Tracks | None = None
     """What is there by all that was found in this frame and before: no known robot, and from the
     operating point on. None where the ego keeps no memory. `boxes` are of this frame alone."""
+    forms: dict[RobotId, Algorithm] = msgspec.field(default_factory=dict)
+    """What each participant but the ego has sent, in a frame of several; empty where `algorithm`
+    says it."""

@@ -230,6 +230,7 @@ SAMPLES: tuple[Message, ...] = (
             velocities=pack(np.array([[1.5, -0.25]], dtype=np.float32)),
             ages_s=pack(np.array([[0.5]], dtype=np.float32)),
         ),
+        forms={"R1": "late"},
     ),
     NetState(
         controller=281_474_976_710_655,

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from coadapt.main import main
 from deploy.netns import network
 from deploy.rates import format_rate, parse_rate
-from deploy.services import INFRA, Place, prometheus_config, services
+from deploy.roster import INFRA, Place
+from deploy.scraping import prometheus_config
+from deploy.services import services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state, remove_run_dir, write_state
 from llm_gateway.settings import GatewaySettings
