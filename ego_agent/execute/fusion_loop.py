@@ -313,9 +313,8 @@ class FusionLoop:
         known = seen_at(self._known.at(own.capture_ns), corrections)
         boxes = publish(found, self._detector, judged_as, len(used), known)
         clouds[self._ego] = (own.points, own.world_from_sensor)
-        self.remembered = tracks = self._remembered(
-            frame, judged_as, found, frozenset(used), known, clouds
-        )
+        tracks = self._remembered(frame, judged_as, found, frozenset(used), known, clouds)
+        self.remembered = tracks
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)
