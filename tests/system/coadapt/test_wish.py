@@ -134,11 +134,16 @@ def test_what_cannot_be_obeyed_is_named_and_nothing_is_changed(
         ({"exclude": ["R2"], "prefer": ["R2"]}, "robot 'R2' is both"),
         ({"q_min": 0.8, "until": past}, "is over"),
         ({"policy": "dice"}, "policy 'dice' is unknown"),
-        ({"unclear": ["hello?"]}, "the intent wishes nothing"),
+        ({"unclear": ["hello?"]}, "no wish was understood in 'hello?'"),
+        ({"until": "2040-01-01T00:00:00+00:00"}, "the intent wishes nothing"),
         ({"leave": ["R2"]}, "an intent has no field 'leave'"),
     ):
         assert run("wish", "--intent", json.dumps(intent), "--apply", "--sure") == 1
         assert expected in capsys.readouterr().err
+    assert run("wish", "leave R2 alone") == 1
+    assert "no language model answers in swarm 'test'" in (told := capsys.readouterr().err)
+    assert "`coadapt steer` takes the same as flags: --exclude" in told
+    assert told.count("\n") == 1
     assert run("wish", "--intent", "no such file") == 1
     assert "neither a JSON object nor a file" in capsys.readouterr().err
     assert run("wish", "--list") == 0
