@@ -19,6 +19,7 @@ from ego_agent.replay import LastMinute
 from ego_agent.settings import EgoSettings
 from swarm import keyspace
 from swarm.errors import DecisionError
+from swarm.intent_words import effect_in_words, in_words
 from swarm.log import Logger
 from swarm.messages import Algorithm, Effect, EgoSteered, EgoSteering, EgoWish, IntentInForce
 from swarm.process import Clock
@@ -107,6 +108,7 @@ class Steering:
                 intents=self.intents.all(),
                 effect=effect,
                 number=number,
+                says=_said(request, effect),
             )
 
     def close(self) -> None:
@@ -182,6 +184,13 @@ class NobodyLeftError(DecisionError):
     """An intent would leave nobody to ask, and that was not confirmed."""
 
     code = NOBODY
+
+
+def _said(request: EgoSteering, effect: Effect | None) -> tuple[str, ...]:
+    """The intent of a request in words, and its effect."""
+    if request.intent is None or effect is None:
+        return ()
+    return (in_words(request.intent), *effect_in_words(effect))
 
 
 def _path(settings: EgoSettings) -> Path | None:

@@ -41,7 +41,8 @@ EGO_KEYS = (
 )  # fmt: skip
 SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
-    keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive, keyspace.trust_certificate,
+    keyspace.llm_decide, keyspace.llm_wish, keyspace.llm_state, keyspace.llm_alive,
+    keyspace.trust_certificate,
 )  # fmt: skip
 CELL = name_of((3, -4))
 SHARED = "early"

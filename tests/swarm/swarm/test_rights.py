@@ -38,7 +38,7 @@ def test_a_role_may_do_its_part_and_nothing_else(site: Site, role: Role, act: Ac
 
 
 def test_every_key_is_tried() -> None:
-    assert len(KEYS) == len(set(KEYS)) == 42
+    assert len(KEYS) == len(set(KEYS)) == 43
 
 
 def refused(config: dict[str, object]) -> str:
