@@ -25,9 +25,9 @@ from options.console.seats import Seat, Seats
 from options.console.watch import Watch
 from swarm.controllers import merged
 from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
-from swarm.http_events import EventStream
-from swarm.http_hosts import Hosts
-from swarm.http_serving import media_type
+from swarm.http.events import EventStream
+from swarm.http.hosts import Hosts
+from swarm.http.serving import media_type
 from swarm.log import Logger
 from swarm.messages import Message, ShapeRequest
 

@@ -8,8 +8,8 @@ from typing import Annotated
 import msgspec
 
 from swarm.defaults import COMM_RANGE_M, CONSOLE_PORT, CommRange
-from swarm.http_access import token_of
-from swarm.http_hosts import HostNames
+from swarm.http.access import token_of
+from swarm.http.hosts import HostNames
 from swarm.process import ProcessSettings
 from swarm.settings import Name, Port, Secret, load, shown
 
