@@ -60,7 +60,7 @@ async def serve(
     seats = Seats(settings, server, log)
     app = make_app(
         seats,
-        plan(settings.world, settings.world_robots, settings.world_seed),
+        plan(settings.world, settings.world_robots, settings.world_seed, settings.console_site),
         Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
         settings.console_token,
         metrics,

@@ -35,7 +35,12 @@ PAGE = Path(__file__).parent / "page"
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 CSRF_HEADER = "x-coadapt-csrf"
 OPERATOR = "console"
-WHO = {"shape": "the network controller", "ego": "the ego", "robot": "the robot"}
+WHO = {
+    "shape": "the network controller",
+    "ego": "the ego",
+    "robot": "the robot",
+    "wish": "the LLM gateway",
+}
 MAX_BODY_BYTES = 1_500_000
 """A trace of 100,000 rates fits, also where each is 10 Gbit/s."""
 WRONG_TOKEN_S = 1.0

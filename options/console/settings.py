@@ -54,6 +54,8 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     """Where people's browsers reach it."""
     console_recordings: str = ""
     """The folder of the swarm's recordings; empty: none is shown."""
+    console_site: str = ""
+    """A site file, with names of places; empty: a simulated factory's own."""
 
     def __repr__(self) -> str:
         return shown(self)
