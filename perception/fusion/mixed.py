@@ -11,6 +11,11 @@ from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, Points
 
 
+def mixable(fusions: Mapping[str, Fusion]) -> tuple[str, ...]:
+    """Which of some fusions, by name, can be joined with others in one frame."""
+    return tuple(name for name, fusion in fusions.items() if isinstance(fusion, Form))
+
+
 class Mixed(Fusion):
     """Several forms in one frame: each contribution names its own."""
 

@@ -8,6 +8,7 @@ from typing import Any
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, UnifiedScene
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
 from swarm.messages import Decision
 
@@ -56,7 +57,10 @@ def explain(
 def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
     """What a candidate brings to the decision beside its other participants, and what it costs,
     both in quality; None where it cannot send for the algorithm."""
-    robot, algorithm = candidate.robot, decision.algorithm
+    robot = candidate.robot
+    if decision.assignments:
+        return _assigned_part(scorer, candidate, decision)
+    algorithm = decision.algorithm
     chosen = robot in decision.participants
     if not scorer.can(robot, algorithm):
         why = f"out: it cannot send for {algorithm}"
@@ -77,6 +81,28 @@ def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str,
         why = f"out: its {size_kb:.1f} kB do not fit beside {taken_kb:.1f} of {free_kb:.1f} kB"
     else:
         why = f"out: it {worth}" + (", and no change pays yet" if adds > costs else "")
+    return {"chosen": chosen, "adds": round(adds, 4), "costs": round(costs, 4), "why": why}
+
+
+def _assigned_part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
+    """The same where robots differ in what they send, and how often; of one that sends nothing,
+    what it would bring with the option that gains most."""
+    mixes, robot = Mixes(scorer), candidate.robot
+    sends = {one.robot: one for one in decision.assignments if mixes.can(one)}
+    chosen = robot in decision.participants
+    tried = [sends[robot]] if robot in sends else mixes.options_of(robot)
+    others = [one for name, one in sends.items() if name != robot]
+    without = mixes.score(others)
+    found = [(score, one) for one in tried if (score := mixes.score([*others, one])) is not None]
+    if without is None or not found:
+        return {"chosen": chosen, "adds": None, "costs": None, "why": "out: it cannot send"}
+    with_it, one = max(found, key=lambda pair: pair[0].value)
+    adds, costs = with_it.quality - without.quality, with_it.cost - without.cost
+    worth = f"{one.algorithm} {one.rate_hz:g} times a second adds {adds:.3f} and costs {costs:.3f}"
+    why = f"in: {worth}"
+    if not chosen:
+        fits = mixes.carries(with_it)
+        why = f"out: {worth}" + ("" if fits else ", and does not fit beside the others")
     return {"chosen": chosen, "adds": round(adds, 4), "costs": round(costs, 4), "why": why}
 
 

@@ -8,6 +8,7 @@ itself, to the bit.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +16,10 @@ from numpy.typing import NDArray
 
 LEVELS = 10
 """Steps of evidence in which robots that may not arrive are counted."""
+
+
+COARSE_LEVELS = 5
+"""The same where many options of each robot are weighed."""
 
 
 class Views:
@@ -43,6 +48,23 @@ class Views:
         flat = self._areas.reshape(len(self._areas), -1)
         open_cells = flat.any(axis=0) & ~flat[0]
         return flat[:, open_cells].astype(np.float32)
+
+    @cached_property
+    def patterns(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the robots but the ego show that it does not, as columns that several share:
+        (n - 1, C) how much of each a robot shows, in [0, 1], and (C,) its weight in the share of
+        all that is seen. Cells that the same robots see are one column; objects have one for each
+        step of evidence that the ego's leaves open."""
+        cells, count = _merged(self._areas[1:] & ~self._areas[0])
+        own = self.evidence[0]
+        steps = np.arange(COARSE_LEVELS)[:, None] / COARSE_LEVELS
+        low, high = np.maximum(steps, own), np.maximum(steps + 1.0 / COARSE_LEVELS, own)
+        reached = np.clip(self.evidence[1:, None, :], low, high) - low
+        open_ = (reached > 0.0).any(axis=0)
+        reached, length = reached[:, open_], (high - low)[open_]
+        seen = np.concatenate([cells, reached / length], axis=1).astype(np.float32)
+        weights = [self.area_weight * count, self.object_weight * length]
+        return seen, np.concatenate(weights).astype(np.float32)
 
     @cached_property
     def level(self) -> NDArray[np.intp]:
@@ -142,6 +164,20 @@ class Union:
             self._evidence - at / LEVELS
         )
         return below, floor
+
+
+def _merged(areas: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Cells that somebody sees, those that the same robots see as one: (n, C) whether each robot
+    does, and (C,) how many they are."""
+    flat = areas.reshape(len(areas), math.prod(areas.shape[1:]))
+    flat = flat[:, flat.any(axis=0)]
+    who = np.packbits(flat, axis=0).T
+    padded = np.ascontiguousarray(np.pad(who, ((0, 0), (0, -who.shape[1] % 8)))).view(np.uint64)
+    if padded.shape[1] == 1:
+        _, first, count = np.unique(padded[:, 0], return_index=True, return_counts=True)
+    else:
+        _, first, count = np.unique(padded, axis=0, return_index=True, return_counts=True)
+    return flat[:, first].astype(np.float64), count
 
 
 def pack_areas(areas: NDArray[np.bool_]) -> NDArray[np.uint64]:

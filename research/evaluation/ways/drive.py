@@ -65,6 +65,7 @@ class Driven:
         self.frames = range(drive.first, drive.first + drive.frames)
         self.nearest = tuple(nearest_first(self.world, self.ego, drive.first))[1:]
         """The other robots as the drive begins."""
+        self.seed = drive.seed
         self._fusions: dict[str, Fusion] = {}
         self._payloads: dict[tuple[int, str, str, float], tuple[Contribution, int]] = {}
         self._fused: dict[tuple[int, tuple[tuple[str, str], ...], float], FusedOnce] = {}
@@ -76,18 +77,28 @@ class Driven:
             self._fused[key] = self._fuse(frame, asked, max_error_m)
         return self._fused[key]
 
+    def size(self, frame: int, robot: str, name: str, max_error_m: float) -> int:
+        """Bytes that the robot sends, with those of asking for it."""
+        own = self.world.scan(self.ego, frame).points
+        return self._payload(frame, robot, name, max_error_m, own)[1]
+
+    def _payload(
+        self, frame: int, robot: str, name: str, max_error_m: float, own: Points
+    ) -> tuple[Contribution, int]:
+        key = (frame, robot, name, max_error_m)
+        if key not in self._payloads:
+            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, own)
+        return self._payloads[key]
+
     def _fuse(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
         own = self.world.scan(self.ego, frame)
-        forms = {name: self._fusion(name) for name in dict.fromkeys(asked.values())}
+        forms = {name: self.fusion(name) for name in dict.fromkeys(asked.values())}
         here = own.pose.matrix()
-        gathering = Mixed(forms or {"early": self._fusion("early")}).begin(own.points, here)
+        gathering = Mixed(forms or {"early": self.fusion("early")}).begin(own.points, here)
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
         for robot, name in asked.items():
-            key = (frame, robot, name, max_error_m)
-            if key not in self._payloads:
-                self._payloads[key] = self._encoded(frame, robot, name, max_error_m, own.points)
-            contribution, sizes[robot] = self._payloads[key]
+            contribution, sizes[robot] = self._payload(frame, robot, name, max_error_m, own.points)
             try:
                 gathering.add(contribution)
                 helpers.add(robot)
@@ -110,7 +121,7 @@ class Driven:
         self, frame: int, robot: str, name: str, max_error_m: float, own: Points
     ) -> tuple[Contribution, int]:
         """What the robot sends, and the bytes of that and of asking for it."""
-        fusion, scan = self._fusion(name), self.world.scan(robot, frame)
+        fusion, scan = self.fusion(name), self.world.scan(robot, frame)
         here = self.world.pose(self.ego, frame).matrix()
         ask = fusion.begin(own, here).ask()
         pose = disturbed(scan.pose, robot, frame, self.drive.pose_noise_m)
@@ -121,7 +132,8 @@ class Driven:
         sent = Contribution(robot, payload, pose.matrix(), form=name)
         return sent, len(payload) + ask.size()
 
-    def _fusion(self, name: str) -> Fusion:
+    def fusion(self, name: str) -> Fusion:
+        """An algorithm with the world's detector, made once."""
         if name not in self._fusions:
             self._fusions[name] = make_fusion(name, self.world.detector)
         return self._fusions[name]
