@@ -17,6 +17,7 @@ from swarm.errors import TransportError
 from swarm.listening import hear, listen
 from swarm.messages import (
     AdviceReport,
+    Assignment,
     Beacon,
     Decision,
     Detections,
@@ -118,6 +119,8 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
     egos: tuple[EgoRow, ...] = ()
     """Every ego of the swarm, the one that is shown among them."""
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant sends, and how often, where that is not the same of all."""
 
 
 @dataclass(slots=True)
@@ -265,6 +268,7 @@ class Watch:
                 cycle=decision.cycle if decision else None,
                 selected=decision.participants if decision else None,
                 algorithm=decision.algorithm if decision else None,
+                assignments=decision.assignments if decision else (),
                 source=decision.source if decision else None,
                 policy=decision.policy if decision else None,
                 valid=decision.valid if decision else None,

@@ -163,6 +163,7 @@ def _decision(view: SwarmView) -> list[str]:
     valid = "" if view.valid else " (NOT VALID)"
     return [
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
+        *([f"sends      {_assigned(view)}"] if view.assignments else []),
         *([f"BLIND      {view.blind}"] if view.blind else []),
         f"by         {view.policy} (source: {view.source})",
         f"reason     {view.reason}",
@@ -170,6 +171,11 @@ def _decision(view: SwarmView) -> list[str]:
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _assigned(view: SwarmView) -> str:
+    """Who sends what, and how often."""
+    return ", ".join(f"{one.robot} {one.algorithm} {one.rate_hz:g} Hz" for one in view.assignments)
 
 
 def _egos(egos: Sequence[EgoRow]) -> list[str]:

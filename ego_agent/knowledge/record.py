@@ -89,6 +89,7 @@ def cycle_record(
             blind=decision.blind,
             silent=decision.silent,
             stands_in_for=decision.stands_in_for,
+            assignments=decision.assignments,
         ),
         published=published,
         bytes=_nested(tally.received),
@@ -113,6 +114,8 @@ def cycle_record(
             possible=demand.possible,
             reachable=demand.reachable,
             unreachable_s=round(demand.unreachable_s, 3),
+            mean_bytes_s=demand.mean_bytes_s,
+            burst_bytes=demand.burst_bytes,
         ),
         advice=decision.advice,
     )

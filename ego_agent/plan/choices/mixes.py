@@ -199,9 +199,8 @@ class Mixes:
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer
         sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
-        frames = max(1.0, scorer.pace.deadline_s * scorer.pace.rate_hz)
         largest = burst(score.assignments, scorer.pace.rate_hz, sizes)
-        return largest <= scorer.budget_bytes * frames
+        return largest <= scorer.budget_bytes * _frames(scorer)
 
     def _nobody(self) -> _Growing:
         n, levels = len(self.able), len(self._steps)
@@ -302,6 +301,11 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
     )
 
 
+def _frames(scorer: Scorer) -> float:
+    """Frames in whose time the largest one must be through."""
+    return max(1.0, scorer.pace.deadline_s * scorer.pace.rate_hz)
+
+
 def _able(scorer: Scorer, i: int, option: Option) -> bool:
     """Whether a candidate's own link and processor carry an option, and the cell one contribution
     within the deadline."""
@@ -313,8 +317,7 @@ def _able(scorer: Scorer, i: int, option: Option) -> bool:
     needs_bps = scorer.needs_bps(candidate.robot, name) if usual else bits * option.rate_hz
     if needs_bps > scorer.allowed_bps(candidate.robot):
         return False
-    within_s = max(scorer.pace.deadline_s, 1.0 / scorer.pace.rate_hz)
-    if bits > scorer.objective.headroom * scorer.scene.capacity_bps * within_s:
+    if candidate.sizes[name] > scorer.budget_bytes * _frames(scorer):
         return False
     encode_s = scorer.knowledge.encode_s(name, candidate.answers.get(name, UNTRIED).encode_s)
     return encode_s * scorer.pace.rate_hz * share <= 1.0 or name in candidate.shared

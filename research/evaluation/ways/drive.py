@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.known import KnownRobot, seen_at
-from perception.fusion.mixed import Mixed
+from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.registry import make_fusion
 from perception.memory.memory import View
 from perception.types import Boxes
@@ -140,5 +139,5 @@ class Driven:
 
 
 def _scored_as(forms: list[str]) -> str:
-    """Whose calibration holds: that of the form that most robots have sent."""
-    return Counter(forms).most_common(1)[0][0] if forms else SINGLE
+    """Whose calibration holds."""
+    return scored_by(forms) if forms else SINGLE

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,11 +14,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ego_agent.analyze.scene_file import read_scene
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.compute import Work
+from ego_agent.knowledge.journal import CycleRecord
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import RARER_HZ, in_turn
+from ego_agent.knowledge.record import cycle_record
+from ego_agent.knowledge.tally import Tally
 from ego_agent.plan.choices.explain import explain
 from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.hysteresis import best_option
@@ -24,10 +30,12 @@ from ego_agent.plan.choices.mixes import Mixes, burst
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.choices.validation import Unusable, validate
 from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import ROUNDING, DemandMeter, need
 from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import ALGORITHMS, MIXED, Assignment, Decision
-from tests.support.ego_scenes import BOTH, NOW_NS, candidate, scene, snapshot
+from tests.support.ego_scenes import BOTH, NOW_NS, candidate, scene, snapshot, view
 
+EXAMPLE = Path(__file__).parents[3] / "docs" / "example-scene.json"
 SIZES = {"early": 3_000, "intermediate": 40_000, "late": 500}
 
 
@@ -224,3 +232,46 @@ def test_an_algorithm_that_cannot_be_mixed_is_left_out() -> None:
     known.mixable = frozenset({"late"})
     decision = decide(a_floor(3, capacity_bps=1e6), known)
     assert {one.algorithm for one in decision.assignments} <= {"late"}
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_what_q_min_takes_is_less_where_robots_may_send_less_often(seed: int) -> None:
+    found = a_floor(seed, capacity_bps=1e6)
+    whole, rarer = need(found, knowing(rarer_hz=())), need(found, knowing())
+    assert rarer.possible == whole.possible
+    assert rarer.bytes_s <= whole.bytes_s
+    if rarer.possible and rarer.bytes_s:
+        # On a cell of that width coverage reaches Q_min.
+        narrow = replace(found, capacity_bps=8.0 * rarer.bytes_s)
+        assert decide(narrow, knowing()).quality >= 0.7 - ROUNDING
+
+
+def test_the_demand_tells_mean_and_burst() -> None:
+    found, known = a_floor(3, capacity_bps=1e6), knowing()
+    decision = decide(found, known)
+    said = DemandMeter().take(found, known, decision, sent_ns=1, now_s=0.0)
+    assert decision.assignments
+    sizes = {c.robot: c.sizes for c in found.candidates}
+    sent = {one.robot: sizes[one.robot][one.algorithm] for one in decision.assignments}
+    mean = sum(sent[one.robot] * one.rate_hz for one in decision.assignments)
+    assert said.mean_bytes_s == pytest.approx(mean, abs=10)
+    assert max(sent.values()) <= said.burst_bytes <= sum(sent.values())
+
+
+def test_a_line_of_the_journal_holds_the_assignments() -> None:
+    found = a_floor(3, capacity_bps=1e6)
+    decision = decide(found, knowing())
+    seen = snapshot(view("R1"), ego="R1")
+    line = cycle_record(seen, found, decision, Tally(), published=True, cycle_ms=1.0)
+    again = msgspec.json.decode(msgspec.json.encode(line), type=CycleRecord)
+    assert again.decision.assignments == decision.assignments != ()
+
+
+def test_a_scene_file_may_tell_assignments_of_the_decision_in_force() -> None:
+    example = json.loads(EXAMPLE.read_text())
+    sends = {"robot": "R3", "algorithm": "late", "rate_hz": 2.0}
+    example["previous"] = {"participants": ["R1", "R3"], "algorithm": "late"}
+    example["previous"]["assignments"] = [sends]
+    previous = read_scene(json.dumps(example).encode(), NOW_NS).previous
+    assert previous is not None
+    assert previous.assignments == (Assignment(robot="R3", algorithm="late", rate_hz=2.0),)
