@@ -158,10 +158,14 @@ def _add_ways(experiments: Any) -> None:
         "Writes ways.json.",
     )
     parser.add_argument(
-        "--floors", type=at_least_one, default=12, metavar="N", help="default: %(default)s"
+        "--floors",
+        type=at_least_one,
+        default=6,
+        metavar="N",
+        help="half as many with noisy poses, and for each link (default: %(default)s)",
     )
     parser.add_argument(
-        "--frames", type=at_least_one, default=60, metavar="N",
+        "--frames", type=at_least_one, default=50, metavar="N",
         help="of each, one after the other (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--data", type=Path, metavar="DIR", help="the recorded scenario")
