@@ -90,6 +90,7 @@ class Heard:
             stands_in_for=decision.stands_in_for if decision else None,
             unshaped=self.controllers.unshaped(now),
             egos=self._ego_rows(now),
+            intents=decision.intents if decision else (),
         )
 
     def count_anew(self) -> None:

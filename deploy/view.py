@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from swarm.messages import AdviceReport
+from swarm.messages import AdviceReport, IntentTold
 
 RobotState = Literal["well", "off duty", "lost", "silent", "stalled"]
 """Lost: neither its token nor its process is there. Silent: its process answers, but no beacons
@@ -90,3 +90,5 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Why links cannot be shaped, or are not as they should be, in the controllers' words."""
     egos: tuple[EgoRow, ...] = ()
     """Every ego of the swarm, the one that is shown among them."""
+    intents: tuple[IntentTold, ...] = ()
+    """Operators' wishes that the decision obeys."""

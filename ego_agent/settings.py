@@ -12,7 +12,7 @@ from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from ego_agent.monitor.snapshot import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
-from swarm.messages.steer import QMin
+from swarm.messages.choices import QMin
 from swarm.process import Algorithms, ProcessSettings
 from swarm.settings import Name, load
 

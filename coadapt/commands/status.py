@@ -18,7 +18,7 @@ from deploy.runtime import ProcessStatus
 from deploy.state import State
 from deploy.view import EgoRow, SwarmView
 from swarm.errors import DeployError, TransportError
-from swarm.messages import AdviceReport
+from swarm.messages import AdviceReport, IntentTold
 
 WINDOW_S = 1.2
 REDRAW_S = 1.0
@@ -169,11 +169,19 @@ def _decision(view: SwarmView) -> list[str]:
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
         *([f"BLIND      {view.blind}"] if view.blind else []),
         f"by         {view.policy} (source: {view.source})",
+        *(f"wish       {_wish(intent)}" for intent in view.intents),
         f"reason     {view.reason}",
         *([f"advice     {_advice(view.advice)}"] if view.advice else []),
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _wish(intent: IntentTold) -> str:
+    """An intent that the decision obeys, and what it did to it."""
+    since = datetime.fromtimestamp(intent.since_ns * 1e-9, UTC).astimezone()
+    text = f"{intent.number} of {intent.operator or 'unknown'} since {since:%H:%M}: {intent.says}"
+    return text + (f" ({'; '.join(intent.bound)})" if intent.bound else "")
 
 
 def _egos(egos: Sequence[EgoRow]) -> list[str]:

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from swarm.errors import MessageError
-from swarm.messages.base import Count, Ns, RobotId
+from swarm.messages.base import RobotId
+from swarm.messages.choices import PolicyName, QMin
 from swarm.messages.llm import NonNegative
-from swarm.messages.steer import Operator, PolicyName, QMin
 
 MAX_NAMES = 256
 MAX_WISH_CHARS = 2_000
@@ -106,19 +106,6 @@ class Site(msgspec.Struct, frozen=True, kw_only=True):
     robots: Robots = ()
     places: Annotated[tuple[Name, ...], msgspec.Meta(max_length=MAX_NAMES)] = ()
     classes: Annotated[tuple[Name, ...], msgspec.Meta(max_length=MAX_NAMES)] = ()
-
-
-class IntentInForce(msgspec.Struct, frozen=True, kw_only=True):
-    """A confirmed intent, as an ego obeys it and as its file holds it."""
-
-    number: Count
-    """The ego's own count of its intents, from 1."""
-    intent: Intent
-    operator: Operator
-    """Who confirmed it."""
-    since_ns: Ns
-    wish: Words = ""
-    """The person's own words; empty where there were none."""
 
 
 def problems(intent: Intent, site: Site, now: datetime) -> tuple[str, ...]:
