@@ -24,7 +24,8 @@ OUT = _any(
     "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
     r"stop \w*", "in peace", r"(?:leave|let|leaving|lev|leaf) .*\b(?:alone|be|it|them|him)",
     "leave ROBOT", "leave it", "alone",
-    "disregard", r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
+    "ruhe", "mit ausnahme", "with the exception", "exception", "disregard",
+    r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
     "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
     r"verschon\w*",
     "sit out", "out of bounds", "banned", "verboten", "gesperrt", "stay home", "daheim", "zuhause",
@@ -48,7 +49,8 @@ UNUSED = _any(
 )  # fmt: skip
 """What is done with a robot; with a negation, it is left out."""
 ONLY = _any(
-    "only", "solely", "exclusively", "exclusive", "NOBODYBUT", "nobody else", "no one else",
+    "only", "stick with", "stick to", "keep to", "solely", "exclusively", "exclusive",
+    "NOBODYBUT", "nobody else", "no one else",
     "none else", "noone else", "nothing else", "no other", "no others", "restrict", "nur",
     "ausschliesslich", "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner",
     "sonst keinen", "niemand sonst", "reicht", "reichen", "genuegt", "genuegen", "is enough",
@@ -68,7 +70,8 @@ FIRST = _any(
     "allen voran", "erste",
 )  # fmt: skip
 POSSIBLY = _any("if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
-                "whenever possible", "wann immer moeglich", "falls moeglich")  # fmt: skip
+                "whenever possible", "whenever you can", "wann immer moeglich",
+                "falls moeglich")  # fmt: skip
 """A preference of what is named, or politeness beside another cue."""
 LAST = _any("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
 HIGH = _any(
@@ -162,7 +165,8 @@ CONDITION = re.compile(
 )
 NO_CONDITION = re.compile(
     r"\b(?:if (?:possible|you can|you could|you please|need be|you dont mind|you would|at all)|"
-    r"wenn (?:moeglich|es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|if you like|when possible)\b"
+    r"when(?:ever)? you can|wenn (?:moeglich|es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|"
+    r"if you like|when possible)\b"
 )
 CONTRAST = re.compile(
     r"\b(?:not|nicht) (?:the )?ROBOT (?:but|sondern)\b|\bsondern\b|\binstead of\b"
@@ -177,6 +181,7 @@ FOREIGN = re.compile(
     r"jailbreak|"
     r"stell dir vor|imagine|hypothetically|story|geschichte|poem|gedicht|wrote|schrieb|told|"
     r"asked me|"
+    r"operators?|obeys?|gehorch\w*|hoerst du|hoer auf|"
     r"claims?|behauptet|announces?|tells|demands?|verlangt|quote|zitat|schild|sign)\b"
 )
 """Words of a robot, of a text, to a model: nobody's wish."""
@@ -190,3 +195,11 @@ SPELLING = frozenset(
     exclusively first please reduce sparen avoid should shall""".split()  # noqa: SIM905
 )
 """Words in which one slip of the keyboard is forgiven, or which one slip makes of another."""
+
+KNOWN = frozenset(
+    word
+    for pattern in tuple(globals().values())
+    if isinstance(pattern, re.Pattern)
+    for word in re.findall(r"[a-z]{3,}", pattern.pattern)
+)
+"""Words that are cues themselves, or parts of one: never slips of another."""

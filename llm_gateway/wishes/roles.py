@@ -12,6 +12,7 @@ _NOBODY_ELSE = re.compile(
     r"\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
 )
 _COMPARED = re.compile(r"\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b")
+_PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
 SHORT = 4
 """Words of a clause that says one thing only."""
 
@@ -55,7 +56,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         hits.add("only")
     if first:
         hits.add("first")
-    if alone and hits == {"first"} and not unused and not re.search(r"\b(?:prefer|first)\b", text):
+    if alone and hits == {"first"} and not unused and not _PREFERS.search(text):
         return None
     if not hits and not alone:
         if cues.JUST.search(text):

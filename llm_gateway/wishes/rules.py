@@ -33,7 +33,8 @@ _OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
 _THERE = re.compile(r"\b(?:there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
 _FILLERS = frozenset(
     """PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei in im on an am a
-    around beim about auf of especially besonders cant cannot isnt arent ned by um""".split()  # noqa: SIM905
+    around beim about is are do does ist sind auf of especially besonders cant cannot isnt arent
+    ned by um""".split()  # noqa: SIM905
 )
 """Words beside which something named has the role of the clause before it."""
 
@@ -236,7 +237,12 @@ class Rules:
         everybody = set(clause.text.split()) & lexicon.EVERYBODY
         acts = cues.OUT.search(clause.text) or cues.UNUSED.search(clause.text)
         lonely = not named and not self._of(clause, "network", "compute", "share")
-        if lonely and everybody and (acts or cues.ONLY.search(clause.text)):
+        if (
+            lonely
+            and everybody
+            and "out" not in self._roles
+            and (acts or cues.ONLY.search(clause.text))
+        ):
             self._doubt(clause)
         elif lonely and _STRONG.search(clause.text) and not _THERE.search(clause.text):
             if not self._bound(clause):
