@@ -7,7 +7,8 @@ from collections.abc import Collection
 
 from prometheus_client import CollectorRegistry
 
-from llm_gateway.http_app import Completer, make_app
+from llm_gateway.http_app import make_app
+from llm_gateway.model import Completer
 from swarm.http.access import Access, check_token
 from swarm.http.serving import HttpServer, bind, server_config
 from swarm.log import Logger
