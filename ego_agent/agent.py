@@ -33,6 +33,7 @@ from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.record import cycle_record, cycle_result
 from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.knowledge.weighed import Weighed
 from ego_agent.leading import Alone, Lead, make_lead
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.known import KnownRobots
@@ -41,6 +42,7 @@ from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
 from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.control_budget import ControlBudget, Wish
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.intents.bind import bound_scene, known_objects
@@ -84,6 +86,7 @@ class _Running:
     published: bool
     cycle_ms: float
     demand: NetDemand | None
+    weighed: Weighed | None
 
 
 class EgoAgent:
@@ -354,10 +357,11 @@ class EgoAgent:
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(snapshot, scene, decision, control)
+        weighed = self._weighed(scene, decision)
         self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
-        return _Running(snapshot, scene, decision, published, cycle_ms, demand)
+        return _Running(snapshot, scene, decision, published, cycle_ms, demand, weighed)
 
     def _told(self, decision: Decision, snapshot: Snapshot, scene: UnifiedScene | None) -> Decision:
         """The decision with what keeps it from being carried out; no fault of that harms it."""
@@ -399,6 +403,17 @@ class EgoAgent:
             self._log.error("demand_failed", cycle=decision.cycle, exc_info=True)
             return None
         return demand
+
+    def _weighed(self, scene: UnifiedScene | None, decision: Decision) -> Weighed | None:
+        """What the decision was weighed against; no fault of it harms the cycle."""
+        if scene is None:
+            return None
+        try:
+            return weigh(scene, self.knowledge, decision)
+        except Exception:
+            self._metrics.cycle_faults.inc()
+            self._log.error("weigh_failed", cycle=decision.cycle, exc_info=True)
+            return None
 
     def _next_probe(self, scene: UnifiedScene | None, decision: Decision) -> Probe | None:
         """What the next decision shall ask on the side; no fault of it harms the cycle."""
@@ -454,7 +469,9 @@ class EgoAgent:
             published=running.published,
             cycle_ms=running.cycle_ms,
             demand=running.demand,
+            weighed=running.weighed,
         )
+        self._steering.note(record)
         self.knowledge.record_result(cycle_result(running.decision, tally))
         if self._journal is None:
             self._metrics.committed(record)

@@ -11,6 +11,8 @@ import msgspec
 
 from ego_agent.intents import Intents
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.journal import CycleRecord
+from ego_agent.knowledge.why import Follower, explain
 from ego_agent.plan.intents.bind import bound_objective
 from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.policies.base import Connecting, Policy, Preparing
@@ -22,6 +24,7 @@ from swarm.errors import DecisionError
 from swarm.intent_words import effect_in_words, in_words
 from swarm.log import Logger
 from swarm.messages import Algorithm, Effect, EgoSteered, EgoSteering, EgoWish, IntentInForce
+from swarm.messages.steer import MAX_REASONS
 from swarm.process import Clock
 from swarm.session import Session
 
@@ -60,6 +63,9 @@ class Steering:
         for one in self.intents.all():
             self._wish_for(one)
         self.minute = LastMinute()
+        self._told_lock = threading.Lock()
+        self._told = Follower()
+        """Of the journal's lines."""
 
     def attach(self, session: Session) -> None:
         """Takes operators' wishes from now on, and connects the policies."""
@@ -78,6 +84,18 @@ class Steering:
         if knowledge.objective != objective:
             knowledge.objective = objective
         return self._by(wishes), wishes
+
+    def note(self, line: CycleRecord) -> None:
+        """A cycle's line, as soon as it is whole."""
+        with self._told_lock:
+            self._told.add(line)
+
+    def _why(self) -> tuple[str, ...]:
+        with self._told_lock:
+            found = self._told.found
+        if found is None:
+            return ()
+        return tuple(explain(found).text().split("\n")[:MAX_REASONS])
 
     def steer(self, request: EgoSteering) -> EgoSteered:
         """Carries out a wish whole or not at all. Raises DecisionError for a policy that is unknown
@@ -109,6 +127,7 @@ class Steering:
                 effect=effect,
                 number=number,
                 says=_said(request, effect),
+                why=self._why() if request.why else (),
             )
 
     def close(self) -> None:

@@ -16,6 +16,10 @@ IntentAct = Literal["", "try", "confirm", "confirm-nobody", "withdraw"]
 """Nothing; tell the effect; obey from now on; obey although it leaves nobody to ask; end."""
 
 
+Reason = Annotated[str, msgspec.Meta(max_length=2_500)]
+MAX_REASONS = 256
+
+
 class EgoWish(msgspec.Struct, frozen=True, kw_only=True):
     """What an operator wants of an ego's decisions; one that names nothing only asks."""
 
@@ -40,6 +44,8 @@ class EgoSteering(Message, frozen=True, kw_only=True):
     number: Count = 0
     """Of an intent: to withdraw it, or to confirm it under the number that another ego gave it; 0:
     the ego's next."""
+    why: bool = False
+    """Also tell why the newest decision was made."""
 
 
 class EgoSteered(Message, frozen=True, kw_only=True):
@@ -59,6 +65,8 @@ class EgoSteered(Message, frozen=True, kw_only=True):
     """That it has been given."""
     says: Annotated[tuple[Sentence, ...], msgspec.Meta(max_length=512)] = ()
     """The intent that was asked about, read back, and its effect, a sentence each."""
+    why: Annotated[tuple[Reason, ...], msgspec.Meta(max_length=MAX_REASONS)] = ()
+    """Sentences about the newest decision, where they were asked for; none before the first."""
 
 
 class RobotSteering(Message, frozen=True, kw_only=True):

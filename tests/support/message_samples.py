@@ -317,6 +317,7 @@ SAMPLES: tuple[Message, ...] = (
         said="leave R3 alone and watch the docks, soonish",
         places=(DOCKS,),
         number=4,
+        why=True,
     ),
     EgoSteered(
         request=12,
@@ -346,6 +347,7 @@ SAMPLES: tuple[Message, ...] = (
         ),
         number=4,
         says=("leave R3 out",),
+        why=("Cycle 7: R1 with R5, early fusion at 10 Hz.", "Policy static-late decided."),
     ),
     WishRequest(
         request=16,

@@ -39,6 +39,7 @@ export class Controls {
     for (const [name, id] of Object.entries(EGO_FIELDS)) {
       $(id).addEventListener("input", () => this.#edit(name, true));
     }
+    $("why").addEventListener("click", () => this.#why());
     $("duty-off").addEventListener("click", () => this.#duty("off"));
     $("duty-on").addEventListener("click", () => this.#duty("on"));
     setInterval(() => this.#look(), 1000 * SHOW_S);
@@ -59,7 +60,28 @@ export class Controls {
     this.#choose("duty-robot", robots.filter((r) => r.alive || r.off_duty_by).map((r) => r.robot), "choose …");
   }
 
+  // Asks the ego, or takes away what it told.
+  async #why() {
+    const told = $("why-told");
+    const open = told.hidden;
+    let sentences = [];
+    if (open) {
+      $("why").disabled = true;
+      try {
+        const reply = await this.#wish("ego", { wish: {}, why: true });
+        sentences = reply.why.length ? reply.why : ["Nothing has been decided yet."];
+      } catch (error) {
+        sentences = [error.message];
+      }
+      $("why").disabled = !this.shown;
+    }
+    fill(told, sentences, (words) => Object.assign(document.createElement("li"), { textContent: words }));
+    told.hidden = !open;
+    $("why").setAttribute("aria-expanded", String(open));
+  }
+
   #allow(may) {
+    $("why").disabled = !may;
     const focused = document.activeElement;
     for (const id of ["controls", "steering", "wishing"]) {
       if (!may && !$(id).disabled && $(id).contains(focused)) this.focused = focused;

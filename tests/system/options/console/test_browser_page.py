@@ -173,6 +173,25 @@ def test_only_what_was_changed_is_asked_of_the_ego_and_its_silence_is_seen(
     expect(policy).to_have_value("b")
 
 
+def test_why_shows_what_the_ego_tells_of_its_decision(
+    page: Page, shared_router: RouterProcess, open_session: SessionMaker, swarm_name: str
+) -> None:
+    told = ("Cycle 3: R1 with R2, early fusion at 10 Hz.", "R2 is in: it adds 0.1 and costs 0.01.")
+
+    def steered(request: EgoSteering) -> EgoSteered:
+        why = told if request.why else ()
+        return EgoSteered(request=0, ego=EGO, policy="a", q_min=0.7, policies=("a",), why=why)
+
+    ego = open_session(shared_router.address)
+    ego.serve(keyspace.ego_steering(swarm_name, EGO), EgoSteering, steered)
+    button = page.get_by_role("button", name="Why?")
+    expect(button).to_be_enabled()
+    button.click()
+    expect(page.locator("#why-told li")).to_have_text(list(told))
+    button.click()
+    expect(page.locator("#why-told")).to_be_hidden()
+
+
 def test_a_wish_is_read_back_confirmed_shown_and_ended(
     page: Page,
     shared_router: RouterProcess,
