@@ -23,7 +23,7 @@ from llm_gateway.http_stream import AnswerStream
 from llm_gateway.http_wishes import PATH, read_wish, write_wish
 from llm_gateway.model import Completer
 from llm_gateway.schemas import Schemas
-from llm_gateway.wish_reading import WishReading
+from llm_gateway.wish_reading import TrainedModel, WishReading
 from swarm.errors import GatewayError
 from swarm.http.access import Access
 from swarm.http.events import EventStream
@@ -44,9 +44,13 @@ T = TypeVar("T")
 
 
 def make_app(
-    gateway: Completer, access: Access, registry: CollectorRegistry, log: Logger
+    gateway: Completer,
+    access: Access,
+    registry: CollectorRegistry,
+    log: Logger,
+    trained: TrainedModel | None = None,
 ) -> ASGIApp:
-    """The application, for those whom `access` lets in."""
+    """The application, for those whom `access` lets in; `trained` understands wishes."""
     began = int(time.time())
     schemas = Schemas()
 
@@ -68,7 +72,7 @@ def make_app(
         if media_type(request.headers) != "application/json":
             raise HttpError(415, "the body must be application/json")
         asked = read_wish(await _read(request))
-        reading = WishReading(gateway, asyncio.get_running_loop())
+        reading = WishReading(gateway, asyncio.get_running_loop(), trained)
         # On a thread of its own: it waits for the model, which this loop works for.
         return write_wish(await _unless_gone(request, asyncio.to_thread(reading.answer, asked)))
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from llm_gateway.gateway import Gateway
 from llm_gateway.model import Job, Prompt
-from llm_gateway.wish_reading import WishReading
+from llm_gateway.wish_reading import TrainedModel, WishReading
 from swarm import keyspace
 from swarm.errors import GatewayError, TransportError
 from swarm.messages import DecideAnswer, DecideRequest, GatewayState, WishRequest
@@ -29,10 +29,16 @@ STATE_S = 1.0
 class ZenohEndpoint:
     """Hands requests of a session to the gateway's event loop, and tells how the model stands."""
 
-    def __init__(self, gateway: Gateway, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(
+        self,
+        gateway: Gateway,
+        loop: asyncio.AbstractEventLoop,
+        trained: TrainedModel | None = None,
+    ) -> None:
+        """`trained`: understands wishes; None: the gateway's model does."""
         self._gateway = gateway
         self._loop = loop
-        self._wishes = WishReading(gateway, loop)
+        self._wishes = WishReading(gateway, loop, trained)
 
     def open(self, session: Session) -> None:
         """Answers, and shows the gateway as alive."""
