@@ -7,7 +7,7 @@ links keep theirs, as no wider cell would help there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
@@ -65,10 +65,11 @@ def _with_assignments(scorer: Scorer, bytes_s: int) -> int:
     a few on which such a choice reaches Q_min, mean and burst; `bytes_s` where none does."""
     found = bytes_s
     for _ in range(NARROWER):
-        budget = scorer.objective.budget_bytes(8.0 * found * STEP)
-        narrow = Scorer(scorer.scene, scorer.knowledge, budget_bytes=budget, hopes=True)
-        mixes, q_min = Mixes(narrow), scorer.objective.q_min
-        grown = (mixes.grow(by_byte=by_byte, until=q_min) for by_byte in (True, False))
+        # Bytes cost more on a narrower cell, so another choice may be made there.
+        scene = replace(scorer.scene, capacity_bps=math.ceil(found * STEP) * 8.0)
+        mixes = Mixes(Scorer(scene, scorer.knowledge, hopes=True))
+        q_min = scorer.objective.q_min
+        grown = (mixes.grow(by_byte=by_byte) for by_byte in (True, False))
         if not any(_reached(score.quality, q_min) for score in grown):
             break
         found = math.ceil(found * STEP)

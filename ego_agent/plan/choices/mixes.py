@@ -1,13 +1,13 @@
 """Who sends what, and how often: choices in which robots differ in algorithm and rate.
 
-An option of a robot is an algorithm and a rate. What it shows counts by the option's worth, the
-algorithm's gain times what is left of it at that rate; what several show counts by the best of
-them, and each arrives or not on its own. With one algorithm at the usual rate that is the quality
-of `Scorer` (docs/decision.md).
+An option of a robot is an algorithm and a rate. At a lower rate it counts as one that arrives less
+often, by what is left of its worth; each arrives or not on its own, so a place that several show in
+turn is fresher than what one of them shows. With one algorithm at the usual rate that is the
+quality of `Scorer` (docs/decision.md).
 
-The search is greedy: a robot joins with an option, or goes on to a better one, whichever brings
-most for its bytes, or most, while all budgets last. Worth that arrives is a weighted coverage, so
-it is monotone and submodular in such steps; the better of the two orders reaches what is stated in
+The search is greedy: a robot joins with an option, or goes on to one that is more, whichever brings
+most for its bytes, or most, while all budgets last. Quality is a sum of expected coverages, so it
+is monotone and submodular in such steps; the better of the two orders reaches what is stated in
 greedy.py of the best steps, where no budget but the link's binds.
 """
 
@@ -40,20 +40,23 @@ class Option:
 
     algorithm: Algorithm
     rate_hz: float
-    worth: float
-    """Quality of showing everything with it to an ego that sees nothing."""
+    gain: float
+    """Quality of showing everything with the algorithm, in every frame, to an ego that sees
+    nothing."""
+    kept: float
+    """What is left of that at the rate."""
 
 
 @dataclass(slots=True)
 class _Growing:
-    """A choice on its way. Rows are candidates, `level` steps of worth."""
+    """A choice on its way. Rows are candidates, a level is what an algorithm gains."""
 
     chosen: NDArray[np.intp]
     """(n,): number of each candidate's option, or NOBODY."""
     shown: Floats
-    """(n, level): probability that what the candidate shows counts with so much worth."""
+    """(n, level): probability that what the candidate shows counts, by what algorithms gain."""
     missed: NDArray[np.float32]
-    """(level, columns): probability that nobody shows it with so much worth."""
+    """(level, columns): probability that nobody shows it with an algorithm that gains so much."""
     share: Floats
     """(level,): part of all that is seen, the ego's included."""
     bytes: float = 0.0
@@ -74,10 +77,11 @@ class Mixes:
         rates = np.array([option.rate_hz for option in self.options]) / scorer.pace.rate_hz
         self._rate = rates
         """(options,): of fused frames."""
-        worths = np.array([option.worth for option in self.options])
-        self._steps = np.unique(worths[worths > 0.0])
+        gains = np.array([option.gain for option in self.options])
+        kept = np.array([option.kept for option in self.options])
+        self._steps = np.unique(gains[gains > 0.0])
         self._rise = np.diff(self._steps, prepend=0.0)
-        """(level,): worth from each step to the next."""
+        """(level,): gain from each algorithm's to the next."""
         shape = (len(candidates), len(self.options))
         sizes, prices, adds, arrives = (np.zeros(shape) for _ in range(4))
         self.able = np.zeros(shape, dtype=np.bool_)
@@ -94,18 +98,18 @@ class Mixes:
                 arrives[i, o] = arrival[i]
                 self.able[i, o] = _able(scorer, i, option)
         self._sizes, self._prices, self._adds = sizes, prices, adds
-        reaches = worths[:, None] >= self._steps - 1e-12
-        self._shown = arrives[:, :, None] * reaches
+        reaches = gains[:, None] >= self._steps - 1e-12
+        self._shown = (arrives * kept)[:, :, None] * reaches
         """(n, options, level)."""
         self._seen, self._weights = scorer.views.patterns
         self._spare_s = 1.0 - scorer.knowledge.fixed_s() * scorer.pace.rate_hz
 
-    def grow(self, *, by_byte: bool, until: float = math.inf) -> Score:
-        """The choice that the greedy order finds: until nothing is worth its price; or at most
-        until this quality is reached."""
+    def grow(self, *, by_byte: bool) -> Score:
+        """The choice that the greedy order finds: until nothing is worth its price, and Q_min is
+        reached or nothing adds to it."""
         budget = float(self.scorer.budget_bytes)
         while True:
-            found = self._grown(self._nobody(), budget, by_byte=by_byte, until=until)
+            found = self._grown(self._nobody(), budget, by_byte=by_byte)
             score = self.score_of(found)
             if not score.participants or self.carries(score):
                 return score
@@ -212,16 +216,11 @@ class Mixes:
             barred=np.zeros_like(self.able),
         )
 
-    def _grown(
-        self, growing: _Growing, budget: float, *, by_byte: bool, until: float = math.inf
-    ) -> _Growing:
+    def _grown(self, growing: _Growing, budget: float, *, by_byte: bool) -> _Growing:
         enough = self.scorer.knowledge.quality.enough
-        q_min = min(until, self.scorer.objective.q_min)
+        q_min = self.scorer.objective.q_min
         rows = np.arange(len(self.able))
         while len(rows):
-            quality = self._quality(growing)
-            if quality >= until:
-                break
             more, gain = self._gains(growing, enough)
             now = growing.chosen
             joined = now != NOBODY
@@ -234,7 +233,7 @@ class Mixes:
             net = gain - (self._prices - price[:, None])
             worth = np.where(can, net / np.maximum(further, 1.0) if by_byte else net, -np.inf)
             if worth.max(initial=-np.inf) <= SMALLEST_GAIN * (1e-3 if by_byte else 1.0):
-                if quality >= q_min:
+                if self._quality(growing) >= q_min:
                     break
                 # What Q_min takes goes before what it costs.
                 worth = np.where(can & (gain > SMALLEST_GAIN), gain / np.maximum(further, 1.0), 0.0)
@@ -259,13 +258,15 @@ class Mixes:
     def _take(self, growing: _Growing, i: int, o: int) -> None:
         """The candidate goes on with the option."""
         before = growing.chosen[i]
-        left = 1.0 - growing.shown[i]
-        rest = np.divide(1.0, left, out=np.zeros_like(left), where=left > 1e-9)
-        extra = np.maximum(0.0, self._shown[i, o] - growing.shown[i]) * rest
-        added = (growing.missed * self._weights) @ self._seen[i]
-        growing.share += added * extra
-        growing.missed *= 1.0 - extra.astype(np.float32)[:, None] * self._seen[i]
-        growing.shown[i] = np.maximum(growing.shown[i], self._shown[i, o])
+        now = np.maximum(growing.shown[i], self._shown[i, o])
+        # What it has shown so far is taken out first; of what is certain nothing is left to add.
+        rises = (now > growing.shown[i]) & (growing.shown[i] < 1.0)
+        seen = self._seen[i]
+        was = 1.0 - growing.shown[i, rises].astype(np.float32)[:, None] * seen
+        left = growing.missed[rises] * ((1.0 - now[rises].astype(np.float32)[:, None] * seen) / was)
+        growing.share[rises] += (growing.missed[rises] - left) @ self._weights
+        growing.missed[rises] = left
+        growing.shown[i] = now
         growing.bytes += self._sizes[i, o] * self._rate[o]
         growing.busy_s += self._adds[i, o]
         if before != NOBODY:
@@ -294,7 +295,7 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
     known, usual_hz = scorer.knowledge, scorer.pace.rate_hz
     rates = [usual_hz, *(hz for hz in scorer.objective.rarer_hz if hz < usual_hz)]
     return tuple(
-        Option(name, hz, known.quality.gain(name) * known.rates.kept(name, hz, usual_hz))
+        Option(name, hz, known.quality.gain(name), known.rates.kept(name, hz, usual_hz))
         for name in known.algorithms
         if name in known.mixable
         for hz in sorted(rates, reverse=True)

@@ -23,11 +23,8 @@ STATIC = (
     ("early", 10.0, 0.1),
     ("early", 5.0, 0.1),
     ("early", 2.0, 0.1),
-    ("early", 1.0, 0.1),
-    ("early", 5.0, 0.25),
     ("late", 10.0, 0.1),
     ("late", 5.0, 0.1),
-    ("late", 2.0, 0.1),
 )
 """Algorithm, contributions a second and codec setting of all, whatever the link."""
 
