@@ -10,7 +10,7 @@ from pathlib import Path
 from coadapt.joining import swarm_of
 from deploy.spec import SwarmSpec, var_dir_of
 from deploy.state import State, need_state, seen_by
-from swarm import transport
+from swarm import zenoh_config
 from swarm.defaults import SWARM
 from swarm.errors import DeployError, SettingError, TransportError
 from swarm.fitting import KIND, read_mark
@@ -66,9 +66,9 @@ def router_of(text: str) -> str:
             f"--router {text!r} is not valid; it must be tls/HOST[:PORT]#identity=FOLDER or "
             "tcp/HOST[:PORT]"
         )
-    router = transport.with_port(found["place"])
+    router = zenoh_config.with_port(found["place"])
     if found["folder"] is None:
-        transport.client_config(router)
+        zenoh_config.client_config(router)
         return router
     folder = Path(found["folder"]).expanduser().absolute()
     if role_of(folder.name).kind not in ("operator", "reader", "console"):
@@ -78,7 +78,7 @@ def router_of(text: str) -> str:
             "that may only look"
         )
     router += f"#identity={folder}"
-    transport.check_router(router, folder.name)
+    zenoh_config.check_router(router, folder.name)
     return router
 
 

@@ -11,12 +11,13 @@ import msgspec
 
 from coadapt.asking import ask_patiently
 from coadapt.operator import operator
+from coadapt.understanding import understood
 from deploy.progress import typed
 from deploy.spec import SwarmSpec
 from deploy.state import State
 from swarm import keyspace
 from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
-from swarm.intent_words import effect_in_words, in_words
+from swarm.intent_words import in_words
 from swarm.messages import (
     EgoSteered,
     EgoSteering,
@@ -91,6 +92,10 @@ class Egos:
         )
         return self._each(request)[0]
 
+    def understood(self, wish: str, site: Site, now: datetime) -> Intent:
+        """What a wish means. Raises GatewayError where nobody can tell."""
+        return understood(self._session, wish, site, now, self.operator)
+
     def withdraw(self, number: int) -> EgoSteered:
         """Ends an intent. Raises RefusedError where no ego has it, DeployError where none
         answers."""
@@ -153,8 +158,8 @@ def line_of(one: IntentInForce) -> str:
 
 def read_back(given: Given, reply: EgoSteered) -> str:
     """What an intent says, and what it would have changed, for people."""
-    lines = [f"understood  {in_words(given.intent)}"]
+    said, *effect = reply.says
+    lines = [f"understood  {said}"]
     lines += [f"not clear   {words!r}" for words in given.intent.unclear]
-    if reply.effect is not None:
-        lines += [f"effect      {line}" for line in effect_in_words(reply.effect)]
+    lines += [f"effect      {line}" for line in effect]
     return "\n".join(lines)

@@ -15,7 +15,7 @@ from ego_agent.metrics import EgoMetrics
 from ego_agent.settings import EgoSettings, load_settings
 from perception.fusion.detectors import detector_backend
 from sensing.opening import open_world_of
-from swarm import transport
+from swarm import zenoh_config
 from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
@@ -35,7 +35,7 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.check_router(settings.router, Role("ego", settings.ego).common_name)
+        zenoh_config.check_router(settings.router, Role("ego", settings.ego).common_name)
         with open_world_of(settings, "ego_agent", settings.ego) as world:
             _check_ego(settings, world)
             collect_rarely()

@@ -21,6 +21,7 @@ from ego_agent.replay import LastMinute
 from ego_agent.settings import EgoSettings
 from swarm import keyspace
 from swarm.errors import DecisionError
+from swarm.intent_words import effect_in_words, in_words
 from swarm.log import Logger
 from swarm.messages import Algorithm, Effect, EgoSteered, EgoSteering, EgoWish, IntentInForce
 from swarm.messages.steer import MAX_REASONS
@@ -125,6 +126,7 @@ class Steering:
                 intents=self.intents.all(),
                 effect=effect,
                 number=number,
+                says=_said(request, effect),
                 why=self._why() if request.why else (),
             )
 
@@ -201,6 +203,13 @@ class NobodyLeftError(DecisionError):
     """An intent would leave nobody to ask, and that was not confirmed."""
 
     code = NOBODY
+
+
+def _said(request: EgoSteering, effect: Effect | None) -> tuple[str, ...]:
+    """The intent of a request in words, and its effect."""
+    if request.intent is None or effect is None:
+        return ()
+    return (in_words(request.intent), *effect_in_words(effect))
 
 
 def _path(settings: EgoSettings) -> Path | None:

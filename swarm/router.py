@@ -18,7 +18,7 @@ from pathlib import Path
 import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.announce import PLACE, bracketed
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
@@ -29,9 +29,9 @@ from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
 from swarm.targets import Targets
-from swarm.tcp_peers import PeerTraffic
-from swarm.tcp_reporter import TcpReporter
-from swarm.tcp_stuck import Way
+from swarm.tcp.peers import PeerTraffic
+from swarm.tcp.reporter import TcpReporter
+from swarm.tcp.stuck import Way
 from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
@@ -219,13 +219,13 @@ def main() -> int:
         if args.config:
             return read_config(args.config)
         trust = _trust(identity, args.swarm) if identity is not None else None
-        return transport.router_config(
+        return zenoh_config.router_config(
             args.host, args.port, args.unix_socket, trust, args.peer, scouting=args.scouting
         )
 
     try:
         if args.print_config:
-            print(transport.router_json5(configure()), end="")
+            print(zenoh_config.router_json5(configure()), end="")
             return 0
         # Zenoh reads it once, before the process's first session.
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)

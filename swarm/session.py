@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import zenoh
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from swarm import keyspace, transport
+from swarm import keyspace, zenoh_config
 from swarm.asking import Answer, Question
 from swarm.connection import Connection
 from swarm.credit import Window
@@ -58,7 +58,7 @@ class Session:
         """
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)
-        identity = transport.identity_of(router)
+        identity = zenoh_config.identity_of(router)
         self.name = identity.name if identity is not None else ""
         """As whom this process asks, in a secure swarm; else empty."""
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from coadapt.arguments import comma_separated
 from coadapt.choices import check_choices
+from coadapt.site import bring_site
 from coadapt.world_choice import chosen_kind, open_chosen
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
@@ -207,8 +208,17 @@ def _up(args: argparse.Namespace, runtime: Runtime, spec: SwarmSpec) -> int:
         say("taking it down again ...")
         runtime.down(spec.swarm)
         raise
+    _bring_site(spec)
     _print_where(state)
     return 0
+
+
+def _bring_site(spec: SwarmSpec) -> None:
+    """Writes down how the site's places are called; a swarm runs without, too."""
+    try:
+        bring_site(spec)
+    except OSError as error:
+        say(f"the site file is not written: {error}")
 
 
 @contextmanager

@@ -13,9 +13,12 @@ import msgspec
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import add_router, state_of
 from coadapt.site import classes_of, places_of
+from coadapt.understanding import OTHERWISE
+from coadapt.wish_batch import understood_batch
 from coadapt.wishes import NOBODY, Egos, Given, check, egos_of, line_of, listed, read_back
 from swarm.errors import DecisionError, RefusedError
 from swarm.messages import EgoSteered, intent_from_json, intent_to_json
+from swarm.messages.intent import MAX_WISH_CHARS
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -26,11 +29,18 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description=__doc__,
     )
     what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("text", nargs="?", help="the wish, in plain words")
     what.add_argument(
         "--intent", metavar="JSON", help="the intent itself: a JSON object, or a file with one"
     )
     what.add_argument("--list", action="store_true", help="the wishes in force and waiting")
     what.add_argument("--withdraw", type=int, metavar="ID", help="end a wish")
+    what.add_argument(
+        "--batch",
+        type=Path,
+        metavar="FILE.jsonl",
+        help="understand many, without a swarm: objects of id, wish, robots, places, classes, now",
+    )
     parser.add_argument(
         "--site", type=Path, metavar="FILE", help="names of places (default: the swarm's own)"
     )
@@ -49,7 +59,12 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> int:
-    """Does what is asked. Raises DecisionError for a wish that cannot be obeyed."""
+    """Does what is asked. Raises DecisionError for a wish that cannot be obeyed, GatewayError where
+    nobody understands it."""
+    if args.batch is not None:
+        for line in understood_batch(args.batch):
+            print(line, flush=True)
+        return 0
     now = _now(args.now)
     state = state_of(args)
     with egos_of(state) as egos:
@@ -63,7 +78,14 @@ def run(args: argparse.Namespace) -> int:
             return 0
         places = places_of(args.site, state.spec)
         site = egos.site(places, classes_of(state.spec))
-        given = Given(intent_from_json(_text(args.intent)), places=places)
+        if args.intent is not None:
+            given = Given(intent_from_json(_text(args.intent)), places=places)
+        else:
+            intent = egos.understood(args.text, site, now)
+            given = Given(intent, said=args.text[:MAX_WISH_CHARS], places=places)
+        if given.intent.is_empty() and given.intent.unclear:
+            words = "; ".join(map(repr, given.intent.unclear))
+            raise DecisionError(f"no wish was understood in {words}; {OTHERWISE}")
         check(given.intent, site, now)
         return _give(args, egos, given)
 

@@ -41,7 +41,7 @@ from swarm.log import make_logger
 from swarm.memory import collect_rarely
 from swarm.messages import Decision
 from swarm.session import Session
-from swarm.tcp import connections, tcp_info
+from swarm.tcp.info import connections, tcp_info
 from swarm.traffic import TrafficClass
 
 SITES = (10, 50, 100, 250, 1000)

@@ -76,6 +76,7 @@ from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusa
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
 from swarm.messages.trust import CertificateRequest, RenewedCertificate
 from swarm.messages.wire import decode, encode
+from swarm.messages.wish import WishAnswer, WishRequest
 
 __all__ = [
     "ALGORITHMS",
@@ -139,6 +140,8 @@ __all__ = [
     "Source",
     "TcpState",
     "Tracks",
+    "WishAnswer",
+    "WishRequest",
     "decode",
     "encode",
     "intent_from_json",

@@ -9,7 +9,7 @@ import msgspec
 from swarm.messages.base import Count, Message, Ns, RobotId
 from swarm.messages.choices import Operator, PolicyName, QMin
 from swarm.messages.intent import Intent, Words
-from swarm.messages.obeyed import MAX_INTENTS, Effect, IntentInForce, Places
+from swarm.messages.obeyed import MAX_INTENTS, Effect, IntentInForce, Places, Sentence
 
 Duty = Literal["on", "off", "ask"]
 IntentAct = Literal["", "try", "confirm", "confirm-nobody", "withdraw"]
@@ -63,6 +63,8 @@ class EgoSteered(Message, frozen=True, kw_only=True):
     """Of the intent that was asked about."""
     number: Count = 0
     """That it has been given."""
+    says: Annotated[tuple[Sentence, ...], msgspec.Meta(max_length=512)] = ()
+    """The intent that was asked about, read back, and its effect, a sentence each."""
     why: Annotated[tuple[Reason, ...], msgspec.Meta(max_length=MAX_REASONS)] = ()
     """Sentences about the newest decision, where they were asked for; none before the first."""
 

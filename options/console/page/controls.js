@@ -83,7 +83,7 @@ export class Controls {
   #allow(may) {
     $("why").disabled = !may;
     const focused = document.activeElement;
-    for (const id of ["controls", "steering"]) {
+    for (const id of ["controls", "steering", "wishing"]) {
       if (!may && !$(id).disabled && $(id).contains(focused)) this.focused = focused;
       $(id).disabled = !may;
     }
@@ -151,7 +151,7 @@ export class Controls {
 
   async #shape(profile, values) {
     await this.#tell("shape-result", async () => {
-      const reply = await this.#wish("shape", { profile, robot: $("shape-robot").value, ...values });
+      const reply = await this.wish("shape", { profile, robot: $("shape-robot").value, ...values });
       this.#shapes(reply);
       return ["done", ...reply.notes].join("; ");
     });
@@ -168,7 +168,7 @@ export class Controls {
     await this.#tell("steer-result", async () => {
       for (const name of sent) this.#edit(name, false); // What is typed from now on is another wish.
       const wish = Object.fromEntries(sent.map((name) => [name, values[name]]));
-      const reply = await this.#wish("ego", { wish }).catch((error) => {
+      const reply = await this.wish("ego", { wish }).catch((error) => {
         for (const name of sent) this.#edit(name, true);
         throw error;
       });
@@ -191,7 +191,7 @@ export class Controls {
       return;
     }
     await this.#tell("steer-result", async () => {
-      const reply = await this.#wish(`robot/${robot}`, { duty });
+      const reply = await this.wish(`robot/${robot}`, { duty });
       return `${robot} is ${reply.on_duty ? "on" : "off"} duty`;
     });
   }
@@ -219,7 +219,8 @@ export class Controls {
     if (wishes === this.wishes) show(reply);
   }
 
-  async #wish(what, request) {
+  // Sends a control; returns the reply, throws an error with what was refused.
+  async wish(what, request) {
     this.wishes++;
     try {
       return await this.#ask(what, request);

@@ -34,7 +34,7 @@ from swarm.messages import (
     RobotSteering,
 )
 from swarm.session import Session
-from swarm.transport import router_config, router_json5
+from swarm.zenoh_config import router_config, router_json5
 
 SWARM = "shown"
 WAIT_S = 20.0

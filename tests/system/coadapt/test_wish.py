@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from coadapt.commands.status import render
 from coadapt.main import main
+from deploy.observe import Watch
 from deploy.spec import make_spec
-from deploy.state import State, make_run_dir, write_state
+from deploy.state import State, make_run_dir, need_state, write_state
 from ego_agent.knowledge.journal import read_journal
 from swarm.messages import Decision
-from tests.support.ego_swarm import Swarm, factory, stop, swarm_of
+from tests.support.ego_swarm import Swarm, factory, stop, swarm_of, until
 
 EGO, OTHER = "R1", "R2"
 
@@ -76,8 +78,9 @@ def test_a_wish_is_read_back_confirmed_obeyed_shown_and_withdrawn(
     assert obeying.excluded[OTHER].startswith("left out by wish 1 of ")
     assert obeying.valid
     assert not obeying.blind
-    assert run("status") == 0
-    assert ": leave R2 out (R2 left out)" in capsys.readouterr().out
+    with Watch(need_state("test")) as watch:
+        until(watch.decided, "a decision")
+        assert ": leave R2 out (R2 left out)" in render(watch.view(), ())
 
     assert run("wish", "--withdraw", "1") == 0
     assert capsys.readouterr().out == "wish 1 has ended\n"
@@ -94,9 +97,9 @@ def test_a_wish_by_its_fields_outlives_the_ego_and_ends_by_itself(
     decisions = swarm.decisions(swarm.session(), EGO)
     ego = start_ego(swarm, tmp_path)
     decisions.until(together)
-    until = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
+    later = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
     wish = ("steer", "--focus", "aisle 1=high", "--link-share", "0.5", "--policy", "static-late")
-    assert run(*wish, "--until", until) == 0
+    assert run(*wish, "--until", later) == 0
     assert "aisle 1 counts more; use at most 50 % of the link" in capsys.readouterr().out
     decisions.until(lambda d: bool(d.intents) and d.policy == "static-late")
 
@@ -131,11 +134,16 @@ def test_what_cannot_be_obeyed_is_named_and_nothing_is_changed(
         ({"exclude": ["R2"], "prefer": ["R2"]}, "robot 'R2' is both"),
         ({"q_min": 0.8, "until": past}, "is over"),
         ({"policy": "dice"}, "policy 'dice' is unknown"),
-        ({"unclear": ["hello?"]}, "the intent wishes nothing"),
+        ({"unclear": ["hello?"]}, "no wish was understood in 'hello?'"),
+        ({"until": "2040-01-01T00:00:00+00:00"}, "the intent wishes nothing"),
         ({"leave": ["R2"]}, "an intent has no field 'leave'"),
     ):
         assert run("wish", "--intent", json.dumps(intent), "--apply", "--sure") == 1
         assert expected in capsys.readouterr().err
+    assert run("wish", "leave R2 alone") == 1
+    assert "no language model answers in swarm 'test'" in (told := capsys.readouterr().err)
+    assert "`coadapt steer` takes the same as flags: --exclude" in told
+    assert told.count("\n") == 1
     assert run("wish", "--intent", "no such file") == 1
     assert "neither a JSON object nor a file" in capsys.readouterr().err
     assert run("wish", "--list") == 0

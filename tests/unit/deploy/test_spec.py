@@ -22,7 +22,7 @@ from llm_gateway.settings import GatewaySettings
 from swarm.errors import DeployError
 from swarm.process import ProcessSettings
 from swarm.settings import load
-from swarm.transport import client_config
+from swarm.zenoh_config import client_config
 
 PLACE = Place(
     listen_host="10.77.0.1",
