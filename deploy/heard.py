@@ -91,6 +91,7 @@ class Heard:
             unshaped=self.controllers.unshaped(now),
             egos=self._ego_rows(now),
             intents=decision.intents if decision else (),
+            assignments=decision.assignments if decision else (),
         )
 
     def count_anew(self) -> None:

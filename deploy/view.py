@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from swarm.messages import AdviceReport, IntentTold
+from swarm.messages import AdviceReport, Assignment, IntentTold
 
 RobotState = Literal["well", "off duty", "lost", "silent", "stalled"]
 """Lost: neither its token nor its process is there. Silent: its process answers, but no beacons
@@ -92,3 +92,5 @@ class SwarmView(msgspec.Struct, frozen=True, kw_only=True):
     """Every ego of the swarm, the one that is shown among them."""
     intents: tuple[IntentTold, ...] = ()
     """Operators' wishes that the decision obeys."""
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant sends, and how often, where that is not the same of all."""

@@ -44,6 +44,7 @@ from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
 from ego_agent.plan.arrivals import Arrivals
 from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.control_budget import ControlBudget, Wish
+from ego_agent.plan.decision import alone
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.intents.bind import bound_scene, known_objects
 from ego_agent.plan.intents.obey import plan_obeying
@@ -56,6 +57,7 @@ from ego_agent.steering import Steering
 from perception.detector import configuration
 from perception.detector.calibration import calibration_of
 from perception.fusion.base import Fusion
+from perception.fusion.mixed import mixable
 from perception.fusion.registry import fusion_names, make_fusion
 from sensing.mark import mark_of
 from swarm import keyspace
@@ -169,6 +171,7 @@ class EgoAgent:
             algorithms,
             learns=settings.learn,
             shares=settings.share,
+            mixable=mixable(fusions),
         )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)
@@ -343,7 +346,7 @@ class EgoAgent:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)
             reason = f"the cycle failed: {type(error).__name__}"
-            decision = self._alone(snapshot, policy.name, reason)
+            decision = alone(snapshot, self.knowledge, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
         decision = self._told(decision, snapshot, scene)
         decision = msgspec.structs.replace(
@@ -425,22 +428,6 @@ class EgoAgent:
             self._metrics.cycle_faults.inc()
             self._log.error("probe_failed", cycle=decision.cycle, exc_info=True)
             return None
-
-    def _alone(self, snapshot: Snapshot, policy: str, reason: str) -> Decision:
-        """The decision that always holds: the ego alone costs nothing and needs nobody."""
-        return Decision(
-            ego=self._ego,
-            cycle=snapshot.cycle,
-            decided_ns=snapshot.now_ns,
-            participants=(self._ego,),
-            algorithm=self.knowledge.best_algorithm(),
-            reason=reason,
-            source="fallback",
-            policy=policy,
-            valid=snapshot.robots[self._ego].beacon is not None,
-            rate_hz=self.knowledge.objective.rate_hz,
-            capacity_bps=max(1.0, snapshot.capacity_bps),
-        )
 
     def _publish(self, key: Callable[[str, str], str], message: Decision | NetDemand) -> bool:
         session = self._session

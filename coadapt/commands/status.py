@@ -167,6 +167,7 @@ def _decision(view: SwarmView) -> list[str]:
     valid = "" if view.valid else " (NOT VALID)"
     return [
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
+        *([f"sends      {_assigned(view)}"] if view.assignments else []),
         *([f"BLIND      {view.blind}"] if view.blind else []),
         f"by         {view.policy} (source: {view.source})",
         *(f"wish       {_wish(intent)}" for intent in view.intents),
@@ -182,6 +183,11 @@ def _wish(intent: IntentTold) -> str:
     since = datetime.fromtimestamp(intent.since_ns * 1e-9, UTC).astimezone()
     text = f"{intent.number} of {intent.operator or 'unknown'} since {since:%H:%M}: {intent.says}"
     return text + (f" ({'; '.join(intent.bound)})" if intent.bound else "")
+
+
+def _assigned(view: SwarmView) -> str:
+    """Who sends what, and how often."""
+    return ", ".join(f"{one.robot} {one.algorithm} {one.rate_hz:g} Hz" for one in view.assignments)
 
 
 def _egos(egos: Sequence[EgoRow]) -> list[str]:

@@ -26,7 +26,7 @@ from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.known import KnownRobot, seen_at
-from perception.fusion.mixed import Mixed
+from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
 from perception.memory.memory import Frame, Memory, Remembered, View
 from perception.memory.remembering import remember
@@ -339,7 +339,8 @@ class FusionLoop:
         """Whose calibration the scores of a frame have to which these robots contributed."""
         if not isinstance(frame.fusion, Mixed):
             return frame.fusion
-        return self._fusions[frame.fusion.scored_by(map(frame.round.algorithm_of, used))]
+        sent = [frame.round.algorithm_of(robot) for robot in used]
+        return self._fusions[scored_by(sent) if sent else next(iter(frame.fusion.forms))]
 
     def _remembered(
         self,

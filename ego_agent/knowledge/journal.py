@@ -22,7 +22,7 @@ from ego_agent.knowledge.weighed import Weighed
 from swarm.errors import JournalError
 from swarm.files import write_whole
 from swarm.line_file import PART_BYTES, PARTS, LineFile, open_parts
-from swarm.messages import AdviceReport, Algorithm, IntentTold, Probe, Source
+from swarm.messages import AdviceReport, Algorithm, Assignment, IntentTold, Probe, Source
 
 VERSION = 1
 MAX_PENDING = 600
@@ -88,6 +88,8 @@ class Decided(msgspec.Struct, frozen=True, kw_only=True):
     """Chosen robots of which nothing arrives, and why."""
     stands_in_for: str | None = None
     """The ego in whose stead this one decided; None: in its own."""
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant sends, and how often, where that is not the same of all."""
 
 
 class Frames(msgspec.Struct, frozen=True, kw_only=True):
@@ -117,6 +119,8 @@ class Demand(msgspec.Struct, frozen=True, kw_only=True):
     possible: bool
     reachable: bool
     unreachable_s: float
+    mean_bytes_s: int = 0
+    burst_bytes: int = 0
 
 
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import AnswerTimes
 from swarm.geometry import Pose
-from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, Source
+from swarm.messages import (
+    AdviceReport,
+    Algorithm,
+    Assignment,
+    Beacon,
+    SceneDescription,
+    Source,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,3 +150,6 @@ class Proposal:
     """How the policy stands with its language model, where it has one."""
     rate_hz: float | None = None
     """Frames a second; None leaves the best pace to validation."""
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant but the ego shall send, and how often; empty: all the same, in every
+    frame."""

@@ -279,6 +279,7 @@ class View:
             "needed_bps": 8 * demand.needed_bytes_s,
             "possible": demand.possible,
             "reachable": demand.reachable,
+            "burst_bytes": demand.burst_bytes,
             "q_min": demand.q_min,
         }
         with self._lock:

@@ -296,6 +296,8 @@ SAMPLES: tuple[Message, ...] = (
         world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
         software="1.0.0",
         told={"R7": "it lives in another world: seed 2 (the ego's: 1)"},
+        mean_bytes_s=30_000,
+        burst_bytes=12_000,
     ),
     ShapeRequest(
         request=3,

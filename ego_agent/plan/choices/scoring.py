@@ -15,7 +15,7 @@ from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.pace import USUAL, Pace, paces
 from ego_agent.knowledge.quality import QualityModel
 from ego_agent.plan.choices.union import Union, Views
-from swarm.messages import Algorithm
+from swarm.messages import Algorithm, Assignment
 
 ARRIVAL_STEPS = 20
 """Probabilities to be in time count in steps of 1/20: a frame more or less moves no decision, and
@@ -41,6 +41,14 @@ class Score:
     value: float
     """Q - lambda C."""
     pace: Pace = USUAL
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant sends, and how often, where that is not the same of all in every fused
+    frame; the algorithm is MIXED where that differs, and the bytes are the mean of a frame."""
+
+    def algorithm_of(self, robot: str) -> Algorithm:
+        """What a participant sends."""
+        forms = (one.algorithm for one in self.assignments if one.robot == robot)
+        return next(forms, self.algorithm)
 
     @property
     def cost(self) -> float:
@@ -73,7 +81,7 @@ class Scorer:
         if budget_bytes is None:
             budget_bytes = self.objective.budget_bytes(scene.capacity_bps)
         self.budget_bytes = budget_bytes
-        self._hopes = hopes
+        self.hopes = hopes
         self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
         self._prices: dict[tuple[int, Algorithm], float] = {}
         self._at: dict[Pace, Scorer] = {self.pace: self}
@@ -95,9 +103,10 @@ class Scorer:
         alpha = self.objective.alpha if objects > 0.0 else 1.0
         if area == 0:
             alpha = 0.0
-        self._known = _known_part(scene)
-        area_weight = self._known * alpha / area if area else 0.0
-        object_weight = self._known * (1.0 - alpha) / objects if objects > 0.0 else 0.0
+        self.known_part = _known_part(scene)
+        """Of the living robots, the part of which something is known."""
+        area_weight = self.known_part * alpha / area if area else 0.0
+        object_weight = self.known_part * (1.0 - alpha) / objects if objects > 0.0 else 0.0
         self.views = Views(areas, evidence, area_weight, object_weight, weights)
         self.nothing_to_see = area == 0 and objects == 0.0
         self.own_share = self.share([0])
@@ -130,7 +139,7 @@ class Scorer:
 
     def in_time(self, robot: str, algorithm: Algorithm) -> float:
         """Probability that a candidate's observation is in time."""
-        if self._hopes:
+        if self.hopes:
             return 1.0
         answers = self.scene.candidates[self.row_of[robot] - 1].answers
         return answers.get(algorithm, UNTRIED).in_time(self.pace.deadline_s)
@@ -144,7 +153,7 @@ class Scorer:
         the living robots can be used, or the ego does not know where it is itself.
         """
         if self.nothing_to_see:
-            return self._known
+            return self.known_part
         first, *others = rows
         arrival = None if algorithm is None else self.arrival(algorithm)
         union = Union(self.views, first)
@@ -210,7 +219,7 @@ class Scorer:
     def quality(self, algorithm: Algorithm, share: float, participants: int) -> float:
         """Q of so many participants that show that share of all, the ego's included."""
         quality = self.knowledge.quality.quality(
-            algorithm, self.own_share, min(1.0, share), self._known
+            algorithm, self.own_share, min(1.0, share), self.known_part
         )
         return quality * self.freshness(algorithm, participants)
 

@@ -8,6 +8,7 @@ itself, to the bit.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +18,10 @@ from ego_agent.knowledge.model import Weights
 
 LEVELS = 10
 """Steps of evidence in which robots that may not arrive are counted."""
+
+
+COARSE_LEVELS = 5
+"""The same where many options of each robot are weighed."""
 
 
 class Views:
@@ -74,6 +79,28 @@ class Views:
         """(n, C): 1 where a robot sees a cell, of those that some robot sees and the ego does not.
         Needed only where somebody may not arrive."""
         return self._areas.reshape(len(self._areas), -1)[:, self._open].astype(np.float32)
+
+    @cached_property
+    def patterns(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the robots but the ego show that it does not, as columns that several share:
+        (n - 1, C) how much of each a robot shows, in [0, 1], and (C,) its weight in the share of
+        all that is seen. Cells that the same robots see are one column; objects have one for each
+        step of evidence that the ego's leaves open."""
+        weigh = self._weights
+        cells, count = _merged(
+            self._areas[1:] & ~self._areas[0], None if weigh is None else weigh.cells
+        )
+        own = self.evidence[0]
+        steps = np.arange(COARSE_LEVELS)[:, None] / COARSE_LEVELS
+        low, high = np.maximum(steps, own), np.maximum(steps + 1.0 / COARSE_LEVELS, own)
+        reached = np.clip(self.evidence[1:, None, :], low, high) - low
+        open_ = (reached > 0.0).any(axis=0)
+        reached, length = reached[:, open_], (high - low)[open_]
+        seen = np.concatenate([cells, reached / length], axis=1).astype(np.float32)
+        if weigh is not None:
+            length = length * np.broadcast_to(weigh.objects, open_.shape)[open_]
+        weights = [self.area_weight * count, self.object_weight * length]
+        return seen, np.concatenate(weights).astype(np.float32)
 
     @cached_property
     def level(self) -> NDArray[np.intp]:
@@ -178,6 +205,27 @@ class Union:
             self._evidence - at / LEVELS
         )
         return below, floor
+
+
+def _merged(
+    areas: NDArray[np.bool_], weights: NDArray[np.float32] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cells that somebody sees, those that the same robots see as one: (n, C) whether each robot
+    does, and (C,) what they count together; `weights` (G, G), None where all count 1."""
+    flat = areas.reshape(len(areas), math.prod(areas.shape[1:]))
+    seen = flat.any(axis=0)
+    flat = flat[:, seen]
+    who = np.packbits(flat, axis=0).T
+    padded = np.ascontiguousarray(np.pad(who, ((0, 0), (0, -who.shape[1] % 8)))).view(np.uint64)
+    keys = padded[:, 0] if padded.shape[1] == 1 else padded
+    axis = None if keys.ndim == 1 else 0  # of numbers it is faster than of rows
+    _, first, group, count = np.unique(
+        keys, axis=axis, return_index=True, return_inverse=True, return_counts=True
+    )
+    counted: NDArray[np.float64] = count.astype(np.float64)
+    if weights is not None:
+        counted = np.bincount(group.ravel(), weights.ravel()[seen], len(first)).astype(np.float64)
+    return flat[:, first].astype(np.float64), counted
 
 
 def pack_areas(areas: NDArray[np.bool_]) -> NDArray[np.uint64]:

@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.weighed import MAX_WEIGHED, Other, Verdict, Weighed, Weighing
 from ego_agent.plan.choices.hysteresis import best_option
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.options import all_options
 from ego_agent.plan.choices.scoring import Score, Scorer
-from swarm.messages import Decision
+from swarm.messages import Assignment, Decision
 
 DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A robot's part of a decision in which robots differ in what they send, or how often."""
+
+    without: Score
+    with_it: Score
+    sends: Assignment
+    """What it sends, or would send: the option that gains most."""
 
 
 def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weighed:
     """How the decision stands in the scene that it was made in; quality to four digits."""
     fastest = Scorer(scene, knowledge)
     scorer = fastest.at_rate(decision.rate_hz)
-    able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
-    chosen = scorer.score(able, decision.algorithm)
-    robots = {
-        candidate.robot: weighing(scorer, candidate.robot, decision, chosen)
-        for candidate in scene.candidates
-    }
+    if decision.assignments:
+        mixes = Mixes(scorer)
+        chosen = mixes.score([one for one in decision.assignments if mixes.can(one)])
+        assert chosen is not None, "only what robots can send is scored"
+        robots = {c.robot: _assigned(mixes, c.robot, decision) for c in scene.candidates}
+    else:
+        able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
+        chosen = scorer.score(able, decision.algorithm)
+        robots = {c.robot: weighing(scorer, c.robot, decision, chosen) for c in scene.candidates}
     order = sorted(
         robots, key=lambda r: (r not in decision.participants, -(robots[r].adds or 0.0), r)
     )
@@ -60,6 +76,34 @@ def weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> W
         why = "fit"
     elif not taken:
         why = "kept" if adds > costs else "costs"
+    return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
+
+
+def part_of(mixes: Mixes, robot: str, decision: Decision) -> Part | None:
+    """One candidate's part beside the decision's other assignments; None where it can send
+    nothing."""
+    sends = {one.robot: one for one in decision.assignments if mixes.can(one)}
+    tried = [sends[robot]] if robot in sends else mixes.options_of(robot)
+    others = [one for name, one in sends.items() if name != robot]
+    without = mixes.score(others)
+    found = [(score, one) for one in tried if (score := mixes.score([*others, one])) is not None]
+    if without is None or not found:
+        return None
+    with_it, one = max(found, key=lambda pair: pair[0].value)
+    return Part(without, with_it, one)
+
+
+def _assigned(mixes: Mixes, robot: str, decision: Decision) -> Weighing:
+    part = part_of(mixes, robot, decision)
+    if part is None:
+        return Weighing(adds=None, costs=None, why="link")
+    adds = part.with_it.quality - part.without.quality
+    costs = part.with_it.cost - part.without.cost
+    why: Verdict = "pays" if adds >= costs else "kept"
+    if robot not in decision.participants:
+        why = "kept" if adds > costs else "costs"
+        if not mixes.carries(part.with_it):
+            why = "fit"
     return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
 
 

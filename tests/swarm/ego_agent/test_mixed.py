@@ -13,7 +13,7 @@ from ego_agent.execute.fusion_loop import FrameResult
 from ego_agent.knowledge.pace import algorithm_of, due
 from perception.detector.weight_files import has_weights
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
-from perception.fusion.mixed import Mixed
+from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import publish
 from perception.fusion.registry import make_fusion
 from perception.types import Boxes
@@ -103,7 +103,7 @@ def apart(
         sent = Contribution(robot, payload, scan.pose.matrix())
         contributions.append(replace(sent, form=form) if len(kinds) > 1 else sent)
     found = fusion.fuse(own.points, own.world_from_sensor, contributions).boxes
-    scored_as = fusion.scored_by(asked.values()) if isinstance(fusion, Mixed) else fusion
+    scored_as = scored_by(asked.values())
     return publish(found, world.detector, scored_as, len(asked), result.known)
 
 
