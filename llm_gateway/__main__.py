@@ -19,7 +19,7 @@ from llm_gateway.loop import LoopThread
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.settings import GatewaySettings, load_settings
 from llm_gateway.zenoh_endpoint import ZenohEndpoint
-from swarm import transport
+from swarm import zenoh_config
 from swarm.errors import CoAdaptError, TransportError
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
@@ -36,7 +36,7 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.check_router(settings.router, "gateway")
+        zenoh_config.check_router(settings.router, "gateway")
         run(settings, stop, LoopWatch(make_logger("llm_gateway", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"llm_gateway: {error}", file=sys.stderr)

@@ -23,9 +23,9 @@ from llm_gateway.http_stream import AnswerStream
 from llm_gateway.model import Completion, Hear, Job
 from llm_gateway.schemas import Schemas
 from swarm.errors import GatewayError
-from swarm.http_access import Access
-from swarm.http_events import EventStream
-from swarm.http_serving import media_type
+from swarm.http.access import Access
+from swarm.http.events import EventStream
+from swarm.http.serving import media_type
 from swarm.log import Logger
 from swarm.metrics import start_at_zero
 

@@ -8,8 +8,8 @@ from collections.abc import Collection
 from prometheus_client import CollectorRegistry
 
 from llm_gateway.http_app import Completer, make_app
-from swarm.http_access import Access, check_token
-from swarm.http_serving import HttpServer, bind, server_config
+from swarm.http.access import Access, check_token
+from swarm.http.serving import HttpServer, bind, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256

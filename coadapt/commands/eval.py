@@ -66,8 +66,8 @@ def _add_policies(experiments: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--prompt", type=comma_separated, default=["table"], metavar="NAMES",
-        help="how models are asked, comma-separated: table, our own, or paper, in the manner of "
-        "the paper (default: table)",
+        help="how models are asked, comma-separated: table, our own; paper, in the manner of the "
+        "paper; or short, for small models (default: table)",
     )  # fmt: skip
     parser.add_argument(
         "--scenarios", type=comma_separated, default=[], metavar="NAMES",

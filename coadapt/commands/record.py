@@ -9,8 +9,8 @@ from pathlib import Path
 
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import ELSEWHERE, add_router, state_of
+from deploy.paths import RECORDINGS
 from deploy.progress import say
-from deploy.services import RECORDINGS
 from deploy.state import State, read_state
 from swarm.errors import CoAdaptError, RecordingError
 from swarm.process import stop_on_signals
@@ -48,6 +48,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="every point of a scan for viewers, in place of some: seven times as large",
     )
     parser.add_argument("--no-truth", action="store_true", help="leave out what is really there")
+    parser.add_argument(
+        "--ros2", action="store_true", help="fused objects as ROS 2 messages, too (docs/ros2.md)"
+    )
     parser.add_argument(
         "--live",
         nargs="?",
@@ -100,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
             rate_hz=args.rate,
             seconds=args.seconds,
             live_port=args.live,
+            ros=args.ros2,
         ),
         stop,
         say,

@@ -119,6 +119,8 @@ class FusionLoop:
         self._fusions = fusions
         self._motion = motion
         self._memory = memory
+        self.remembered: Remembered | None = None
+        """What was there at the newest fused frame; None without a memory. Any thread may read."""
         self._tally = tally
         self._log = log
         self._detector = detector
@@ -312,6 +314,7 @@ class FusionLoop:
         boxes = publish(found, self._detector, judged_as, len(used), known)
         clouds[self._ego] = (own.points, own.world_from_sensor)
         tracks = self._remembered(frame, judged_as, found, frozenset(used), known, clouds)
+        self.remembered = tracks
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)

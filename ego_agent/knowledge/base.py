@@ -6,6 +6,7 @@ called from any thread.
 
 from __future__ import annotations
 
+import copy
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Mapping
@@ -117,6 +118,12 @@ class Knowledge:
             rates=rates_of(detector),
             mixable=mixable,
         )
+
+    def aiming_at(self, objective: Objective) -> Knowledge:
+        """The same knowledge, which goes on growing, with another objective."""
+        other = copy.copy(self)
+        other.objective = objective
+        return other
 
     def record_payload(self, robot: str, algorithm: str, size: int, now_ns: int) -> None:
         """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock."""

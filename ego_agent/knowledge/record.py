@@ -17,6 +17,7 @@ from ego_agent.knowledge.journal import (
 )
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.tally import Tally
+from ego_agent.knowledge.weighed import Weighed
 from swarm.messages import Decision, NetDemand
 
 
@@ -29,6 +30,7 @@ def cycle_record(
     published: bool,
     cycle_ms: float,
     demand: NetDemand | None = None,
+    weighed: Weighed | None = None,
 ) -> CycleRecord:
     """The line of a cycle from what it saw, decided and received."""
     known = {c.robot: c.answers for c in scene.candidates} if scene else {}
@@ -118,6 +120,8 @@ def cycle_record(
             burst_bytes=demand.burst_bytes,
         ),
         advice=decision.advice,
+        intents=decision.intents,
+        weighed=weighed,
     )
 
 

@@ -245,6 +245,17 @@ class View:
             "assignments": [
                 [one.robot, one.algorithm, round(one.rate_hz, 2)] for one in decision.assignments
             ],
+            "intents": [
+                {
+                    "number": one.number,
+                    "operator": one.operator,
+                    "since": one.since_ns / 1e9,
+                    "until": one.until,
+                    "says": one.says,
+                    "bound": one.bound,
+                }
+                for one in decision.intents
+            ],
             "arrival": {robot: round(share, 2) for robot, share in decision.arrival.items()},
         }
         now = monotonic()

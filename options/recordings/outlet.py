@@ -12,6 +12,7 @@ from foxglove.messages import FrameTransforms, Log, PointCloud, PoseInFrame, Sce
 from foxglove.websocket import WebSocketServer
 
 from options.recordings.sink import Sink
+from options.ros.definitions import definition
 from swarm.errors import RecordingError
 
 LIVE_HOST = "127.0.0.1"
@@ -72,6 +73,16 @@ class Outlet:
                 topic, schema=schema_of(type(message)), context=self._context
             )
         self._channels[topic].log(msgspec.json.encode(message), log_time=time_ns)
+
+    def put_ros(self, topic: str, kind: str, message: bytes, time_ns: int) -> None:
+        """A ROS 2 message in CDR, with its type's definition; `kind`: `nav_msgs/msg/OccupancyGrid`
+        and so on."""
+        if topic not in self._channels:
+            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=definition(kind).encode())
+            self._channels[topic] = foxglove.Channel(
+                topic, schema=schema, message_encoding="cdr", context=self._context
+            )
+        self._channels[topic].log(message, log_time=time_ns)
 
     def flush(self) -> None:
         """What came so far outlives a crash of this process; a failure is in the sink's `error`."""

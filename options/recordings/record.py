@@ -15,6 +15,7 @@ from options.recordings.outlet import Outlet
 from options.recordings.recorder import Recorder
 from options.recordings.scans import Scans
 from options.recordings.sink import Sink
+from options.ros.fused import Teller
 from swarm.errors import RecordingError, TransportError
 
 CONNECT_S = 5.0
@@ -44,6 +45,8 @@ class Wanted:
     """None goes on until it is stopped."""
     live_port: int | None = None
     """Where Foxglove may connect; None serves nothing."""
+    ros: bool = False
+    """Fused objects as ROS 2 messages, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +110,8 @@ def record(
         say(f"live: open Foxglove, and connect to ws://127.0.0.1:{outlet.port}")
     try:
         with listener:
-            recorder = Recorder(state.spec, outlet, scans, wanted.points, time.time_ns())
+            ros = Teller(state.spec.ego) if wanted.ros else None
+            recorder = Recorder(state.spec, outlet, scans, wanted.points, time.time_ns(), ros)
             ended = _listen(listener, recorder, sink, wanted.seconds, stop, say, gone)
     finally:
         outlet.close()

@@ -13,6 +13,7 @@ from options.recordings import shapes
 from options.recordings.listen import Presence, Received
 from options.recordings.outlet import Outlet
 from options.recordings.scans import Scans
+from options.ros.fused import PREFIX, Said, Teller
 from swarm.arrays import unpack_finite
 from swarm.errors import MessageError, WorldError
 from swarm.messages import Beacon, Decision, Detections, NetState, SceneDescription
@@ -32,12 +33,15 @@ class Recorder:
         scans: Scans | None,
         points: layout.Points,
         now_ns: int,
+        ros: Teller | None = None,
     ) -> None:
-        """Writes the header. `scans` is None where no scans are recorded."""
+        """Writes the header. `scans` is None where no scans are recorded; `ros` where fused objects
+        are not written as ROS 2 messages, too."""
         self._spec = spec
         self._outlet = outlet
         self._scans = scans
         self._points = points
+        self._ros = ros
         self.fused = 0
         """Fused frames of the ego."""
         self.frames = 0
@@ -111,6 +115,8 @@ class Recorder:
         self._outlet.put(
             layout.objects_topic(scene.robot), shapes.objects(table, came_ns, color), came_ns
         )
+        if self._ros is not None:
+            self._say(self._ros.on_scene(scene, came_ns))
 
     def _decision(self, decision: Decision, came_ns: int) -> None:
         self._capacity_bps = decision.capacity_bps
@@ -147,6 +153,8 @@ class Recorder:
         shown = (*fused.boxes, *(fused.known or ()))
         drawn = shapes.boxes(shown, time_ns, shapes.FUSED_COLOR, 0.4)
         self._outlet.put(layout.FUSED_BOXES, drawn, time_ns)
+        if self._ros is not None:
+            self._say(self._ros.on_detections(message))
         self._budget(message)
         # The words may hold other figures in every frame; egos of older programs tell no kinds.
         kinds = {**message.missing, **message.missing_kinds}
@@ -182,6 +190,10 @@ class Recorder:
             capacity_bps=self._capacity_bps,
         )
         self._outlet.put_json(layout.BUDGET, budget, now_ns)
+
+    def _say(self, messages: tuple[Said, ...]) -> None:
+        for one in messages:
+            self._outlet.put_ros(PREFIX + one.topic.name, one.topic.kind, one.payload, one.stamp_ns)
 
     def _log(self, text: str, level: str, name: str, time_ns: int) -> None:
         self._outlet.put(layout.LOG, shapes.log(text, level, name, time_ns), time_ns)

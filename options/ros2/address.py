@@ -18,17 +18,28 @@ PORT = 7447
 """Of rmw_zenoh's router."""
 MAX_DOMAIN = 232
 _DOMAIN = re.compile(r"[0-9]{1,3}")
-_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TOPICS = ("points", "odom", "tf", "tf_static")
 _POSE = f"x,y,z or x,y,z,roll,pitch,yaw in metres and radians, each from -{MOST:.0f} to {MOST:.0f}"
 
 
-class Address(msgspec.Struct, frozen=True, kw_only=True):
-    """One live robot. Make it with `parse`, which checks every part."""
+class Place(msgspec.Struct, frozen=True, kw_only=True):
+    """Where ROS is: rmw_zenoh's router, and the domain."""
 
     host: str
     port: int = PORT
     domain: int
+
+    @property
+    def router(self) -> str:
+        """The Zenoh router's locator."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"tcp/{host}:{self.port}"
+
+
+class Address(Place, frozen=True, kw_only=True):
+    """One live robot. Make it with `parse`, which checks every part."""
+
     points: str
     """Topic of its scans."""
     odom: str = ""
@@ -49,19 +60,13 @@ class Address(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a scan was taken when its header says, or when it arrives."""
 
     @property
-    def router(self) -> str:
-        """The Zenoh router's locator."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"tcp/{host}:{self.port}"
-
-    @property
     def max_age_ns(self) -> int:
         """`max_age` in nanoseconds."""
         return round(self.max_age * 1e9)
 
 
-def parse(text: str) -> Address:
-    """The address in a `ros2://` URL.
+def split(text: str, form: str) -> tuple[Place, dict[str, str]]:
+    """Where ROS is, and the options as they are written; `form` is what the URL must be.
 
     Raises SettingError that names the part, its value and what is allowed.
     """
@@ -70,19 +75,30 @@ def parse(text: str) -> Address:
         host, port = parts.hostname, parts.port
         pairs = parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
     except ValueError as error:
-        raise SettingError(f"address {text!r} is not valid: {error}; it must be {FORM}") from error
+        raise SettingError(f"address {text!r} is not valid: {error}; it must be {form}") from error
     domain = parts.path.strip("/") or "0"
     if parts.scheme != "ros2" or not host or parts.username or parts.fragment:
-        raise SettingError(f"address {text!r} is not valid; it must be {FORM}")
+        raise SettingError(f"address {text!r} is not valid; it must be {form}")
     if port == 0:
-        raise _wrong(text, "port", "0", "a TCP port from 1 to 65535")
+        raise wrong(text, "port", "0", "a TCP port from 1 to 65535")
     if not _DOMAIN.fullmatch(domain) or int(domain) > MAX_DOMAIN:
-        raise _wrong(text, "domain", domain, f"a ROS_DOMAIN_ID from 0 to {MAX_DOMAIN}")
-    values: dict[str, Any] = {"host": host, "port": port or PORT, "domain": int(domain)}
+        raise wrong(text, "domain", domain, f"a ROS_DOMAIN_ID from 0 to {MAX_DOMAIN}")
+    options: dict[str, str] = {}
     for name, value in pairs:
-        if name in values:
+        if name in options:
             raise SettingError(f"address {text!r} gives {name!r} twice")
-        values[name] = _value(text, name, value)
+        options[name] = value
+    return Place(host=host, port=port or PORT, domain=int(domain)), options
+
+
+def parse(text: str) -> Address:
+    """The address in a `ros2://` URL.
+
+    Raises SettingError that names the part, its value and what is allowed.
+    """
+    place, options = split(text, FORM)
+    values: dict[str, Any] = {"host": place.host, "port": place.port, "domain": place.domain}
+    values |= {name: _value(text, name, value) for name, value in options.items()}
     if "points" not in values:
         raise SettingError(f"address {text!r} lacks points=/TOPIC, the topic of its scans")
     if ("odom" in values) == ("tf" in values):
@@ -108,17 +124,17 @@ def _value(text: str, name: str, value: str) -> Any:
         allowed = ", ".join(field.name for field in _OPTIONS)
         raise SettingError(f"address {text!r} has the option {name!r}; allowed: {allowed}")
     if name in _TOPICS:
-        if not _TOPIC.fullmatch(value):
-            raise _wrong(text, name, value, "a topic's full name, like /lidar/points")
+        if not TOPIC.fullmatch(value):
+            raise wrong(text, name, value, "a topic's full name, like /lidar/points")
         return value
     if name in ("sensor", "origin"):
         return _pose(text, name, value)
     try:
         number = msgspec.convert(value, field.type, strict=False)
     except msgspec.ValidationError as error:
-        raise _wrong(text, name, value, _ALLOWED[name]) from error
+        raise wrong(text, name, value, _ALLOWED[name]) from error
     if isinstance(number, float) and not math.isfinite(number):
-        raise _wrong(text, name, value, _ALLOWED[name])
+        raise wrong(text, name, value, _ALLOWED[name])
     return number
 
 
@@ -134,9 +150,9 @@ def _pose(text: str, name: str, value: str) -> Pose:
     try:
         numbers = [float(part) for part in value.split(",")]
     except ValueError as error:
-        raise _wrong(text, name, value, _POSE) from error
+        raise wrong(text, name, value, _POSE) from error
     if len(numbers) not in (3, 6) or not all(abs(one) <= MOST for one in numbers):
-        raise _wrong(text, name, value, _POSE)
+        raise wrong(text, name, value, _POSE)
     return Pose(*numbers)
 
 
@@ -147,12 +163,13 @@ def _check_topics_differ(text: str, values: dict[str, Any]) -> None:
         topic = values.get(name)
         if topic in seen:
             allowed = f"another topic than that of {seen[topic]}"
-            raise _wrong(text, name, topic, allowed)
+            raise wrong(text, name, topic, allowed)
         if topic is not None:
             seen[topic] = name
 
 
-def _wrong(text: str, name: str, value: str, allowed: str) -> SettingError:
+def wrong(text: str, name: str, value: str, allowed: str) -> SettingError:
+    """The error for a part of an address, with what is allowed."""
     return SettingError(
         f"{name} = {value!r} in address {text!r} is not valid; it must be {allowed}"
     )

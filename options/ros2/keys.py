@@ -7,6 +7,7 @@ A topic's key is `<domain>/<topic>/<type>/<hash of the type>`, a publisher's liv
 
 from __future__ import annotations
 
+import hashlib
 import re
 import struct
 from dataclasses import dataclass
@@ -14,9 +15,10 @@ from dataclasses import dataclass
 _SPACE = "@ros2_lv"
 _TOKEN_PARTS = 13
 _TOPIC_PART, _TYPE_PART, _HASH_PART = 9, 10, 11
-_VOLATILE, _KEPT = "::,10:,:,:,,", ":1:,10:,:,:,,"
-"""QoS of a subscription as rmw_zenoh writes it, what is the default left out: reliable, the last
-10 messages; `_KEPT` asks a publisher for what it said before, too (transient local)."""
+_VOLATILE, _KEPT, _KEPT_ONE = "::,10:,:,:,,", ":1:,10:,:,:,,", ":1:,1:,:,:,,"
+"""QoS as rmw_zenoh writes it, what is the default left out: reliable, the last 10 messages; `_KEPT`
+of a subscription asks for what was said before, too (transient local), `_KEPT_ONE` of a publisher
+says the last message again."""
 
 _ATTACHMENT = re.compile(
     rb"(?:\x0fsequence_number)?(?P<sequence>.{8})(?:\x10source_timestamp)?(?P<stamp>.{8})"
@@ -59,6 +61,11 @@ def dds_type(kind: str) -> str:
     return f"{package}::{group}::dds_::{name}_"
 
 
+def publication_key(domain: int, to: Publisher) -> str:
+    """The key that a publisher puts its messages on."""
+    return f"{domain}/{to.topic.strip('/')}/{dds_type(to.kind)}/{to.type_hash}"
+
+
 def publishers_key(domain: int) -> str:
     """The key expression of all publishers' tokens."""
     return f"{_SPACE}/{domain}/*/*/*/MP/**"
@@ -83,11 +90,39 @@ def subscription_token(
 ) -> str:
     """The liveliness token of the node's subscription to what a publisher says; `kept`: also to
     what it said before."""
-    topic, qos = to.topic.replace("/", "%"), _KEPT if kept else _VOLATILE
+    return _token("MS", domain, session, node, entity, to, _KEPT if kept else _VOLATILE)
+
+
+def publisher_token(
+    domain: int, session: str, node: str, entity: int, one: Publisher, *, kept: bool
+) -> str:
+    """The liveliness token of the node's publisher; `kept`: it says its last message again to who
+    subscribes later."""
+    return _token("MP", domain, session, node, entity, one, _KEPT_ONE if kept else _VOLATILE)
+
+
+def _token(
+    what: str, domain: int, session: str, node: str, entity: int, topic: Publisher, qos: str
+) -> str:
+    named, kind = topic.topic.replace("/", "%"), dds_type(topic.kind)
     return (
-        f"{_SPACE}/{domain}/{session}/0/{entity}/MS/%/%/{node}/{topic}/{dds_type(to.kind)}/"
-        f"{to.type_hash}/{qos}"
+        f"{_SPACE}/{domain}/{session}/0/{entity}/{what}/%/%/{node}/{named}/{kind}/"
+        f"{topic.type_hash}/{qos}"
     )
+
+
+def gid_of(token: str) -> bytes:
+    """16 bytes that name an entity wherever its messages go.
+
+    rmw_zenoh takes another hash of the token (XXH3); who receives it only compares.
+    """
+    return hashlib.blake2b(token.encode(), digest_size=16).digest()
+
+
+def write_attachment(told: Attachment) -> bytes:
+    """What goes with a message."""
+    numbers = struct.pack("<qq", told.sequence, told.published_ns)
+    return numbers + bytes((len(told.publisher),)) + told.publisher
 
 
 def read_attachment(raw: bytes) -> Attachment | None:

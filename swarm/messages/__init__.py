@@ -31,6 +31,14 @@ from swarm.messages.ego import (
     Probe,
     Tracks,
 )
+from swarm.messages.intent import (
+    Focus,
+    Intent,
+    Site,
+    intent_from_json,
+    intent_to_json,
+    problems,
+)
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
     ChatMessage,
@@ -57,10 +65,18 @@ from swarm.messages.net import (
     ShapeRequest,
     TcpState,
 )
+from swarm.messages.obeyed import (
+    Effect,
+    Expected,
+    IntentInForce,
+    IntentTold,
+    Place,
+)
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
 from swarm.messages.trust import CertificateRequest, RenewedCertificate
 from swarm.messages.wire import decode, encode
+from swarm.messages.wish import WishAnswer, WishRequest
 
 __all__ = [
     "ALGORITHMS",
@@ -87,10 +103,16 @@ __all__ = [
     "Detections",
     "Direction",
     "Directions",
+    "Effect",
     "EgoSteered",
     "EgoSteering",
     "EgoWish",
+    "Expected",
+    "Focus",
     "GatewayState",
+    "Intent",
+    "IntentInForce",
+    "IntentTold",
     "KnownRobot",
     "LinkClass",
     "LinkState",
@@ -102,6 +124,7 @@ __all__ = [
     "Ns",
     "Observation",
     "ObservationRequest",
+    "Place",
     "Probe",
     "Profile",
     "Refusal",
@@ -113,9 +136,15 @@ __all__ = [
     "ShapeInForce",
     "ShapeReply",
     "ShapeRequest",
+    "Site",
     "Source",
     "TcpState",
     "Tracks",
+    "WishAnswer",
+    "WishRequest",
     "decode",
     "encode",
+    "intent_from_json",
+    "intent_to_json",
+    "problems",
 ]

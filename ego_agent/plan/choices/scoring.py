@@ -21,6 +21,11 @@ ARRIVAL_STEPS = 20
 """Probabilities to be in time count in steps of 1/20: a frame more or less moves no decision, and
 what is nearly always in time counts as certain."""
 
+PREFERRED = 0.02
+"""Quality that may be given up for each preferred robot that takes part: a `switch_gain`."""
+LIKED = 2.0
+"""A preferred robot is tried before one that adds less than this many times as much."""
+
 
 @dataclass(frozen=True, slots=True)
 class Score:
@@ -84,12 +89,17 @@ class Scorer:
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
         cells, things = _counting(scene, knowledge.quality)
-        everyone = (*robots, *scene.unheard)
+        everyone = (*robots, *scene.unheard, *scene.left_out)
         shown = np.stack([c.area for c in everyone]) & cells
         told = np.stack([c.evidence for c in everyone]).astype(np.float64) * things
         areas, evidence = shown[: len(robots)], told[: len(robots)]
-        area = int(shown.any(axis=0).sum())
-        objects = float(told.max(axis=0).sum())
+        weights = scene.weights
+        if weights is None:
+            area = float(shown.any(axis=0).sum())
+            objects = float(told.max(axis=0).sum())
+        else:
+            area = float(weights.cells[shown.any(axis=0)].sum(dtype=np.float64))
+            objects = float(told.max(axis=0) @ weights.objects)
         alpha = self.objective.alpha if objects > 0.0 else 1.0
         if area == 0:
             alpha = 0.0
@@ -97,7 +107,7 @@ class Scorer:
         """Of the living robots, the part of which something is known."""
         area_weight = self.known_part * alpha / area if area else 0.0
         object_weight = self.known_part * (1.0 - alpha) / objects if objects > 0.0 else 0.0
-        self.views = Views(areas, evidence, area_weight, object_weight)
+        self.views = Views(areas, evidence, area_weight, object_weight, weights)
         self.nothing_to_see = area == 0 and objects == 0.0
         self.own_share = self.share([0])
         """Of the ego alone."""
@@ -150,6 +160,11 @@ class Scorer:
         for row in others:
             union.add(row, 1.0 if arrival is None else float(arrival[row]))
         return min(1.0, union.share())
+
+    def liking(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """By how much the gains of rows count in the order in which robots are tried."""
+        robots = [self.scene.candidates[row - 1].robot for row in rows]
+        return np.array([LIKED if robot in self.scene.preferred else 1.0 for robot in robots])
 
     def known(self, robot: str, algorithm: Algorithm) -> bool:
         """Whether the robot is a candidate with a known size for the algorithm."""
@@ -209,8 +224,13 @@ class Scorer:
         return quality * self.freshness(algorithm, participants)
 
     def cost(self, participants: Iterable[str], algorithm: Algorithm) -> float:
-        """lambda C of candidates, in quality: a sum over them."""
-        return sum(self.price(self.row_of[robot], algorithm) for robot in participants)
+        """lambda C of candidates, in quality: a sum over them, less what preferred may cost."""
+        prices = (
+            self.price(self.row_of[robot], algorithm)
+            - (PREFERRED if robot in self.scene.preferred else 0.0)
+            for robot in participants
+        )
+        return sum(prices)
 
     def price(self, row: int, algorithm: Algorithm) -> float:
         """lambda C of one candidate. Raises KeyError where its size is not `known`.
@@ -284,7 +304,9 @@ def _known_part(scene: UnifiedScene) -> float:
     """The part of the living robots of which something is known, the ego among them; 0 where
     nobody can be used."""
     silent = len(scene.unheard) + scene.unknown
-    if scene.ego.robot in scene.excluded or (silent and not scene.candidates):
+    usable = scene.candidates or scene.left_out
+    if scene.ego.robot in scene.excluded or (silent and not usable):
         return 0.0
-    known = {c.robot for c in (scene.ego, *scene.candidates, *scene.unheard)}
+    heard = (scene.ego, *scene.candidates, *scene.unheard, *scene.left_out)
+    known = {candidate.robot for candidate in heard}
     return len(known) / (len(known) + scene.unknown)

@@ -7,16 +7,14 @@ way is an option, for each algorithm; the best option wins, unless the decision 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.assign import told as told_rates
 from ego_agent.plan.choices.explain import told
-from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.hysteresis import best_option, settle, still_possible
-from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.options import all_options, mixes_of
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import MIXED, Decision
 
@@ -43,36 +41,13 @@ class Coverage:
 
     def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
         """The same as a score, and its reason."""
-        options = list(_options(scorer))
-        mixes = None
-        if scorer.objective.rarer_hz and scorer.knowledge.mixable and not scorer.hopes:
-            mixes = Mixes(scorer)
-            options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
+        mixes = mixes_of(scorer)
+        options = list(all_options(scorer, mixes))
         best = best_option(scorer, options)
         held = still_possible(scorer, previous, mixes)
         if held is not None and previous is not None:
             best = settle(scorer, options, best, held, previous)
         return best, reason_of(scorer, best, kept=best is held)
-
-
-def _options(scorer: Scorer) -> Iterator[Score]:
-    """The ego alone, and all sets on the way of the greedy orders, at each pace that may be worth
-    its slowness."""
-    knowledge = scorer.knowledge
-    alone = scorer.score((), knowledge.best_algorithm())
-    yield alone
-    best = alone.value
-    for algorithm in knowledge.algorithms:
-        for pace in scorer.paces:
-            at = scorer.at(pace)
-            if pace is not scorer.paces[0] and at.most(algorithm) <= best:
-                continue
-            for by_byte in (True, False):
-                for score in grow(at, scorer.scene.candidates, algorithm, by_byte=by_byte):
-                    best = max(best, score.value)
-                    yield score
-            if at.slower_is_worse(algorithm):
-                break
 
 
 def reason_of(scorer: Scorer, score: Score, *, kept: bool) -> str:

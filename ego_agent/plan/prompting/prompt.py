@@ -43,6 +43,10 @@ class LlmPrompt:
     candidates: tuple[str, ...]
     """Robots that the answer may name, best first; without the ego."""
     ego: str
+    letters: bool = False
+    """Whether the answer is text that calls them A, B and so on."""
+    alone: str = ""
+    """The algorithm that such an answer means when it names nobody."""
 
 
 def make_prompt(

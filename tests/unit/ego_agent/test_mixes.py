@@ -142,8 +142,8 @@ def test_the_near_send_points_and_the_far_boxes_where_all_points_do_not_fit() ->
     assert decision.participants == ("R1", "R2", "R3")
     assert "mixed (1 early, 1 late)" in decision.reason
     told = {one["robot"]: one["why"] for one in explain(found, knowing(), decision)["candidates"]}
-    assert told["R2"].startswith("in: early")
-    assert told["R3"].startswith("in: late")
+    assert told["R2"].startswith("in: it adds")
+    assert told["R3"].startswith("in: it adds")
 
 
 def test_a_decision_in_force_stays_while_the_link_wavers() -> None:

@@ -117,8 +117,8 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.ros2", SENSES | {"options.ros"}),
         ("options.opencood", {"swarm", "perception"}),
         ("options.pictures", {"swarm", "perception"}),
-        ("options.recordings", SENSES | {"deploy", "options.bags"}),
-        ("research.training", SENSES),
+        ("options.recordings", SENSES | {"deploy", "options.bags", "options.ros"}),
+        ("research.training", SENSES | {"sensing", "ego_agent", "llm_gateway"}),
         (
             "research.chaos",
             SENSES | {"deploy", "ego_agent", "research.benchmarks", "research.evaluation"},

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from coadapt.main import main
 from deploy.spec import make_spec
@@ -23,7 +24,10 @@ from options.recordings.outlet import Outlet
 from options.recordings.recorder import Recorder
 from options.recordings.sink import Sink
 from options.recordings.world import RecordingWorld
+from options.ros.fused import Teller
 from swarm.errors import RecordingError, WorldError
+from swarm.messages import SceneDescription
+from tests.support.message_samples import SAMPLES
 from tests.support.recording_files import EPOCH_NS, detections, write_recording
 from worlds.factory.world import FactoryWorld
 from worlds.registry import open_world
@@ -119,6 +123,30 @@ def test_detections_of_a_time_that_a_recording_cannot_name_are_left_out(tmp_path
     file = RecordingFile(tmp_path / "far.mcap")
     assert [one.frame for one in file.messages(FUSED, Fused)] == [3]
     assert file.count(LOG) == 2  # Why the first is not in it, and who is missing in the second.
+
+
+def test_fused_objects_are_recorded_as_ros_2_messages_where_that_is_wanted(tmp_path: Path) -> None:
+    spec = make_spec(robots=("R1", "R2"), run_dir=str(tmp_path))
+    outlet = Outlet(Sink(tmp_path / "ros.mcap"))
+    recorder = Recorder(spec, outlet, None, "none", EPOCH_NS, Teller("R1"))
+    found = detections(FactoryWorld(robots=2, rings=16), 3)
+    seen = next(one for one in SAMPLES if isinstance(one, SceneDescription))
+    for message in (found, msgspec.structs.replace(seen, robot="R1")):
+        recorder.take(Received(message, EPOCH_NS))
+    outlet.close()
+    read: dict[str, Any] = {}
+    with (tmp_path / "ros.mcap").open("rb") as file:
+        for schema, channel, raw in make_reader(file).iter_messages():
+            if schema is None or schema.encoding != "ros2msg":
+                continue
+            assert channel.message_encoding == "cdr"
+            store = get_typestore(Stores.EMPTY)
+            store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            read[channel.topic] = store.deserialize_cdr(raw.data, schema.name)
+    assert set(read) == {"/coadapt/objects", "/coadapt/markers", "/coadapt/unseen"}
+    objects = read["/coadapt/objects"]
+    assert len(objects.detections) == len(found.labels) + len(found.known) > 0
+    assert RecordingFile(tmp_path / "ros.mcap").count(FUSED) == 1
 
 
 def test_who_is_missing_is_logged_once_for_each_kind_of_reason(tmp_path: Path) -> None:

@@ -6,17 +6,22 @@ import struct
 
 import pytest
 import zenoh
+from zenoh import ext
 
 from options.ros2.clock import SPAN_NS, ClockOffset
 from options.ros2.keys import (
     Attachment,
     Publisher,
+    gid_of,
     node_token,
+    publication_key,
+    publisher_token,
     publishers_key,
     read_attachment,
     read_publisher,
     subscription_token,
     topic_key,
+    write_attachment,
 )
 from options.ros2.topic_buffer import Arrived, TopicBuffer
 
@@ -73,6 +78,27 @@ def test_a_subscription_is_shown_as_rmw_zenoh_shows_its_own() -> None:
     assert subscription_token(2, session, "listener", 10, talker, kept=False) == LISTENER
 
 
+def test_a_publisher_is_shown_as_rmw_zenoh_shows_its_own() -> None:
+    talker = read_publisher(TALKER)
+    assert talker is not None
+    assert publication_key(0, talker) == CHATTER
+    told = publisher_token(2, "8b20917502ee955ac4476e0266340d5c", "talker", 10, talker, kept=False)
+    assert told == TALKER.replace("::,7:", "::,10:")
+    assert read_publisher(told) == talker
+    kept = publisher_token(2, "8b", "talker", 10, talker, kept=True)
+    assert kept.rsplit("/", 1)[1] == ":1:,1:,:,:,,"
+    assert zenoh.KeyExpr(publishers_key(2)).includes(zenoh.KeyExpr(kept))
+    assert len({gid_of(told), gid_of(kept)}) == 2
+    assert len(gid_of(told)) == 16
+
+
+def test_an_attachment_that_was_written_can_be_read() -> None:
+    told = Attachment(5, 1_700_000_000_000_000_001, GID)
+    assert read_attachment(write_attachment(told)) == told
+    written = ext.z_serialize((ext.Int64(5), ext.Int64(told.published_ns), GID))
+    assert write_attachment(told) == written.to_bytes()
+
+
 @pytest.mark.parametrize(
     "raw",
     [
@@ -97,8 +123,6 @@ def test_an_attachment_of_another_form_says_nothing(raw: bytes) -> None:
 
 
 def test_an_attachment_is_what_zenoh_itself_writes() -> None:
-    from zenoh import ext
-
     written = ext.z_serialize((ext.Int64(9), ext.Int64(12), GID))
     assert read_attachment(written.to_bytes()) == Attachment(9, 12, GID)
 
