@@ -72,7 +72,6 @@ class Heard:
             cycle=decision.cycle if decision else None,
             selected=decision.participants if decision else None,
             algorithm=decision.algorithm if decision else None,
-            assignments=decision.assignments if decision else (),
             source=decision.source if decision else None,
             policy=decision.policy if decision else None,
             valid=decision.valid if decision else None,
@@ -92,6 +91,7 @@ class Heard:
             unshaped=self.controllers.unshaped(now),
             egos=self._ego_rows(now),
             intents=decision.intents if decision else (),
+            assignments=decision.assignments if decision else (),
         )
 
     def count_anew(self) -> None:

@@ -178,16 +178,16 @@ def _decision(view: SwarmView) -> list[str]:
     ]
 
 
-def _assigned(view: SwarmView) -> str:
-    """Who sends what, and how often."""
-    return ", ".join(f"{one.robot} {one.algorithm} {one.rate_hz:g} Hz" for one in view.assignments)
-
-
 def _wish(intent: IntentTold) -> str:
     """An intent that the decision obeys, and what it did to it."""
     since = datetime.fromtimestamp(intent.since_ns * 1e-9, UTC).astimezone()
     text = f"{intent.number} of {intent.operator or 'unknown'} since {since:%H:%M}: {intent.says}"
     return text + (f" ({'; '.join(intent.bound)})" if intent.bound else "")
+
+
+def _assigned(view: SwarmView) -> str:
+    """Who sends what, and how often."""
+    return ", ".join(f"{one.robot} {one.algorithm} {one.rate_hz:g} Hz" for one in view.assignments)
 
 
 def _egos(egos: Sequence[EgoRow]) -> list[str]:

@@ -14,6 +14,7 @@ from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import add_router, state_of
 from coadapt.site import classes_of, places_of
 from coadapt.understanding import OTHERWISE
+from coadapt.wish_batch import understood_batch
 from coadapt.wishes import NOBODY, Egos, Given, check, egos_of, line_of, listed, read_back
 from swarm.errors import DecisionError, RefusedError
 from swarm.messages import EgoSteered, intent_from_json, intent_to_json
@@ -34,6 +35,12 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     what.add_argument("--list", action="store_true", help="the wishes in force and waiting")
     what.add_argument("--withdraw", type=int, metavar="ID", help="end a wish")
+    what.add_argument(
+        "--batch",
+        type=Path,
+        metavar="FILE.jsonl",
+        help="understand many, without a swarm: objects of id, wish, robots, places, classes, now",
+    )
     parser.add_argument(
         "--site", type=Path, metavar="FILE", help="names of places (default: the swarm's own)"
     )
@@ -54,6 +61,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> int:
     """Does what is asked. Raises DecisionError for a wish that cannot be obeyed, GatewayError where
     nobody understands it."""
+    if args.batch is not None:
+        for line in understood_batch(args.batch):
+            print(line, flush=True)
+        return 0
     now = _now(args.now)
     state = state_of(args)
     with egos_of(state) as egos:

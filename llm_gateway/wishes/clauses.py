@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from llm_gateway.wishes.cues import SPELLING
+from llm_gateway.wishes.cues import KNOWN, SPELLING
 from llm_gateway.wishes.mentions import Mention, Text
 from llm_gateway.wishes.words import alike
 
@@ -93,7 +93,7 @@ def _capital(mention: Mention) -> str:
 
 def _spelt(word: str) -> str:
     """A word without a slip, where it plainly is one of those that count."""
-    if word in SPELLING:
+    if word in SPELLING or word in KNOWN:
         return word
     meant = [known for known in SPELLING if alike(word, known)]
     return meant[0] if len(meant) == 1 else word

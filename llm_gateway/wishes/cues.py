@@ -24,6 +24,13 @@ OUT = _any(
     "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
     r"stop \w*", "in peace", r"(?:leave|let|leaving|lev|leaf) .*\b(?:alone|be|it|them|him)",
     "leave ROBOT", "leave it", "alone",
+    "ruhe", "mit ausnahme", "with the exception", "exception", "disregard",
+    r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
+    "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
+    r"verschon\w*",
+    "sit out", "out of bounds", "banned", "verboten", "gesperrt", "stay home", "daheim", "zuhause",
+    "nicht dabei", r"entbehr\w*", "forbidden", "opt out", "hinauslassen", "pass over",
+    r"scheid\w* aus",
     "ohne", "ausser", "auslassen", "auslass", "lass aus", "weglassen", "weg", "raus", "aus",
     "rauslassen", r"ausschliess\w*", r"schliess\w* .*", "ausnehmen", r"ignorier\w*", r"verzicht\w*",
     r"uebergeh\w*", r"pausier\w*", "pausen", r"abschalt\w*", r"sperr\w*", "in ruhe", "aussen vor",
@@ -32,6 +39,9 @@ OUT = _any(
 )  # fmt: skip
 UNUSED = _any(
     r"us(?:e|ed|ing)", "ask", "asked", "asking", "bother", "touch", "take", "include", "call",
+    "query", "disturb", "count on", "consult", "consulted", "poll", "want", "need", "depend",
+    "listen", "trust", "employ", "bothered", "disturbed", "let", "go", "fragt", r"bemueh\w*",
+    "heranziehen", "hinzuziehen", "nutzen", "nutz", "nutze", "belaestigen", "ranlassen", "dabei",
     "query", "disturb", "involve", "request", "requests", "part", "participate", "rely", "contact",
     "benutzen", "benutz", "benutze", "verwenden", "verwende", "nehmen", "nimm", "fragen", "frag",
     "frage", "mitmachen", "einsetzen", "stoeren", "stoer", "mitnehmen", "anfragen", "brauchen",
@@ -39,7 +49,8 @@ UNUSED = _any(
 )  # fmt: skip
 """What is done with a robot; with a negation, it is left out."""
 ONLY = _any(
-    "only", "solely", "exclusively", "exclusive", "NOBODYBUT", "nobody else", "no one else",
+    "only", "stick with", "stick to", "keep to", "solely", "exclusively", "exclusive",
+    "NOBODYBUT", "nobody else", "no one else",
     "none else", "noone else", "nothing else", "no other", "no others", "restrict", "nur",
     "ausschliesslich", "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner",
     "sonst keinen", "niemand sonst", "reicht", "reichen", "genuegt", "genuegen", "is enough",
@@ -50,15 +61,22 @@ JUST = _any("just", "bloss", "purely", "merely")
 FIRST = _any(
     "first", r"prefer\w*", "rather", "priority", "prioriti[sz]e", r"favou?r\w*", "before everyone",
     "before everybody", "before the others", "before the rest", "before all", "before anyone",
-    "start with", "at the top", "top of", "if possible", "ideally", "zuerst", r"bevorzug\w*",
-    "vorrang", "vorzug", "am liebsten", "lieber", "erste wahl", "vorzugsweise", "wenn moeglich",
-    "als erstes", "als ersten", "vor allen", "moeglichst", r"priorisier\w*", "primarily",
+    "start with", "at the top", "top of", "ideally", "begin with", "as first", "ahead of",
+    "zuerst", r"bevorzug\w*",
+    "vorrang", "vorzug", "am liebsten", "lieber", "erste wahl", "vorzugsweise",
+    "als erstes", "als ersten", "vor allen", r"priorisier\w*", "primarily",
     "zunaechst",
-    "erster", "als erster", "if you can", "wann immer moeglich", "whenever possible", "go ahead of",
+    "erster", "als erster", "wann immer moeglich", "go ahead of",
     "allen voran", "erste",
 )  # fmt: skip
+POSSIBLY = _any("if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
+                "whenever possible", "whenever you can", "wann immer moeglich",
+                "falls moeglich")  # fmt: skip
+"""A preference of what is named, or politeness beside another cue."""
 LAST = _any("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
 HIGH = _any(
+    r"above (?:all|everything|anything)", "more weight", "gewicht", "weight", r"vorrangig\w*",
+    r"ueber alles?", "oefter", "haeufiger", "genau", "genauer", "sicherheit", "pay heed", "heed",
     "watch", "watching", "watch out", "wacth", "wach", "eye", "eyes", r"focus\w*", "look",
     "looking",
     "important", "importance", "matter", "matters", "attention", "attentive", "priority", "high",
@@ -79,7 +97,8 @@ HIGH = _any(
     "pass", "schuetzen", "schuetz", "sorgen", "hauptsache", "kritisch", "schwerpunkt", "blick",
 )  # fmt: skip
 LOW = _any(
-    "unimportant", "irrelevant", "uninteresting", r"neglect\w*", r"ignor\w*", "forget",
+    "lose sight", "lose track", "aus den augen", "aus dem auge", "unimportant", "irrelevant",
+    "uninteresting", r"neglect\w*", r"ignor\w*", "forget",
     "forget about", "never mind", "less", "low", "lower", "no need", r"skip\w*", "nothing happens",
     "nothing happening", "disregard", "negligible", "nobody cares", "who cares", "meaningless",
     "dont bother", "drop", "secondary", "boring", "overlook", "without", "empty", "indifferent",
@@ -118,18 +137,22 @@ AT_MOST = _any(
 FREE = _any("free", "reserve", "reserved", "frei", "freihalten", r"reservier\w*", "freilassen",
             "leave", "others", "andere", "anderen", "unused", "untouched", "spare")  # fmt: skip
 """The part is that which is kept for others."""
-AGAIN = _any("again", "back", "any ?more", "no longer", "wieder", "nicht mehr", "undo", "cancel",
-             "revert", "zurueck", "return", "nimmer")  # fmt: skip
+WASTE = _any("waste", r"wasting", r"verschwend\w*", r"vergeud\w*", "squander")
+"""With a negation: save."""
+AGAIN = _any("again", "back", "wieder", "undo", "cancel",
+             "revert", "zurueck", "return")  # fmt: skip
 """Takes back rather than wishes."""
 PRONOUN = _any("it", "them", "him", "they", "ihn", "ihm", "these", "those", "this one")
 PAST = _any("was", "were", "had", "did", "wurde", "wurden", "hatte", "hatten", "used to",
-"yesterday", "war", "waren",
+            "has been", "have been", "been", "yesterday", "war", "waren",
             "gestern", "went", "took", "didnt", "wasnt", "worden")  # fmt: skip
 QUESTION = re.compile(
-    r"^(?:what|which|who|whom|whose|why|how|when|where|is|are|am|does|did|has|have|should|shall|"
+    r"^(?:what(?! (?:matters|counts|is important|i (?:want|need)))|which|who|whom|whose|why|how|"
+    r"when|where|is|are|am|does|did|has|have|should|shall|"
     r"was|"
     r"were|do (?:you|we|i|they)|can (?:i|we|r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
-    r"wie|was|warum|wer|wen|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|sollen|sollte|ist|sind|"
+    r"wie|was(?! (?:zaehlt|wichtig))|warum|wer|wen|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|"
+    r"sollen|sollte|ist|sind|"
     r"wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|koennen wir|bist|weisst)\b"
 )
 DOUBTED = re.compile(
@@ -142,7 +165,8 @@ CONDITION = re.compile(
 )
 NO_CONDITION = re.compile(
     r"\b(?:if (?:possible|you can|you could|you please|need be|you dont mind|you would|at all)|"
-    r"wenn (?:moeglich|es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|if you like|when possible)\b"
+    r"when(?:ever)? you can|wenn (?:moeglich|es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|"
+    r"if you like|when possible)\b"
 )
 CONTRAST = re.compile(
     r"\b(?:not|nicht) (?:the )?ROBOT (?:but|sondern)\b|\bsondern\b|\binstead of\b"
@@ -157,6 +181,7 @@ FOREIGN = re.compile(
     r"jailbreak|"
     r"stell dir vor|imagine|hypothetically|story|geschichte|poem|gedicht|wrote|schrieb|told|"
     r"asked me|"
+    r"operators?|obeys?|gehorch\w*|hoerst du|hoer auf|"
     r"claims?|behauptet|announces?|tells|demands?|verlangt|quote|zitat|schild|sign)\b"
 )
 """Words of a robot, of a text, to a model: nobody's wish."""
@@ -170,3 +195,11 @@ SPELLING = frozenset(
     exclusively first please reduce sparen avoid should shall""".split()  # noqa: SIM905
 )
 """Words in which one slip of the keyboard is forgiven, or which one slip makes of another."""
+
+KNOWN = frozenset(
+    word
+    for pattern in tuple(globals().values())
+    if isinstance(pattern, re.Pattern)
+    for word in re.findall(r"[a-z]{3,}", pattern.pattern)
+)
+"""Words that are cues themselves, or parts of one: never slips of another."""

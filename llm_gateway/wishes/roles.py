@@ -7,6 +7,12 @@ import re
 from llm_gateway.wishes import cues, lexicon
 from llm_gateway.wishes.reading import Role
 
+_NOBODY_ELSE = re.compile(
+    r"\b(?:ausser|except|besides|apart from|bis auf) ROBOT\b.*"
+    r"\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
+)
+_COMPARED = re.compile(r"\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b")
+_PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
 SHORT = 4
 """Words of a clause that says one thing only."""
 
@@ -14,7 +20,8 @@ SHORT = 4
 def bounds(text: str) -> str:
     """A clause without "no more than", which negates nothing and takes nothing back."""
     return re.sub(
-        r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|mehr|weniger)(?: than| als)?\b|"
+        r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|mehr|weniger)"
+        r"(?: than| als|(?= SHARE))|"
         r"\bno need\b|\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
         r"\blike (?:to|ROBOT)\b",
         "BOUND",
@@ -31,7 +38,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
     """What a clause says of the robot that it names; `alone`: it names none."""
     if cues.CONTRAST.search(text):
         return "doubt"
-    if "NOBODYBUT" in text:
+    if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
         return "only"
     plain = cues.ONLY.sub("ONLYTHESE", text)
     out = bool(cues.OUT.search(plain))
@@ -49,10 +56,12 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         hits.add("only")
     if first:
         hits.add("first")
-    if alone and hits == {"first"} and not unused and not re.search(r"\b(?:prefer|first)\b", text):
+    if alone and hits == {"first"} and not unused and not _PREFERS.search(text):
         return None
-    if not hits and not alone and cues.JUST.search(text):
-        return "only"
+    if not hits and not alone:
+        if cues.JUST.search(text):
+            return "only"
+        return "first" if cues.POSSIBLY.search(text) else None
     if hits == {"out"} and alone and not (cues.PRONOUN.search(text) or no or _plain_out(text)):
         return None
     return hits.pop() if len(hits) == 1 else ("doubt" if hits else None)
@@ -64,7 +73,7 @@ def _plain_out(text: str) -> bool:
 
 def weight_role(text: str) -> Role | None:
     """What a clause says of the place or the class that it names."""
-    if re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):
+    if _COMPARED.search(text) or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):
         return "doubt"
     low = bool(cues.LOW.search(text))
     rest = cues.LOW.sub(" ", text) if low else text

@@ -16,8 +16,8 @@ from llm_gateway.wishes.reading import Reading, Role, Verdict
 from llm_gateway.wishes.roles import bounds, negated, robot_role, share_role, weight_role
 
 _GREETING = re.compile(
-    r"^(?:(?:hi|hello|hey|hallo|ok|okay|well|so|please|bitte|also|servus|moin|there|all|mate|na|"
-    r"say|um|uh|tell me) )+"
+    r"^(?:(?:(?:hi|hello|hey)(?: there| all)?|hallo|ok|okay|well|so|please|bitte|also|servus|"
+    r"moin|mate|na|uh) )+"
 )
 _STRONG = re.compile(
     r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte|auge|"
@@ -27,10 +27,14 @@ _STRONG = re.compile(
 _ARTICLE = re.compile(
     r"^(?:the|a|an|den|die|das|dem|der|on the|at the|auf die|zum|zur)(?: [a-z]+){1,2}$"
 )
+_OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
+"""Ends what begins like an article and is none, or names nothing that a site has."""
+_OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
 _THERE = re.compile(r"\b(?:there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
 _FILLERS = frozenset(
     """PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei in im on an am a
-    around beim about auf of especially besonders cant cannot isnt arent ned by um""".split()  # noqa: SIM905
+    around beim about is are do does ist sind auf of especially besonders cant cannot isnt arent
+    ned by um""".split()  # noqa: SIM905
 )
 """Words beside which something named has the role of the clause before it."""
 
@@ -147,7 +151,8 @@ class Rules:
         role = share_role(clause.text)
         if len(numbers) > 1:
             role = "doubt"
-        if role == "doubt" and cues.AT_MOST.search(clause.text) and at and len(numbers) == 1:
+        bounded = cues.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
+        if role == "doubt" and bounded and at and len(numbers) == 1:
             before = self._clauses[at - 1]
             if "NET" in before.text.split() and not self._of(before, "share"):
                 role = "link"
@@ -162,6 +167,8 @@ class Rules:
         role: Role | None = None
         if self._of(clause, "share"):
             role = "none"
+        elif cues.WASTE.search(clause.text):
+            role = "save" if negated(clause.text) else "doubt"
         elif cues.SAVE.search(clause.text):
             role = "doubt" if negated(clause.text) else "save"
         self._set(numbers, role)
@@ -179,7 +186,8 @@ class Rules:
     def _bind(self, at: int, clause: Clause) -> None:
         """Gives what a clause says of "it" to what was named before it, or right behind."""
         others = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
-        if not others or (cues.PRONOUN.search(clause.text) and not self._of(clause, "robot")):
+        named = self._of(clause, "robot", "share", "network", "compute")
+        if not others or (cues.PRONOUN.search(clause.text) and not named):
             role = robot_role(clause.text, alone=True)
             if role is not None and not self._give(at, role, "robot"):
                 self._doubt(clause)
@@ -216,7 +224,8 @@ class Rules:
                 return False
             if near > at and clause.sentence != self._clauses[at].sentence:
                 return False
-            if self._void[near] and not clause.asked:
+            pointed = cues.PRONOUN.search(self._clauses[at].text)
+            if self._void[near] and not (clause.asked or pointed):
                 return False
             self._set(numbers, role)
             return True
@@ -228,12 +237,17 @@ class Rules:
         everybody = set(clause.text.split()) & lexicon.EVERYBODY
         acts = cues.OUT.search(clause.text) or cues.UNUSED.search(clause.text)
         lonely = not named and not self._of(clause, "network", "compute", "share")
-        if lonely and everybody and (acts or cues.ONLY.search(clause.text)):
+        if (
+            lonely
+            and everybody
+            and "out" not in self._roles
+            and (acts or cues.ONLY.search(clause.text))
+        ):
             self._doubt(clause)
         elif lonely and _STRONG.search(clause.text) and not _THERE.search(clause.text):
             if not self._bound(clause):
                 self._doubt(clause)
-        elif (not clause.mentions and _ARTICLE.match(clause.text)) or (
+        elif _is_stranger(clause) or (
             lonely and re.search(r"\b(?:policy|strategy|strategie)\b", clause.text)
         ):
             self._doubt(clause)
@@ -246,6 +260,13 @@ class Rules:
         return any(
             self._roles[n] == role for c in near for n in self._of(c, "place", "class", "robot")
         )
+
+
+def _is_stranger(clause: Clause) -> bool:
+    """Whether a clause is but something that nobody knows: "the cafeteria"."""
+    if clause.mentions or not _ARTICLE.match(clause.text):
+        return False
+    return not (_OTHERS.search(clause.text) or re.match(r"(?:das|der|die) \w+ ", clause.text))
 
 
 def _or_none(role: Role | None) -> Role:

@@ -8,9 +8,9 @@ from typing import Any
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, UnifiedScene
-from ego_agent.knowledge.pace import algorithm_of
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
-from ego_agent.plan.choices.weigh import assigned_weighings, score_of, weighing
+from ego_agent.plan.choices.weigh import part_of, weighing
 from swarm.messages import Decision
 
 TOLD_FRAMES = 3.0
@@ -58,12 +58,12 @@ def explain(
 def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
     """What a candidate brings to the decision beside its other participants, and what it costs,
     both in quality; None where it cannot send for the algorithm."""
-    robot, algorithm = candidate.robot, algorithm_of(decision, candidate.robot)
-    chosen = score_of(scorer, decision)
     if decision.assignments:
-        found = assigned_weighings(scorer, decision)[robot]
-    else:
-        found = weighing(scorer, robot, decision, chosen)
+        return _assigned_part(scorer, candidate, decision)
+    robot, algorithm = candidate.robot, decision.algorithm
+    able = [r for r in decision.participants if scorer.known(r, algorithm)]
+    chosen = scorer.score(able, algorithm)
+    found = weighing(scorer, robot, decision, chosen)
     taken = robot in decision.participants
     worth = f"adds {found.adds:.3f} and costs {found.costs:.3f}" if found.adds is not None else ""
     words = {
@@ -76,11 +76,31 @@ def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str,
     }
     why = words.get(found.why, "")
     if found.why == "fit":
-        size_kb = scorer.scene.candidates[scorer.row_of[robot] - 1].sizes.get(algorithm, 0) / 1e3
-        free_kb = scorer.budget_bytes / 1e3
+        size_kb, free_kb = scorer.size(robot, algorithm) / 1e3, scorer.budget_bytes / 1e3
         taken_kb = chosen.cost_bytes / 1e3
         why = f"out: its {size_kb:.1f} kB do not fit beside {taken_kb:.1f} of {free_kb:.1f} kB"
     return {"chosen": taken, "adds": found.adds, "costs": found.costs, "why": why}
+
+
+def _assigned_part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
+    """The same where robots differ in what they send, and how often; of one that sends nothing,
+    what it would bring with the option that gains most."""
+    mixes, robot = Mixes(scorer), candidate.robot
+    chosen = robot in decision.participants
+    part = part_of(mixes, robot, decision)
+    if part is None:
+        return {"chosen": chosen, "adds": None, "costs": None, "why": "out: it cannot send"}
+    adds, costs = (
+        part.with_it.quality - part.without.quality,
+        part.with_it.cost - part.without.cost,
+    )
+    one, with_it = part.sends, part.with_it
+    worth = f"{one.algorithm} {one.rate_hz:g} times a second adds {adds:.3f} and costs {costs:.3f}"
+    why = f"in: {worth}"
+    if not chosen:
+        fits = mixes.carries(with_it)
+        why = f"out: {worth}" + ("" if fits else ", and does not fit beside the others")
+    return {"chosen": chosen, "adds": round(adds, 4), "costs": round(costs, 4), "why": why}
 
 
 def told(scorer: Scorer) -> str:

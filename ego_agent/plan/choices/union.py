@@ -86,8 +86,10 @@ class Views:
         (n - 1, C) how much of each a robot shows, in [0, 1], and (C,) its weight in the share of
         all that is seen. Cells that the same robots see are one column; objects have one for each
         step of evidence that the ego's leaves open."""
-        count = None if self._weights is None else self._weights.cells
-        cells, counted = _merged(self._areas[1:] & ~self._areas[0], count)
+        weigh = self._weights
+        cells, count = _merged(
+            self._areas[1:] & ~self._areas[0], None if weigh is None else weigh.cells
+        )
         own = self.evidence[0]
         steps = np.arange(COARSE_LEVELS)[:, None] / COARSE_LEVELS
         low, high = np.maximum(steps, own), np.maximum(steps + 1.0 / COARSE_LEVELS, own)
@@ -95,9 +97,9 @@ class Views:
         open_ = (reached > 0.0).any(axis=0)
         reached, length = reached[:, open_], (high - low)[open_]
         seen = np.concatenate([cells, reached / length], axis=1).astype(np.float32)
-        if self._weights is not None:
-            length = length * np.broadcast_to(self._weights.objects, open_.shape)[open_]
-        weights = [self.area_weight * counted, self.object_weight * length]
+        if weigh is not None:
+            length = length * np.broadcast_to(weigh.objects, open_.shape)[open_]
+        weights = [self.area_weight * count, self.object_weight * length]
         return seen, np.concatenate(weights).astype(np.float32)
 
     @cached_property
@@ -209,20 +211,20 @@ def _merged(
     areas: NDArray[np.bool_], weights: NDArray[np.float32] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cells that somebody sees, those that the same robots see as one: (n, C) whether each robot
-    does, and (C,) what they count together; `weights` (G, G): what each one does, 1 where None."""
+    does, and (C,) what they count together; `weights` (G, G), None where all count 1."""
     flat = areas.reshape(len(areas), math.prod(areas.shape[1:]))
     seen = flat.any(axis=0)
-    each = np.ones(int(seen.sum())) if weights is None else weights.ravel()[seen]
     flat = flat[:, seen]
     who = np.packbits(flat, axis=0).T
     padded = np.ascontiguousarray(np.pad(who, ((0, 0), (0, -who.shape[1] % 8)))).view(np.uint64)
-    if padded.shape[1] == 1:
-        _, first, place = np.unique(padded[:, 0], return_index=True, return_inverse=True)
-    else:
-        _, first, place = np.unique(padded, axis=0, return_index=True, return_inverse=True)
-    counted: NDArray[np.float64] = np.bincount(
-        place.ravel(), weights=each, minlength=len(first)
-    ).astype(np.float64)
+    keys = padded[:, 0] if padded.shape[1] == 1 else padded
+    axis = None if keys.ndim == 1 else 0  # of numbers it is faster than of rows
+    _, first, group, count = np.unique(
+        keys, axis=axis, return_index=True, return_inverse=True, return_counts=True
+    )
+    counted: NDArray[np.float64] = count.astype(np.float64)
+    if weights is not None:
+        counted = np.bincount(group.ravel(), weights.ravel()[seen], len(first)).astype(np.float64)
     return flat[:, first].astype(np.float64), counted
 
 

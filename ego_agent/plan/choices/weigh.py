@@ -2,30 +2,47 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.weighed import MAX_WEIGHED, Other, Verdict, Weighed, Weighing
 from ego_agent.plan.choices.hysteresis import best_option
-from ego_agent.plan.choices.mixes import Mixes
-from ego_agent.plan.choices.options import all_options, mixes_of
+from ego_agent.plan.choices.mixes import Brought, Mixes
+from ego_agent.plan.choices.options import all_options
 from ego_agent.plan.choices.scoring import Score, Scorer
-from swarm.messages import Decision
+from swarm.messages import Assignment, Decision
 
 DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A robot's part of a decision in which robots differ in what they send, or how often."""
+
+    without: Score
+    with_it: Score
+    sends: Assignment
+    """What it sends, or would send: the option that gains most."""
 
 
 def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weighed:
     """How the decision stands in the scene that it was made in; quality to four digits."""
     fastest = Scorer(scene, knowledge)
     scorer = fastest.at_rate(decision.rate_hz)
-    chosen = score_of(scorer, decision)
     if decision.assignments:
-        robots = assigned_weighings(scorer, decision)
-    else:
+        mixes = Mixes(scorer)
+        chosen = mixes.score([one for one in decision.assignments if mixes.can(one)])
+        assert chosen is not None, "only what robots can send is scored"
+        brought = mixes.brought(decision.assignments)
         robots = {
-            candidate.robot: weighing(scorer, candidate.robot, decision, chosen)
-            for candidate in scene.candidates
+            c.robot: _assigned(brought.get(c.robot), c.robot in decision.participants)
+            for c in scene.candidates
         }
+    else:
+        able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
+        chosen = scorer.score(able, decision.algorithm)
+        robots = {c.robot: weighing(scorer, c.robot, decision, chosen) for c in scene.candidates}
     order = sorted(
         robots, key=lambda r: (r not in decision.participants, -(robots[r].adds or 0.0), r)
     )
@@ -41,34 +58,6 @@ def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weig
         left_out=max(0, len(order) - MAX_WEIGHED),
         other=_other(fastest, decision),
     )
-
-
-def score_of(scorer: Scorer, decision: Decision) -> Score:
-    """The decision's own score, by a scorer at its pace."""
-    if decision.assignments:
-        mixes = Mixes(scorer)
-        score = mixes.score([one for one in decision.assignments if mixes.can(one)])
-        if score is not None:
-            return score
-    able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
-    return scorer.score(able, decision.algorithm)
-
-
-def assigned_weighings(scorer: Scorer, decision: Decision) -> dict[str, Weighing]:
-    """Every candidate, where robots differ in what they send and how often."""
-    brought = Mixes(scorer).brought(decision.assignments)
-    found = {}
-    for candidate in scorer.scene.candidates:
-        one = brought.get(candidate.robot)
-        if one is None:
-            found[candidate.robot] = Weighing(adds=None, costs=None, why="link")
-            continue
-        why: Verdict = "pays" if one.adds >= one.costs else "kept"
-        if candidate.robot not in decision.participants:
-            why = "fit" if not one.fits else "kept" if one.adds > one.costs else "costs"
-        adds, costs = round(one.adds, DIGITS), round(one.costs, DIGITS)
-        found[candidate.robot] = Weighing(adds=adds, costs=costs, why=why)
-    return found
 
 
 def weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> Weighing:
@@ -94,12 +83,36 @@ def weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> W
     return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
 
 
+def part_of(mixes: Mixes, robot: str, decision: Decision) -> Part | None:
+    """One candidate's part beside the decision's other assignments; None where it can send
+    nothing."""
+    sends = {one.robot: one for one in decision.assignments if mixes.can(one)}
+    tried = [sends[robot]] if robot in sends else mixes.options_of(robot)
+    others = [one for name, one in sends.items() if name != robot]
+    without = mixes.score(others)
+    found = [(score, one) for one in tried if (score := mixes.score([*others, one])) is not None]
+    if without is None or not found:
+        return None
+    with_it, one = max(found, key=lambda pair: pair[0].value)
+    return Part(without, with_it, one)
+
+
+def _assigned(one: Brought | None, taken: bool) -> Weighing:
+    """A candidate by what it brings to assignments; `taken`: it is among them."""
+    if one is None:
+        return Weighing(adds=None, costs=None, why="link")
+    why: Verdict = "pays" if one.adds >= one.costs else "kept"
+    if not taken:
+        why = "fit" if not one.fits else "kept" if one.adds > one.costs else "costs"
+    return Weighing(adds=round(one.adds, DIGITS), costs=round(one.costs, DIGITS), why=why)
+
+
 def _other(scorer: Scorer, decision: Decision) -> Other | None:
     """The best of what `coverage` compares that has other participants or another algorithm."""
     same = (frozenset(decision.participants[1:]), decision.algorithm)
     options = [
         option
-        for option in all_options(scorer, mixes_of(scorer))
+        for option in _options(scorer)
         if (frozenset(option.participants), option.algorithm) != same
         and (option.participants or same[0])
     ]
@@ -115,3 +128,12 @@ def _other(scorer: Scorer, decision: Decision) -> Other | None:
         budget_bytes=scorer.at(best.pace).budget_bytes,
         value=round(best.value, DIGITS),
     )
+
+
+def _options(scorer: Scorer) -> list[Score]:
+    """What `coverage` compares, assignments among it."""
+    options = list(all_options(scorer))
+    if scorer.objective.rarer_hz and scorer.knowledge.mixable:
+        mixes = Mixes(scorer)
+        options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
+    return options

@@ -14,7 +14,8 @@ from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.assign import told as told_rates
 from ego_agent.plan.choices.explain import told
 from ego_agent.plan.choices.hysteresis import best_option, settle, still_possible
-from ego_agent.plan.choices.options import all_options, mixes_of
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.options import all_options
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import MIXED, Decision
 
@@ -41,8 +42,11 @@ class Coverage:
 
     def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
         """The same as a score, and its reason."""
-        mixes = mixes_of(scorer)
-        options = list(all_options(scorer, mixes))
+        options = list(all_options(scorer))
+        mixes = None
+        if scorer.objective.rarer_hz and scorer.knowledge.mixable and not scorer.hopes:
+            mixes = Mixes(scorer)
+            options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
         best = best_option(scorer, options)
         held = still_possible(scorer, previous, mixes)
         if held is not None and previous is not None:

@@ -13,7 +13,7 @@ from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL, find_model
 from llm_gateway.wishes.readers import ADAPTER, CONTEXT, embedded_reader, running
 from research.evaluation.wishes.cases import WISHES, Case, cases
 from research.evaluation.wishes.score import score, summary
-from research.evaluation.wishes.ways import RandomReader, Way, checked, unchecked
+from research.evaluation.wishes.ways import RandomReader, Remembering, Way, checked, unchecked
 from swarm.errors import CoAdaptError
 from swarm.log import make_logger
 
@@ -49,18 +49,19 @@ def ways(model: str, stack: ExitStack) -> Iterator[tuple[str, Way]]:
     if model == "embedded":
         if not ADAPTER.is_file():
             raise CoAdaptError(f"there is no {ADAPTER}; make train-llm makes one")
-        tuned = stack.enter_context(embedded_reader(THREADS))
+        tuned = Remembering(stack.enter_context(embedded_reader(THREADS)))
         yield "tuned, checked", checked(tuned)
         yield "tuned, on its word", unchecked(tuned)
         base = LlamaCpp(find_model(DEFAULT_MODEL), 1, CONTEXT, THREADS, log)
-        plain = stack.enter_context(running(base, trained=False))
+        plain = Remembering(stack.enter_context(running(base, trained=False)))
         yield "untuned, checked", checked(plain)
         yield "untuned, on its word", unchecked(plain)
     elif model != "none":
         from llm_gateway.backends.openai import OpenAi
 
         name, _, url = model.rpartition("@")
-        server = stack.enter_context(running(OpenAi(url, name, "", 1, log), trained=False))
+        backend = OpenAi(url, name, "", 1, log)
+        server = Remembering(stack.enter_context(running(backend, trained=False)))
         yield f"{name or url}, checked", checked(server)
         yield f"{name or url}, on its word", unchecked(server)
     yield "rules only", checked(None)

@@ -105,8 +105,8 @@ def summary(cases: Sequence[Case], scores: Sequence[Score]) -> dict[str, float |
         "asked_back_needlessly": _rate(
             [s.asked for c, s in zip(cases, scores, strict=True) if not c.doubtful]
         ),
-        "p50_ms": times[count // 2] if times else None,
-        "p95_ms": times[int(0.95 * count)] if times else None,
+        "p50_ms": times[count // 2] or None,
+        "p95_ms": times[int(0.95 * count)] or None,
     }
     for name in ("exclude", "q_min", "link_share", "until"):
         # Where it is meant and nothing is asked back: how often it is as meant.

@@ -37,9 +37,9 @@ CHECKED = 256
 def main(arguments: Sequence[str] | None = None) -> int:
     """Trains for so many minutes at most, and writes the adapter and what is known of it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=40.0)
+    parser.add_argument("--minutes", type=float, default=80.0)
     parser.add_argument("--wishes", type=int, default=20_000)
-    parser.add_argument("--decisions", type=Path, help="lines of [prompt, answer] to learn, too")
+    parser.add_argument("--decisions", type=int, default=0, help="of the short prompt, too")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=2)
@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     native = Native(base, sequences=1, context=64, threads=1, chunk=32)
     lessons = wish_lessons(native, args.seed, "train", args.wishes)
     checks = wish_lessons(native, args.seed, "validate", CHECKED)
-    decided = _decisions(native, args.decisions) if args.decisions else []
+    decided = decision_lessons(native, args.seed, args.decisions)
     lessons += decided
     model = load(_readable(base, args.out)).to(args.device)
     trained = adapt(model)
@@ -82,18 +82,16 @@ def wish_lessons(native: Native, seed: int, split: Any, count: int) -> list[Less
     ]
 
 
-def _decisions(native: Native, path: Path) -> list[Lesson]:
+def decision_lessons(native: Native, seed: int, count: int) -> list[Lesson]:
+    """Decisions of `coverage`, asked for by the short prompt, as lessons."""
     from ego_agent.plan.prompting.short import SYSTEM
+    from research.training.decisions.examples import examples
 
-    found = []
-    for line in path.read_text().splitlines():
-        prompt, answer = json.loads(line)
-        messages = (
-            ChatMessage(role="system", content=SYSTEM),
-            ChatMessage(role="user", content=prompt),
-        )
-        found.append(lesson(native, messages, answer))
-    return found
+    system = ChatMessage(role="system", content=SYSTEM)
+    return [
+        lesson(native, (system, ChatMessage(role="user", content=one.prompt)), one.answer)
+        for one in itertools.islice(examples(seed), count)
+    ]
 
 
 def learn(

@@ -18,7 +18,7 @@ from ego_agent.analyze.scene_file import read_scene
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.compute import Work
 from ego_agent.knowledge.journal import CycleRecord
-from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.knowledge.model import Proposal, UnifiedScene, Weights
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import RARER_HZ, in_turn
 from ego_agent.knowledge.record import cycle_record
@@ -68,10 +68,22 @@ def assignments(*wanted: tuple[str, str, float]) -> tuple[Assignment, ...]:
     return tuple(Assignment(robot=r, algorithm=a, rate_hz=hz) for r, a, hz in wanted)
 
 
+def weighed(found: UnifiedScene, seed: int) -> UnifiedScene:
+    """The scene with places and objects that count more, and less."""
+    rng = np.random.default_rng(seed)
+    cells = rng.choice([0.25, 1.0, 4.0], found.ego.area.shape).astype(np.float32)
+    objects = rng.choice([0.25, 1.0, 4.0], len(found.objects)).astype(np.float32)
+    return replace(found, weights=Weights(cells, objects))
+
+
+@pytest.mark.parametrize("counts_alike", [True, False])
 @pytest.mark.parametrize("algorithm", BOTH)
 @pytest.mark.parametrize("seed", range(8))
-def test_one_algorithm_in_every_frame_is_what_the_scorer_says(seed: int, algorithm: str) -> None:
-    scorer = Scorer(a_floor(seed), knowing())
+def test_one_algorithm_in_every_frame_is_what_the_scorer_says(
+    seed: int, algorithm: str, counts_alike: bool
+) -> None:
+    floor = a_floor(seed)
+    scorer = Scorer(floor if counts_alike else weighed(floor, seed), knowing())
     mixes = Mixes(scorer)
     for count in range(1, 6):
         robots = [c.robot for c in scorer.scene.candidates[:count]]
@@ -142,8 +154,8 @@ def test_the_near_send_points_and_the_far_boxes_where_all_points_do_not_fit() ->
     assert decision.participants == ("R1", "R2", "R3")
     assert "mixed (1 early, 1 late)" in decision.reason
     told = {one["robot"]: one["why"] for one in explain(found, knowing(), decision)["candidates"]}
-    assert told["R2"].startswith("in: it adds")
-    assert told["R3"].startswith("in: it adds")
+    assert told["R2"].startswith("in: early")
+    assert told["R3"].startswith("in: late")
 
 
 def test_a_decision_in_force_stays_while_the_link_wavers() -> None:
@@ -275,3 +287,34 @@ def test_a_scene_file_may_tell_assignments_of_the_decision_in_force() -> None:
     previous = read_scene(json.dumps(example).encode(), NOW_NS).previous
     assert previous is not None
     assert previous.assignments == (Assignment(robot="R3", algorithm="late", rate_hz=2.0),)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_each_brings_is_what_the_choice_loses_without_it(seed: int) -> None:
+    mixes = Mixes(Scorer(a_floor(seed), knowing()))
+    first, *others = mixes.scorer.scene.candidates
+    given_ = [mixes.options_of(c.robot)[0] for c in others]
+    brought = mixes.brought(given_)
+    whole = mixes.score(given_)
+    assert whole is not None
+    assert {*brought} == {c.robot for c in (first, *others)}
+    for one in given_:
+        without = mixes.score([other for other in given_ if other is not one])
+        assert without is not None
+        lost = whole.quality - without.quality
+        assert brought[one.robot].adds == pytest.approx(lost, abs=0.01)
+        assert brought[one.robot].costs == pytest.approx(whole.cost - without.cost)
+    joined = mixes.score([*given_, brought[first.robot].sends])
+    assert joined is not None
+    assert brought[first.robot].adds == pytest.approx(joined.quality - whole.quality, abs=0.01)
+
+
+def test_who_is_preferred_may_cost_more() -> None:
+    found = a_floor(2)
+    liked = found.candidates[0].robot
+    known = knowing(lambda_compute=0.1)
+    plain, asked = (
+        Mixes(Scorer(one, known)).brought(())
+        for one in (found, replace(found, preferred=frozenset({liked})))
+    )
+    assert asked[liked].costs < plain[liked].costs
