@@ -18,6 +18,7 @@ from typing import Any
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.policies.surrogate import BySurrogate
 from ego_agent.plan.prompting.short import make_short_prompt
+from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL
 from research.evaluation.decisions.choosers import (
     ByModel,
     ByOption,
@@ -80,6 +81,7 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=SCENES, help="each at five rates")
     parser.add_argument("--examples", type=int, default=EXAMPLES, help="for the small network")
     parser.add_argument("--free", action="store_true", help="ask models without a grammar, too")
+    parser.add_argument("--adapter", type=Path, help="asks smollm2-135m with it, too: a GGUF file")
     parser.add_argument("models", nargs="*", metavar="MODEL")
     args = parser.parse_args()
     asked = cases(TEST, SEED, args.scenes)
@@ -96,9 +98,10 @@ def main() -> int:
     models: list[Model] = []
     try:
         kept = ResultStore(KEPT, MADE_FROM)
-        for name in args.models:
-            model = Model(name, kept)
-            models.append(model)
+        models += [Model(name, kept) for name in args.models]
+        if args.adapter:
+            models.append(Model(DEFAULT_MODEL, kept, args.adapter))
+        for model in models:
             choosers.append(ByModel(model))
             if args.free:
                 choosers.append(ByModel(model, bound=False))

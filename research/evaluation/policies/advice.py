@@ -19,6 +19,7 @@ from ego_agent.plan.prompting import LlmPrompt
 from ego_agent.settings import EgoSettings, PromptStyle
 from llm_gateway.answers import AnswerError, extract
 from llm_gateway.backends.base import Backend
+from llm_gateway.backends.llamacpp.client import LlamaCpp
 from llm_gateway.backends.llamacpp.models import find_model
 from llm_gateway.backends.registry import make_backend
 from llm_gateway.model import Prompt
@@ -47,10 +48,11 @@ class Answer:
 class Model:
     """A language model behind a back end of the gateway; what it has answered is asked no more."""
 
-    def __init__(self, spec: str, kept: ResultStore) -> None:
+    def __init__(self, spec: str, kept: ResultStore, adapter: Path | None = None) -> None:
         """`spec`: a model that a package carries, a path of a GGUF file, or NAME@URL of an
         OpenAI-compatible server (key: COADAPT_LLM_API_KEY). Raises SettingError for what cannot
-        work, EvaluationError for a specification without a name."""
+        work, EvaluationError for a specification without a name. `adapter`: what was learned beside
+        the weights of a model of this machine, as a GGUF file."""
         name, at, url = spec.partition("@")
         if not name:
             raise EvaluationError(f"model {spec!r} has no name; allowed: NAME, FILE or NAME@URL")
@@ -61,9 +63,19 @@ class Model:
             llm_model=name,
             llm_parallel=1,
         )
-        self._backend: Backend = make_backend(settings, make_logger("eval", level="warning"))
-        self.name = self._backend.model or name
+        log = make_logger("eval", level="warning")
+        self._backend: Backend = make_backend(settings, log)
         self._identity = spec if at else _identity(find_model(name))
+        self.name = self._backend.model or name
+        if adapter is not None:
+            if at:
+                raise EvaluationError(f"model {spec!r} is a server: it takes no adapter")
+            if not adapter.is_file():
+                raise EvaluationError(f"adapter {str(adapter)!r} is no file")
+            path, context = find_model(name), settings.llm_context
+            self._backend = LlamaCpp(path, 1, context, settings.llm_threads, log, adapter=adapter)
+            self._identity += f" {_identity(adapter)}"
+            self.name += f" + {adapter.stem}"
         self._kept = kept
         self._runner: asyncio.Runner | None = None
 
