@@ -40,7 +40,7 @@ def journal(rng: random.Random, cycles: int) -> list[CycleRecord]:
         if rng.random() < 0.3:
             capacity_bps *= rng.choice((0.1, 0.5, 0.97, 1.04, 3.0))
         if rng.random() < 0.3:
-            there = {"R1"} | {name for name in names if rng.random() < 0.8}
+            there = {"R1"} | {name for name in sorted(names) if rng.random() < 0.8}
         if rng.random() < 0.1:
             policy = rng.choice(POLICIES)
         if rng.random() < 0.1:

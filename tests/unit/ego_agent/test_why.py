@@ -62,12 +62,15 @@ def test_the_reader_of_these_tests_catches_planted_lies() -> None:
 
 
 def lies_of(sentence: str, robots: list[str], rng: random.Random) -> list[str]:
-    """The sentence with another number, another robot, the opposite, and something made up."""
+    """The sentence with another number, another robot, the opposite, and something made up.
+
+    A last digit that is off by one may be the same value, rounded the other way.
+    """
     lies = [f"{sentence} Its battery is low.", sentence.rstrip(".") + ", as R99 says."]
     if numbers := list(re.finditer(r"(?<![\w.])\d+(?:\.\d+)?(?!\w)", sentence.split('"')[0])):
         one = rng.choice(numbers)
         digits = len(one.group().partition(".")[2])
-        other = f"{float(one.group()) + rng.choice((1, 7)) * 10.0**-digits:.{digits}f}"
+        other = f"{float(one.group()) + rng.choice((2, 7)) * 10.0**-digits:.{digits}f}"
         lies.append(sentence[: one.start()] + other + sentence[one.end() :])
     if named := [robot for robot in robots if re.search(rf"\b{robot}\b", sentence.split('"')[0])]:
         one_of = rng.choice(named)
