@@ -64,8 +64,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     memory: bool = True
     """Whether objects are followed from frame to frame: `Detections.tracks`."""
     rarer: bool = False
-    """Whether single robots may be asked less often than frames are fused, where `memory` carries
-    on what they showed."""
+    """Whether each robot may be asked for another algorithm, and less often than frames are fused,
+    where `memory` carries on what they showed."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
