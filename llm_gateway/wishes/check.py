@@ -1,8 +1,8 @@
 """Holds what a model says of a wish against what its words say.
 
-Nothing hard counts on the model's word alone, nor on a cue's alone: robots, parts, times and
-policies need both, and where they differ the words are unclear, which makes the swarm ask. Weights
-and savings only weigh: where no cue speaks, the model's word is enough.
+Nothing hard counts on the model's word alone: words must say it. Where both say different things,
+or the model sees no wish at all, the swarm asks. Weights only weigh: beside a wish that words say,
+the model's word for another is enough.
 """
 
 from __future__ import annotations
@@ -22,23 +22,20 @@ def agreed(text: Text, plain: Reading, said: Reading) -> Reading:
         none: Role = "none"
         roles = tuple(none for _ in plain.roles)
         return replace(plain, roles=roles, verdict="nothing", unclear=_whole(text))
+    fills = _wishes(plain)
     roles = tuple(
-        _agreed(mention, rule, model)
+        _agreed(mention, rule, model, fills=fills)
         for mention, rule, model in zip(text.mentions, plain.roles, said.roles, strict=True)
     )
-    unclear = plain.unclear
-    if said.verdict == "nothing" or (said.verdict == "part" and not unclear):
-        unclear = (*unclear, *_whole(text))
+    unclear = (*plain.unclear, *_whole(text)) if said.verdict == "nothing" else plain.unclear
     return replace(plain, roles=roles, unclear=unclear)
 
 
-def _agreed(mention: Mention, rule: Role, model: Role) -> Role:
-    if rule == model or rule == "doubt":
+def _agreed(mention: Mention, rule: Role, model: Role, *, fills: bool) -> Role:
+    if model in (rule, "none") or mention.kind == "time":
+        # Code alone knows times; and a model misses more than it finds.
         return rule
-    if mention.kind == "time":
-        # Code alone knows times; the model may only doubt that one is the wish's.
-        return "doubt" if rule == "when" else rule
-    if mention.kind in _SOFT and rule == "none":
+    if rule == "none" and mention.kind in _SOFT and fills:
         return model
     return "doubt"
 

@@ -34,12 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     asked = cases(args.wishes)
     rows = {}
+    args.output.parent.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         for name, way in ways(args.model, stack):
             rows[name] = measured(asked, way, show=args.show)
             print(name, json.dumps(rows[name]), flush=True)
-    args.output.parent.mkdir(parents=True, exist_ok=True)
-    args.output.write_text(json.dumps({"model": args.model, "rows": rows}, indent=1) + "\n")
+            args.output.write_text(json.dumps({"model": args.model, "rows": rows}, indent=1) + "\n")
     return 0
 
 

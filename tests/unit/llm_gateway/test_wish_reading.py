@@ -131,7 +131,7 @@ def test_a_model_sees_marks_and_answers_in_words() -> None:
     assert [message.role for message in other.asked[0].messages] == ["system", "user"]
 
 
-@pytest.mark.parametrize("role", ["only", "first", "none"])
+@pytest.mark.parametrize("role", ["only", "first"])
 def test_a_model_alone_makes_nothing_hard(role: str) -> None:
     intent = understand("leave R3 alone", SITE, NOW, Said(role, "all"))
     assert intent.is_empty()
@@ -143,10 +143,14 @@ def test_nor_do_words_alone_against_the_model() -> None:
     assert understand(wish, SITE, NOW, Said("out", "quality", "all")).unclear
 
 
-def test_a_model_weighs_what_no_cue_weighs() -> None:
-    wish = "I adore forklifts"
+def test_a_model_weighs_what_no_cue_weighs_beside_a_plain_wish() -> None:
+    wish = "skip R1. I adore forklifts"
     assert understand(wish, SITE, NOW, None).unclear
-    assert wished(wish, Said("high", "all")) == {"classes": {"forklift": "high"}}
+    assert wished(wish, Said("out", "high", "all")) == {
+        "exclude": ("R1",),
+        "classes": {"forklift": "high"},
+    }
+    assert understand("I adore forklifts", SITE, NOW, Said("high", "all")).unclear
 
 
 def test_a_model_that_sees_no_wish_makes_the_swarm_ask() -> None:
