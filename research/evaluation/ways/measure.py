@@ -15,6 +15,7 @@ from perception.memory.remembering import remember
 from perception.tally import Tally
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven, FusedOnce
+from research.evaluation.ways.etsi import EtsiDriven
 from research.evaluation.ways.tracking import NEAR_M, Following
 from research.evaluation.ways.way import Way
 from worlds.cooperative.judging import judge
@@ -47,7 +48,7 @@ class Measured:
         self.found_again += other.found_again
 
 
-def measure(driven: Driven, way: Way) -> Measured:
+def measure(driven: Driven | EtsiDriven, way: Way) -> Measured:
     """Drives the way."""
     world, measured = driven.world, Measured()
     detector = world.detector

@@ -13,6 +13,7 @@ import numpy as np
 from research.evaluation.bootstrap import Interval, bootstrap_mean
 from research.evaluation.machine import machine_facts
 from research.evaluation.ways.drive import Drive, Driven
+from research.evaluation.ways.etsi import EtsiDriven
 from research.evaluation.ways.measure import Measured, measure
 from research.evaluation.ways.way import Way
 from research.evaluation.workers import each
@@ -29,6 +30,8 @@ OURS = "early-2hz-in-turn"
 at the lowest one."""
 EVERYONE = "early-10hz-no-memory"
 """What others are compared with: everybody's points in every frame, each frame by itself."""
+RULED = ETSI, MITIGATED = ("etsi", "etsi-mitigated")
+"""The standard's messages, by its generation rules; without and with redundancy mitigation."""
 TRACKING = ("mota", "idf1", "gospa_m", "identity_switches_per_track_minute")
 RATES_HZ = (10.0, 5.0, 2.0, 1.0)
 FORMS = ("early", "intermediate-codebook", "late")
@@ -65,11 +68,12 @@ def ways() -> tuple[Way, ...]:
             ("early", 2.0, 3, "early", 1.0),
         )
     ]
+    ruled = [Way(name) for name in RULED]
     silent = [
         Way("silence", (("early", 10.0),), silent=(25, 10)),
         Way("silence-no-memory", (("early", 10.0),), memory=False, silent=(25, 10)),
     ]
-    return (*alone, *static, *coarse, *turns, *mixed, *silent)
+    return (*alone, *static, *coarse, *turns, *mixed, *ruled, *silent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +111,11 @@ def recorded(folder: Path, frames: int) -> list[Drive]:
 def drive_all(item: _Item) -> list[Measured]:
     """What each way brings on a drive."""
     driven = Driven(item.drive)
-    return [measure(driven, way) for way in item.ways]
+    return [measure(_driven(driven, way), way) for way in item.ways]
+
+
+def _driven(driven: Driven, way: Way) -> Driven | EtsiDriven:
+    return EtsiDriven(driven, mitigates=way.name == MITIGATED) if way.name in RULED else driven
 
 
 def compare(drives: Sequence[Drive], chosen: Sequence[Way], workers: int) -> dict[str, Any]:
@@ -189,7 +197,7 @@ def run(count: int, frames: int, data: Path | None, workers: int, path: Path) ->
 
     Raises as `compare` does, and WorldError for data that cannot be read.
     """
-    few = [way for way in ways() if way.name in (EVERYONE, OURS, "early-10hz", "early-2hz")]
+    few = [way for way in ways() if way.name in (EVERYONE, OURS, ETSI, "early-10hz", "early-2hz")]
     compared = compare(floors(count, frames), ways(), workers)
     more = {"noise": compare(floors(count, frames, NOISE_M), few, workers)}
     if data is not None:

@@ -12,6 +12,7 @@ import pytest
 from perception.detector.weight_files import has_weights
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven
+from research.evaluation.ways.etsi import EtsiDriven, message_bytes
 from research.evaluation.ways.measure import SETTLED_FRAMES, Measured, Silence, measure
 from research.evaluation.ways.run import EVERYONE, OURS, best_static, compare, floors, report, ways
 from research.evaluation.ways.tracking import CUT_OFF_M, Following
@@ -187,3 +188,24 @@ def test_the_report_tells_figures_beside_their_controls(tmp_path: Path) -> None:
 def test_ways_are_compared_with_everyone() -> None:
     with pytest.raises(EvaluationError, match=EVERYONE):
         compare(floors(1, 20), [Way("alone")], 1)
+
+
+@needs_weights
+def test_stations_tell_by_the_rules_and_the_ego_holds_what_it_heard() -> None:
+    (drive,) = floors(1, 15)
+    driven = Driven(drive)
+    told = EtsiDriven(driven)
+    frames = [told.fused(frame, {}, 0.1) for frame in driven.frames]
+    # Everybody begins with a message; what was told is held while less is told.
+    assert frames[0].bytes.keys() == set(driven.nearest)
+    assert all(frame.helpers >= frames[0].helpers for frame in frames[1:9])
+    assert frames[0].helpers
+    first, later = (sum(frame.bytes.values()) for frame in (frames[0], frames[4]))
+    assert 0 < later < first
+    for frame in frames:
+        assert all(size >= message_bytes([]) for size in frame.bytes.values())
+    less = EtsiDriven(driven, mitigates=True)
+    fewer = [less.fused(frame, {}, 0.1) for frame in driven.frames]
+    assert sum(sum(frame.bytes.values()) for frame in fewer) <= sum(
+        sum(frame.bytes.values()) for frame in frames
+    )
