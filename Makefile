@@ -39,7 +39,7 @@ DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent n
 	'!perception.kernels._' '!worlds.factory._'
 
 .DEFAULT_GOAL := help
-.PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench chaos train eval-detector eval \
+.PHONY: help setup data up down list status logs metrics shape congest net record test test-all check lint types bench chaos train train-llm eval-llm eval-detector eval \
 	pictures sbom fuzz docs lock clean
 
 help: ## Show this list
@@ -126,6 +126,14 @@ train: setup ## Train a detector (CONFIG=road ARGS='--device cuda'); again: goes
 
 eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
 	@$(COADAPT) eval-detector $(ARGS)
+
+train-llm: EXTRA = llm
+train-llm: setup ## Train the small model to read wishes (ARGS='--device cuda'): build/train-llm/adapter.gguf
+	@$(PYTHON_ENV) -m research.training.wishes.train $(ARGS)
+
+eval-llm: EXTRA = llm
+eval-llm: setup ## Measure how wishes are understood (MODEL=name@http://host:port/v1): build/eval/wishes.json
+	@$(PYTHON_ENV) -m research.evaluation.wishes $(if $(MODEL),--model $(MODEL)) $(ARGS)
 
 chaos: setup ## Play faults on a real swarm (ARGS='--seed 7 --minutes 60'): build/chaos.json
 	@$(PYTHON_ENV) -m research.chaos $(ARGS)

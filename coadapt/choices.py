@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from deploy.environments import API_KEY, API_KEY_FILE
 from deploy.progress import say
-from deploy.services import API_KEY, API_KEY_FILE
 from deploy.spec import EMBEDDED, SwarmSpec
 from swarm.errors import DeployError, GatewayError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from coadapt.joining import swarm_of
 from deploy.spec import SwarmSpec, var_dir_of
 from deploy.state import State, need_state, seen_by
-from swarm import transport
-from swarm.defaults import ROUTER_PORT, SWARM
+from swarm import zenoh_config
+from swarm.defaults import SWARM
 from swarm.errors import DeployError, SettingError, TransportError
 from swarm.fitting import KIND, read_mark
 from swarm.listening import listen
@@ -24,7 +24,7 @@ CONNECT_S = 5.0
 EGO_S = 6.0
 """An ego speaks in every cycle, every five seconds in the paper."""
 _ROUTER = re.compile(
-    r"(?P<place>(tcp|tls)/(\[[^\]]+\]|[^:/\s#]+))(?P<port>:\d+)?(#identity=(?P<folder>.+))?"
+    r"(?P<place>(tcp|tls)/(\[[^\]]+\]|[^:/\s#]+)(:\d+)?)(#identity=(?P<folder>.+))?"
 )
 
 
@@ -66,9 +66,9 @@ def router_of(text: str) -> str:
             f"--router {text!r} is not valid; it must be tls/HOST[:PORT]#identity=FOLDER or "
             "tcp/HOST[:PORT]"
         )
-    router = found["place"] + (found["port"] or f":{ROUTER_PORT}")
+    router = zenoh_config.with_port(found["place"])
     if found["folder"] is None:
-        transport.client_config(router)
+        zenoh_config.client_config(router)
         return router
     folder = Path(found["folder"]).expanduser().absolute()
     if role_of(folder.name).kind not in ("operator", "reader", "console"):
@@ -78,7 +78,7 @@ def router_of(text: str) -> str:
             "that may only look"
         )
     router += f"#identity={folder}"
-    transport.check_router(router, folder.name)
+    zenoh_config.check_router(router, folder.name)
     return router
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot_agent.settings import RobotSettings, load_settings
-from swarm import transport
+from swarm import zenoh_config
 from swarm.defaults import SWARM
 from swarm.errors import SettingError, TransportError
 from swarm.fitting import KIND, read_mark
@@ -71,7 +71,7 @@ def router_of(wish: Wish) -> str:
             f"router {wish.place!r} is not valid; it must be tls/HOST[:PORT] or tcp/HOST[:PORT], "
             f"or {SCOUT} to look for one by multicast"
         )
-    router = transport.with_port(place)
+    router = zenoh_config.with_port(place)
     if found[1] == "tcp":
         if wish.cert is not None:
             raise SettingError(
@@ -85,7 +85,7 @@ def router_of(wish: Wish) -> str:
         )
     else:
         router += f"#identity={folder_of(wish.cert, wish.robot)}"
-    transport.check_router(router, wish.robot)
+    zenoh_config.check_router(router, wish.robot)
     return router
 
 
@@ -101,7 +101,7 @@ def swarm_of(router: str, swarm: str | None) -> str:
 
     Raises SettingError where that is not the one that is given, KeyspaceError for no name.
     """
-    identity = transport.identity_of(router)
+    identity = zenoh_config.identity_of(router)
     told = _swarm_of_authority(identity) if identity is not None else ""
     if swarm and told and swarm != told:
         raise SettingError(

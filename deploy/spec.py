@@ -26,7 +26,7 @@ from swarm.defaults import (
 from swarm.errors import DeployError, IdentityError, PropertyError
 from swarm.keyspace import check_name
 from swarm.messages import MIN_RATE_BPS
-from swarm.messages.steer import QMin
+from swarm.messages.choices import QMin
 from swarm.process import ProcessSettings, Rings, Seed
 from swarm.settings import NAME_RULE, Name, allowed
 from swarm.trust.roles import PREFIXES, SITE, Role, role_of

@@ -16,7 +16,7 @@ from deploy.spec import SwarmSpec, run_base, run_dir_of
 from swarm.errors import DeployError
 from swarm.files import write_whole
 from swarm.settings import Name
-from swarm.transport import MAX_UNIX_PATH
+from swarm.zenoh_config import MAX_UNIX_PATH
 
 STATE_FILE = "state.json"
 LONGEST_SOCKET = "ego-metrics.sock"
@@ -36,7 +36,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     runtime: Name
     spec: SwarmSpec
     router: str
-    """The router's address for tools on the host, as `swarm.transport.client_config` takes it."""
+    """The router, for tools on the host, as `swarm.zenoh_config.client_config` takes it."""
     prometheus_url: str = ""
     """Prometheus on the host; empty when the swarm has none."""
     ego_metrics_url: str = ""

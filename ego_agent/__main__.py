@@ -15,12 +15,12 @@ from ego_agent.metrics import EgoMetrics
 from ego_agent.settings import EgoSettings, load_settings
 from perception.fusion.detectors import detector_backend
 from sensing.opening import open_world_of
-from swarm import transport
+from swarm import zenoh_config
 from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, unwatched
-from swarm.memory import keep_freed_memory
+from swarm.memory import collect_rarely, keep_freed_memory
 from swarm.metrics import serve_metrics, show_free_disk
 from swarm.process import leave, stop_on_signals
 from swarm.session import Session
@@ -35,9 +35,10 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.check_router(settings.router, Role("ego", settings.ego).common_name)
+        zenoh_config.check_router(settings.router, Role("ego", settings.ego).common_name)
         with open_world_of(settings, "ego_agent", settings.ego) as world:
             _check_ego(settings, world)
+            collect_rarely()
             watch = LoopWatch(make_logger("ego_agent", swarm=settings.swarm, ego=settings.ego))
             run(settings, world, stop, loops=watch.loop)
     except CoAdaptError as error:

@@ -33,6 +33,7 @@ from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.record import cycle_record, cycle_result
 from ego_agent.knowledge.tally import TallyKeeper
+from ego_agent.knowledge.weighed import Weighed
 from ego_agent.leading import Alone, Lead, make_lead
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.known import KnownRobots
@@ -41,9 +42,13 @@ from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
 from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.control_budget import ControlBudget, Wish
-from ego_agent.plan.decision import plan
+from ego_agent.plan.decision import alone
 from ego_agent.plan.demand import DemandMeter
+from ego_agent.plan.intents.bind import bound_scene, known_objects
+from ego_agent.plan.intents.obey import plan_obeying
+from ego_agent.plan.intents.told import told as told_intents
 from ego_agent.plan.policies.base import Policy, Requiring
 from ego_agent.plan.policies.registry import make_policy
 from ego_agent.plan.probe import Prober
@@ -52,6 +57,7 @@ from ego_agent.steering import Steering
 from perception.detector import configuration
 from perception.detector.calibration import calibration_of
 from perception.fusion.base import Fusion
+from perception.fusion.mixed import mixable
 from perception.fusion.registry import fusion_names, make_fusion
 from sensing.mark import mark_of
 from swarm import keyspace
@@ -82,6 +88,7 @@ class _Running:
     published: bool
     cycle_ms: float
     demand: NetDemand | None
+    weighed: Weighed | None
 
 
 class EgoAgent:
@@ -164,6 +171,7 @@ class EgoAgent:
             algorithms,
             learns=settings.learn,
             shares=settings.share,
+            mixable=mixable(fusions),
         )
         clock = Clock()
         link = LinkEstimate(settings.link_prior_bps)
@@ -207,7 +215,7 @@ class EgoAgent:
             on_result=on_result,
             speaks=lead.speaks,
         )
-        steering = Steering(settings, policy, knowledge.algorithms, log)
+        steering = Steering(settings, policy, knowledge, log, clock)
         journal = Journal(Path(settings.journal)) if settings.journal else None
         if journal is not None:
             metrics.restore(journal.totals)
@@ -322,10 +330,14 @@ class EgoAgent:
         now_ns = self._clock.now_ns()
         snapshot = self.monitor.snapshot(number, now_ns)
         scene: UnifiedScene | None = None
-        policy = self._steering.take(self.knowledge)
+        policy, wishes = self._steering.take(self.knowledge)
         try:
-            scene = analyze(snapshot, self.knowledge)
-            decision = plan(snapshot, scene, policy, self.knowledge, previous, number, now_ns)
+            known = known_objects(self.fusion.remembered)
+            self._steering.minute.note(snapshot, time.monotonic(), known)
+            scene = bound_scene(analyze(snapshot, self.knowledge), wishes, known)
+            decision = plan_obeying(
+                snapshot, scene, policy, self.knowledge, previous, number, now_ns, wishes
+            )
             doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
             decision = msgspec.structs.replace(
                 decision, probe=self._probe, doubted=doubts, remarks=remarks(snapshot)
@@ -334,20 +346,25 @@ class EgoAgent:
             self._metrics.cycle_faults.inc()
             self._log.error("cycle_failed", cycle=number, exc_info=True)
             reason = f"the cycle failed: {type(error).__name__}"
-            decision = self._alone(snapshot, policy.name, reason)
+            decision = alone(snapshot, self.knowledge, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
         decision = self._told(decision, snapshot, scene)
-        decision = msgspec.structs.replace(decision, stands_in_for=self._stands_in_for)
+        decision = msgspec.structs.replace(
+            decision,
+            stands_in_for=self._stands_in_for,
+            intents=told_intents(decision, scene, wishes),
+        )
         self._lead.decided(decision.valid and scene is not None and scene.is_whole())
         self._metrics.leads.set(self._lead.speaks())
         self.fusion.follow(decision)
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(snapshot, scene, decision, control)
+        weighed = self._weighed(scene, decision)
         self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
-        return _Running(snapshot, scene, decision, published, cycle_ms, demand)
+        return _Running(snapshot, scene, decision, published, cycle_ms, demand, weighed)
 
     def _told(self, decision: Decision, snapshot: Snapshot, scene: UnifiedScene | None) -> Decision:
         """The decision with what keeps it from being carried out; no fault of that harms it."""
@@ -380,7 +397,7 @@ class EgoAgent:
                 demand,
                 world=self.monitor.mark,
                 software=installed_version(),
-                told=told(snapshot),
+                told=told(snapshot, decision.remarks),
             )
             self._publish(lambda swarm, _: keyspace.net_demand(swarm), demand)
             self._metrics.demand(demand)
@@ -389,6 +406,17 @@ class EgoAgent:
             self._log.error("demand_failed", cycle=decision.cycle, exc_info=True)
             return None
         return demand
+
+    def _weighed(self, scene: UnifiedScene | None, decision: Decision) -> Weighed | None:
+        """What the decision was weighed against; no fault of it harms the cycle."""
+        if scene is None:
+            return None
+        try:
+            return weigh(scene, self.knowledge, decision)
+        except Exception:
+            self._metrics.cycle_faults.inc()
+            self._log.error("weigh_failed", cycle=decision.cycle, exc_info=True)
+            return None
 
     def _next_probe(self, scene: UnifiedScene | None, decision: Decision) -> Probe | None:
         """What the next decision shall ask on the side; no fault of it harms the cycle."""
@@ -400,22 +428,6 @@ class EgoAgent:
             self._metrics.cycle_faults.inc()
             self._log.error("probe_failed", cycle=decision.cycle, exc_info=True)
             return None
-
-    def _alone(self, snapshot: Snapshot, policy: str, reason: str) -> Decision:
-        """The decision that always holds: the ego alone costs nothing and needs nobody."""
-        return Decision(
-            ego=self._ego,
-            cycle=snapshot.cycle,
-            decided_ns=snapshot.now_ns,
-            participants=(self._ego,),
-            algorithm=self.knowledge.best_algorithm(),
-            reason=reason,
-            source="fallback",
-            policy=policy,
-            valid=snapshot.robots[self._ego].beacon is not None,
-            rate_hz=self.knowledge.objective.rate_hz,
-            capacity_bps=max(1.0, snapshot.capacity_bps),
-        )
 
     def _publish(self, key: Callable[[str, str], str], message: Decision | NetDemand) -> bool:
         session = self._session
@@ -444,7 +456,9 @@ class EgoAgent:
             published=running.published,
             cycle_ms=running.cycle_ms,
             demand=running.demand,
+            weighed=running.weighed,
         )
+        self._steering.note(record)
         self.knowledge.record_result(cycle_result(running.decision, tally))
         if self._journal is None:
             self._metrics.committed(record)

@@ -12,13 +12,13 @@ from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from ego_agent.monitor.snapshot import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
-from swarm.messages.steer import QMin
+from swarm.messages.choices import QMin
 from swarm.process import Algorithms, ProcessSettings
 from swarm.settings import Name, load
 
-PromptStyle = Literal["table", "paper"]
-"""How a language model is asked: with a row of coarse numbers for each of the best robots, or in
-the manner of the paper, with all that is seen."""
+PromptStyle = Literal["table", "paper", "short"]
+"""How a language model is asked: with a row of coarse numbers for each of the best robots, in the
+manner of the paper, with all that is seen, or in some hundred tokens for a small model."""
 _USUAL = Objective()
 
 
@@ -85,7 +85,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     llm_judge: Literal["auto", "coverage", "surrogate"] = "auto"
     """Who predicts it: what `coverage` expects, also by `auto`, or the surrogate."""
     llm_prompt: PromptStyle = "table"
-    """docs/prompt.md says how the two differ."""
+    """docs/prompt.md says how they differ."""
     journal: str = ""
     """Path of the journal; empty keeps none."""
 

@@ -18,8 +18,10 @@ from llm_gateway.http_endpoint import HttpEndpoint
 from llm_gateway.loop import LoopThread
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.settings import GatewaySettings, load_settings
+from llm_gateway.wish_reading import TrainedModel
+from llm_gateway.wishes.readers import ADAPTER, embedded_backend
 from llm_gateway.zenoh_endpoint import ZenohEndpoint
-from swarm import transport
+from swarm import zenoh_config
 from swarm.errors import CoAdaptError, TransportError
 from swarm.log import Logger, make_logger
 from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
@@ -36,7 +38,7 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.check_router(settings.router, "gateway")
+        zenoh_config.check_router(settings.router, "gateway")
         run(settings, stop, LoopWatch(make_logger("llm_gateway", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"llm_gateway: {error}", file=sys.stderr)
@@ -52,6 +54,7 @@ def run(settings: GatewaySettings, stop: threading.Event, loops: Loops = unwatch
     log = make_logger("llm_gateway", level=settings.log_level, swarm=settings.swarm)
     registry = CollectorRegistry()
     gateway = make_gateway(settings, registry, log)
+    trained = _trained(settings)
     server = serve_metrics(registry, settings)
     http = HttpEndpoint(
         gateway,
@@ -61,6 +64,7 @@ def run(settings: GatewaySettings, stop: threading.Event, loops: Loops = unwatch
         registry,
         log,
         names=settings.llm_http_names,
+        trained=trained,
     )
     thread = LoopThread()
     session: Session | None = None
@@ -78,12 +82,13 @@ def run(settings: GatewaySettings, stop: threading.Event, loops: Loops = unwatch
         )
         session = _join(settings, registry, log, stop)
         if session is not None:
-            ZenohEndpoint(gateway, thread.loop).open(session)
+            ZenohEndpoint(gateway, thread.loop, trained).open(session)
             log.info("router_reached")
         stop.wait()
     finally:
         # The gateway first: those who wait are told before the endpoints close.
-        for closing in (gateway.close, http.close):
+        closings = (gateway.close, http.close, *((trained.close,) if trained else ()))
+        for closing in closings:
             with suppress(TimeoutError):
                 thread.submit(closing()).result(CLOSE_S)
         if session is not None:
@@ -116,6 +121,15 @@ def make_gateway(settings: GatewaySettings, registry: CollectorRegistry, log: Lo
         breaker_s=settings.llm_breaker_s,
         deadline_max_s=settings.llm_deadline_max_s,
     )
+
+
+def _trained(settings: GatewaySettings) -> TrainedModel | None:
+    """The embedded model with what it has learnt of wishes, where the gateway's is that one. A
+    process of its own: what it has learnt is of no use for decisions. Raises SettingError."""
+    embedded = settings.llm_backend == "llamacpp" and not settings.llm_model
+    if not embedded or not ADAPTER.is_file():
+        return None
+    return TrainedModel(embedded_backend(settings.llm_threads))
 
 
 def _wait(work: Future[T], stop: threading.Event) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncGenerator, Awaitable
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 from prometheus_client import CollectorRegistry, Counter
@@ -20,12 +20,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from llm_gateway.http_chat import Asked, read_request, unknown_model, write_answer
 from llm_gateway.http_errors import STATUSES, HttpError, of_gateway
 from llm_gateway.http_stream import AnswerStream
-from llm_gateway.model import Completion, Hear, Job
+from llm_gateway.http_wishes import PATH, read_wish, write_wish
+from llm_gateway.model import Completer
 from llm_gateway.schemas import Schemas
+from llm_gateway.wish_reading import TrainedModel, WishReading
 from swarm.errors import GatewayError
-from swarm.http_access import Access
-from swarm.http_events import EventStream
-from swarm.http_serving import media_type
+from swarm.http.access import Access
+from swarm.http.events import EventStream
+from swarm.http.serving import media_type
 from swarm.log import Logger
 from swarm.metrics import start_at_zero
 
@@ -41,23 +43,14 @@ HEALTH_PATH = "/healthz"
 T = TypeVar("T")
 
 
-class Completer(Protocol):
-    """What the endpoint needs of the gateway."""
-
-    @property
-    def model(self) -> str:
-        """The name of the model that answers."""
-        ...
-
-    async def complete(self, job: Job, hear: Hear | None = None) -> Completion:
-        """Raises GatewayError; cancelling takes the job back."""
-        ...
-
-
 def make_app(
-    gateway: Completer, access: Access, registry: CollectorRegistry, log: Logger
+    gateway: Completer,
+    access: Access,
+    registry: CollectorRegistry,
+    log: Logger,
+    trained: TrainedModel | None = None,
 ) -> ASGIApp:
-    """The application, for those whom `access` lets in."""
+    """The application, for those whom `access` lets in; `trained` understands wishes."""
     began = int(time.time())
     schemas = Schemas()
 
@@ -74,6 +67,14 @@ def make_app(
             return await _streamed(request, gateway, asked)
         completion = await _unless_gone(request, gateway.complete(job))
         return Response(write_answer(completion), media_type="application/json")
+
+    async def wish(request: Request) -> Response:
+        if media_type(request.headers) != "application/json":
+            raise HttpError(415, "the body must be application/json")
+        asked = read_wish(await _read(request))
+        reading = WishReading(gateway, asyncio.get_running_loop(), trained)
+        # On a thread of its own: it waits for the model, which this loop works for.
+        return write_wish(await _unless_gone(request, asyncio.to_thread(reading.answer, asked)))
 
     def described() -> dict[str, Any]:
         return {"id": gateway.model, "object": "model", "created": began, "owned_by": "coadapt"}
@@ -113,6 +114,7 @@ def make_app(
     app = Starlette(
         routes=[
             Route("/v1/chat/completions", complete, methods=["POST"]),
+            Route(PATH, wish, methods=["POST"]),
             Route("/v1/models", models, methods=["GET"]),
             # Names of models have slashes in them.
             Route("/v1/models/{name:path}", model, methods=["GET"]),

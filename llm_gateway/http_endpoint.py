@@ -7,9 +7,11 @@ from collections.abc import Collection
 
 from prometheus_client import CollectorRegistry
 
-from llm_gateway.http_app import Completer, make_app
-from swarm.http_access import Access, check_token
-from swarm.http_serving import HttpServer, bind, server_config
+from llm_gateway.http_app import make_app
+from llm_gateway.model import Completer
+from llm_gateway.wish_reading import TrainedModel
+from swarm.http.access import Access, check_token
+from swarm.http.serving import HttpServer, bind, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 256
@@ -32,13 +34,14 @@ class HttpEndpoint:
         log: Logger,
         *,
         names: Collection[str] = (),
+        trained: TrainedModel | None = None,
     ) -> None:
-        """`names`: see `Access`."""
+        """`names`: see `Access`. `trained`: understands wishes; None: the gateway's model does."""
         check_token("COADAPT_LLM_HTTP_TOKEN", token)
         self._socket = bind("COADAPT_LLM_HTTP", host, port, token=bool(token))
         self.port = int(self._socket.getsockname()[1])
         self._log = log
-        app = make_app(gateway, Access(host, token, names), registry, log)
+        app = make_app(gateway, Access(host, token, names), registry, log, trained)
         self._server = HttpServer(server_config(app, connections=MAX_CONNECTIONS, grace_s=1))
         self._serving: asyncio.Task[None] | None = None
 

@@ -6,7 +6,7 @@ import hashlib
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 import msgspec
 
@@ -107,3 +107,16 @@ class Completion:
     tokens: LlmTokens
     timings: LlmTimings
     finish: Finish = "stop"
+
+
+class Completer(Protocol):
+    """What the endpoint needs of the gateway."""
+
+    @property
+    def model(self) -> str:
+        """The name of the model that answers."""
+        ...
+
+    async def complete(self, job: Job, hear: Hear | None = None) -> Completion:
+        """Raises GatewayError; cancelling takes the job back."""
+        ...

@@ -10,8 +10,8 @@ import msgspec
 
 from swarm.defaults import LLM_PORT
 from swarm.errors import SettingError
-from swarm.http_access import token_of
-from swarm.http_hosts import HostNames
+from swarm.http.access import token_of
+from swarm.http.hosts import HostNames
 from swarm.process import SwarmSettings
 from swarm.secret_files import secret_of
 from swarm.settings import Name, Port, Seconds, Secret, load, shown

@@ -1,4 +1,4 @@
-"""The endpoint for egos: a queryable on the swarm's key for decisions."""
+"""The endpoint for egos and operators: queryables on the swarm's keys for decisions and wishes."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from contextlib import suppress
 
 from llm_gateway.gateway import Gateway
 from llm_gateway.model import Job, Prompt
+from llm_gateway.wish_reading import TrainedModel, WishReading
 from swarm import keyspace
 from swarm.errors import GatewayError, TransportError
-from swarm.messages import DecideAnswer, DecideRequest, GatewayState
+from swarm.messages import DecideAnswer, DecideRequest, GatewayState, WishRequest
 from swarm.session import Session
 
 WORKERS = 256
 """As many as may wait, so that the gateway's order holds and not that of a thread pool."""
+WISHES = 8
+"""Operators that may wait at a time."""
 SLACK_S = 1.0
 ROLE = "ego"
 """Who may ask on the swarm's key."""
@@ -26,9 +29,16 @@ STATE_S = 1.0
 class ZenohEndpoint:
     """Hands requests of a session to the gateway's event loop, and tells how the model stands."""
 
-    def __init__(self, gateway: Gateway, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(
+        self,
+        gateway: Gateway,
+        loop: asyncio.AbstractEventLoop,
+        trained: TrainedModel | None = None,
+    ) -> None:
+        """`trained`: understands wishes; None: the gateway's model does."""
         self._gateway = gateway
         self._loop = loop
+        self._wishes = WishReading(gateway, loop, trained)
 
     def open(self, session: Session) -> None:
         """Answers, and shows the gateway as alive."""
@@ -38,6 +48,13 @@ class ZenohEndpoint:
             self.decide,
             workers=WORKERS,
             waiting=WORKERS,
+        )
+        session.serve(
+            keyspace.llm_wish(session.swarm),
+            WishRequest,
+            self._wishes.answer,
+            workers=WISHES,
+            waiting=WISHES,
         )
         session.declare_gateway()
         asyncio.run_coroutine_threadsafe(self._tell(session), self._loop)

@@ -19,7 +19,7 @@ from network_controller.settings import ControllerSettings, load_settings
 from network_controller.slow_loop import SlowLoop
 from network_controller.telemetry.flows import Flows
 from network_controller.wishes import Wish, Wishes
-from swarm import keyspace, transport
+from swarm import keyspace, zenoh_config
 from swarm.announce import announce
 from swarm.errors import CoAdaptError, TransportError
 from swarm.listening import hear
@@ -41,7 +41,7 @@ def main() -> int:
     try:
         settings = load_settings()
         role = Role("controller", settings.controller)
-        transport.check_router(settings.router, role.common_name)
+        zenoh_config.check_router(settings.router, role.common_name)
         run(settings, stop, LoopWatch(make_logger("network_controller", swarm=settings.swarm)).loop)
     except CoAdaptError as error:
         print(f"network_controller: {error}", file=sys.stderr)

@@ -9,8 +9,8 @@ import msgspec
 
 from swarm.defaults import QOD_PORT
 from swarm.errors import SettingError
-from swarm.http_access import token_of
-from swarm.http_hosts import HostNames
+from swarm.http.access import token_of
+from swarm.http.hosts import HostNames
 from swarm.messages import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.process import SwarmSettings
 from swarm.settings import NAME_RULE, Name, Port, Secret, load, shown

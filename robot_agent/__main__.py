@@ -18,7 +18,7 @@ from robot_agent.metrics import RobotMetrics
 from robot_agent.settings import RobotSettings, load_settings
 from sensing.mark import mark_of
 from sensing.opening import open_world_of
-from swarm import transport
+from swarm import zenoh_config
 from swarm.announce import announce
 from swarm.errors import CoAdaptError, SettingError
 from swarm.log import make_logger
@@ -47,7 +47,7 @@ def serve(load: Callable[[], RobotSettings], stop: threading.Event) -> int:
     try:
         settings = load()
         for robot in settings.robots:
-            transport.check_router(settings.router, robot)
+            zenoh_config.check_router(settings.router, robot)
         with open_world_of(settings, "robot_agent", settings.robots[0]) as world:
             _check_robots(settings, world)
             watch = LoopWatch(make_logger("robot_agent", swarm=settings.swarm))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from swarm.fitting import other_world
 from swarm.log import Logger
 from swarm.messages import NetDemand
-from swarm.tcp_stuck import Way, stuck
+from swarm.tcp.stuck import Way, stuck
 
 UNHEARD_S = 10.0
 """An ego speaks every second or five; a robot that hears none for so long says so."""

@@ -23,7 +23,7 @@ from swarm.log import Logger
 from swarm.loop_watch import Loops, unwatched
 from swarm.messages import Beacon, NetDemand, SceneDescription
 from swarm.session import Session
-from swarm.tcp_watch import TcpWatch
+from swarm.tcp.watch import TcpWatch
 from swarm.traffic import TrafficClass
 
 JOIN_S = 0.5

@@ -10,7 +10,7 @@ import socket
 from contextlib import suppress
 
 from swarm.errors import TransportError
-from swarm.http_hosts import is_loopback
+from swarm.http.hosts import is_loopback
 from swarm.process import SwarmSettings
 from swarm.session import Session
 from swarm.trust.roles import Role

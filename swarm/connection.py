@@ -17,7 +17,7 @@ from contextlib import suppress
 
 import zenoh
 
-from swarm import transport
+from swarm import transport, zenoh_config
 from swarm.errors import IdentityError, TransportError
 from swarm.log import Logger
 from swarm.transport import CLOSE_S, Entity, close_zenoh
@@ -53,11 +53,11 @@ class Connection:
         Raises SettingError for a malformed router, IdentityError for a certificate that cannot be
         shown, and TransportError when `timeout_s` has passed or `stop` was set first.
         """
-        self._config = transport.client_config(router)
-        self.identity = transport.shown_identity(self._config)
+        self._config = zenoh_config.client_config(router)
+        self.identity = zenoh_config.shown_identity(self._config)
         """Whose certificate its sessions show; None where they show none."""
         self._shown = self.identity.version() if self.identity else ()
-        self._expected = transport.expected_links(self._config)
+        self._expected = zenoh_config.expected_links(self._config)
         self._log = log
         self._lock = threading.Lock()
         self._closing = threading.Event()

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import msgspec
 
-from swarm.messages.steer import QMin
+from swarm.messages.choices import QMin
 from swarm.settings import Name
 
 SWARM: Name = "local"

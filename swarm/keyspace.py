@@ -160,6 +160,11 @@ def llm_decide(swarm: str) -> str:
     return _llm_key(swarm, "decide")
 
 
+def llm_wish(swarm: str) -> str:
+    """Queryable of the LLM gateway: `messages.WishRequest` -> `messages.WishAnswer`."""
+    return _llm_key(swarm, "wish")
+
+
 def llm_state(swarm: str) -> str:
     """`messages.GatewayState`, 1 Hz, from the LLM gateway."""
     return _llm_key(swarm, "state")

@@ -14,10 +14,10 @@ from pathlib import Path
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
 
 from swarm.errors import SettingError
-from swarm.metrics_http import MetricsHttpServer
+from swarm.http.metrics_server import MetricsHttpServer
 from swarm.process import SwarmSettings
-from swarm.transport import identity_of
 from swarm.trust.identity import Identity
+from swarm.zenoh_config import identity_of
 
 HOST = "COADAPT_HOST"
 """Names the host in metrics, where its own name says nothing, as in a container."""

@@ -18,34 +18,29 @@ from pathlib import Path
 import zenoh
 from prometheus_client import CollectorRegistry, Gauge
 
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.announce import PLACE, bracketed
-from swarm.asking import Question
-from swarm.credit import Window
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import CoAdaptError, IdentityError, SettingError, TransportError
 from swarm.log import make_logger
 from swarm.loop_watch import LOOK_S, LoopWatch
-from swarm.messages import CertificateRequest, RenewedCertificate
 from swarm.metrics import MetricsServer
 from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
 from swarm.targets import Targets
-from swarm.tcp_peers import PeerTraffic
-from swarm.tcp_reporter import TcpReporter
-from swarm.tcp_stuck import Way
-from swarm.traffic import TrafficClass
+from swarm.tcp.peers import PeerTraffic
+from swarm.tcp.reporter import TcpReporter
+from swarm.tcp.stuck import Way
 from swarm.trust import members
 from swarm.trust.identity import Identity
 from swarm.trust.members import Trust
-from swarm.trust.renewal import Renewal
+from swarm.trust.renewal import Renewal, last_issued
 from swarm.trust.roles import role_of
 
 RUNTIME = "(rx: (worker_threads: 16))"
 """A thread that forwards to a slow link waits for room in its queue. With Zenoh's two, two robots'
 answers to one slow ego stop everything that the router receives, beacons and tokens included."""
-CERTIFICATE_S = 5.0
 REOPEN_S = 10.0
 """How long a router that opens anew may take to close and to have its ports back; less than what it
 is watched for."""
@@ -143,12 +138,7 @@ class Router:
     def certificate(self, name: str) -> str:
         """What the authority, at another machine's router, issued last to this one. Raises
         TransportError, and RefusedError."""
-        key = keyspace.by(keyspace.trust_certificate(self._swarm or ""), name)
-        asked: Question[RenewedCertificate] = Question(
-            key, RenewedCertificate, CERTIFICATE_S, Window(), lambda error: None
-        )
-        asked.send(self.session, CertificateRequest(role=name), TrafficClass.CONTROL)
-        return asked.future.result().message.certificate
+        return last_issued(self.session, self._swarm or "", name)
 
     def close(self) -> None:
         """Lets go of all."""
@@ -229,13 +219,13 @@ def main() -> int:
         if args.config:
             return read_config(args.config)
         trust = _trust(identity, args.swarm) if identity is not None else None
-        return transport.router_config(
+        return zenoh_config.router_config(
             args.host, args.port, args.unix_socket, trust, args.peer, scouting=args.scouting
         )
 
     try:
         if args.print_config:
-            print(transport.router_json5(configure()), end="")
+            print(zenoh_config.router_json5(configure()), end="")
             return 0
         # Zenoh reads it once, before the process's first session.
         os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)

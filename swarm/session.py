@@ -17,24 +17,17 @@ from typing import Any, TypeVar
 import zenoh
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from swarm import keyspace, transport
+from swarm import keyspace, zenoh_config
 from swarm.asking import Answer, Question
 from swarm.connection import Connection
 from swarm.credit import Window
 from swarm.errors import CoAdaptError, KeyspaceError, MessageError, TransportError
 from swarm.log import Logger, make_logger
-from swarm.messages import (
-    CertificateRequest,
-    Message,
-    NetState,
-    RenewedCertificate,
-    decode,
-    encode,
-)
+from swarm.messages import Message, NetState, decode, encode
 from swarm.metrics import start_at_zero
 from swarm.serving import MAX_WAITING_QUERIES, Server
 from swarm.traffic import TrafficClass
-from swarm.trust.renewal import Renewal
+from swarm.trust.renewal import Renewal, last_issued
 
 __all__ = ["MAX_WAITING_QUERIES", "Answer", "Session"]
 
@@ -42,8 +35,6 @@ M = TypeVar("M", bound=Message)
 MAX_REMEMBERED_SENDERS = 256
 MAX_ALIVE = 100_000
 """Robots that `alive` can tell of; the places are taken only as they come."""
-CERTIFICATE_S = 10.0
-"""How long the authority is given to answer."""
 
 
 class Session:
@@ -67,7 +58,7 @@ class Session:
         """
         self.swarm = keyspace.check_name("swarm name", swarm)
         self._log = log or make_logger("session", swarm=swarm)
-        identity = transport.identity_of(router)
+        identity = zenoh_config.identity_of(router)
         self.name = identity.name if identity is not None else ""
         """As whom this process asks, in a secure swarm; else empty."""
         self._connection = Connection(router, log=self._log, timeout_s=timeout_s, stop=stop)
@@ -339,15 +330,7 @@ class Session:
     def _certificate(self) -> str:
         """What the authority issued last to who this process is. Raises TransportError, and
         RefusedError."""
-        key = keyspace.trust_certificate(self.swarm)
-        asked = self.ask(
-            key,
-            CertificateRequest(role=self.name),
-            RenewedCertificate,
-            timeout_s=CERTIFICATE_S,
-            traffic=TrafficClass.CONTROL,
-        )
-        return asked.result().message.certificate
+        return last_issued(self._connection.zenoh, self.swarm, self.name)
 
     def _drop(self, kind: type[Message], sender: str, error: CoAdaptError) -> None:
         self._invalid.labels(kind.__name__).inc()

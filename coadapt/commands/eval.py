@@ -29,6 +29,7 @@ def register(commands: Any) -> None:
     _add_live(experiments)
     _add_surrogate(experiments)
     _add_quality(experiments)
+    _add_rates(experiments)
     _add_ways(experiments)
     published = experiments.add_parser(
         "published",
@@ -65,8 +66,8 @@ def _add_policies(experiments: Any) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--prompt", type=comma_separated, default=["table"], metavar="NAMES",
-        help="how models are asked, comma-separated: table, our own, or paper, in the manner of "
-        "the paper (default: table)",
+        help="how models are asked, comma-separated: table, our own; paper, in the manner of the "
+        "paper; or short, for small models (default: table)",
     )  # fmt: skip
     parser.add_argument(
         "--scenarios", type=comma_separated, default=[], metavar="NAMES",
@@ -127,6 +128,27 @@ def _add_quality(experiments: Any) -> None:
     parser.set_defaults(run=run_quality)
 
 
+def _add_rates(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "fit-rates",
+        help="measure what contributions are worth that come less often",
+        description="Drives factory floors and streets of their own with every algorithm at 10 to "
+        "0.5 contributions a second. Writes rates.json, and the law by which an ego chooses rates.",
+    )
+    for name, usual in (("floors", 8), ("streets", 4)):
+        parser.add_argument(
+            f"--{name}", type=at_least_one, default=usual, metavar="N", help="default: %(default)s"
+        )
+    parser.add_argument(
+        "--frames", type=at_least_one, default=60, metavar="N",
+        help="of each, one after the other (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--law", type=Path, metavar="FILE", help="default: the one of the ego")
+    _add_workers(parser)
+    _add_folder(parser)
+    parser.set_defaults(run=run_rates)
+
+
 def _add_ways(experiments: Any) -> None:
     parser = experiments.add_parser(
         "ways",
@@ -136,10 +158,14 @@ def _add_ways(experiments: Any) -> None:
         "Writes ways.json.",
     )
     parser.add_argument(
-        "--floors", type=at_least_one, default=12, metavar="N", help="default: %(default)s"
+        "--floors",
+        type=at_least_one,
+        default=6,
+        metavar="N",
+        help="half as many with noisy poses, and for each link (default: %(default)s)",
     )
     parser.add_argument(
-        "--frames", type=at_least_one, default=60, metavar="N",
+        "--frames", type=at_least_one, default=50, metavar="N",
         help="of each, one after the other (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--data", type=Path, metavar="DIR", help="the recorded scenario")
@@ -239,6 +265,16 @@ def run_quality(args: argparse.Namespace) -> int:
     from research.evaluation.surrogate.quality import fit_quality
 
     fit_quality(args.detector, args.windows, args.workers, FOLDER, args.output or QUALITY)
+    return 0
+
+
+def run_rates(args: argparse.Namespace) -> int:
+    """Measures and writes. Raises EvaluationError for a process that ends before its work."""
+    from ego_agent.knowledge.rates import RATES
+    from research.evaluation.ways.fit_rates import run
+
+    counts = {"factory": args.floors, "road": args.streets}
+    run(counts, args.frames, args.workers, args.output / "rates.json", args.law or RATES)
     return 0
 
 

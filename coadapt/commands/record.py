@@ -9,8 +9,8 @@ from pathlib import Path
 
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import ELSEWHERE, add_router, state_of
+from deploy.paths import RECORDINGS
 from deploy.progress import say
-from deploy.services import RECORDINGS
 from deploy.state import State, read_state
 from swarm.errors import CoAdaptError, RecordingError
 from swarm.process import stop_on_signals

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from coadapt.joining import folder_of, swarm_of
 from coadapt.systemd import print_unit
-from swarm import transport
+from swarm import zenoh_config
 from swarm.defaults import ROUTER_PORT
 from swarm.errors import SettingError
 from swarm.router import LOCAL_HOSTS
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     shown = f"#identity={folder}" if folder is not None else ""
     scheme = "tls" if folder is not None else "tcp"
     swarm = swarm_of(f"{scheme}/{args.listen}:{args.port}{shown}", args.swarm)
-    peers = [transport.with_port(peer) for peer in args.peer]
+    peers = [zenoh_config.with_port(peer) for peer in args.peer]
     argv = ["--host", args.listen, "--port", str(args.port), "--swarm", swarm]
     argv += [word for peer in peers for word in ("--peer", peer)]
     argv += ["--identity", str(folder)] if folder is not None else []

@@ -12,15 +12,17 @@ import msgspec
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import ELSEWHERE, add_router, state_of
 from deploy import runtimes
-from deploy.observe import EgoRow, SwarmView, Watch
+from deploy.observe import Watch
 from deploy.rates import format_rate
 from deploy.runtime import ProcessStatus
 from deploy.state import State
+from deploy.view import EgoRow, SwarmView
 from swarm.errors import DeployError, TransportError
-from swarm.messages import AdviceReport
+from swarm.messages import AdviceReport, IntentTold
 
 WINDOW_S = 1.2
 REDRAW_S = 1.0
+LATE_CYCLES = 4
 _CLEAR = "\x1b[H\x1b[2J"
 
 
@@ -70,10 +72,12 @@ def _processes(state: State) -> tuple[ProcessStatus, ...]:
 
 
 def _listen(watch: Watch, state: State) -> None:
-    """Long enough for the rates, and for one decision when the ego decides rarely."""
+    """Long enough for the rates, and for one decision of each ego when they decide rarely, as many
+    on a busy machine do."""
     begun = time.monotonic()
+    late_s = state.spec.period_s * (LATE_CYCLES if state.spec.egos else 1)
     while (waited := time.monotonic() - begun) < WINDOW_S or (
-        not watch.decided() and waited < WINDOW_S + state.spec.period_s
+        watch.undecided() and waited < WINDOW_S + late_s
     ):
         watch.wait(0.1)
 
@@ -163,13 +167,27 @@ def _decision(view: SwarmView) -> list[str]:
     valid = "" if view.valid else " (NOT VALID)"
     return [
         f"decision   cycle {view.cycle}: {view.algorithm} from {', '.join(view.selected)}{valid}",
+        *([f"sends      {_assigned(view)}"] if view.assignments else []),
         *([f"BLIND      {view.blind}"] if view.blind else []),
         f"by         {view.policy} (source: {view.source})",
+        *(f"wish       {_wish(intent)}" for intent in view.intents),
         f"reason     {view.reason}",
         *([f"advice     {_advice(view.advice)}"] if view.advice else []),
         f"link       {view.bytes_per_s:,.0f} bytes/s of C(t) = "
         f"{format_rate(view.capacity_bps)}{cell}; {view.frames_per_s:.1f} frames/s",
     ]
+
+
+def _wish(intent: IntentTold) -> str:
+    """An intent that the decision obeys, and what it did to it."""
+    since = datetime.fromtimestamp(intent.since_ns * 1e-9, UTC).astimezone()
+    text = f"{intent.number} of {intent.operator or 'unknown'} since {since:%H:%M}: {intent.says}"
+    return text + (f" ({'; '.join(intent.bound)})" if intent.bound else "")
+
+
+def _assigned(view: SwarmView) -> str:
+    """Who sends what, and how often."""
+    return ", ".join(f"{one.robot} {one.algorithm} {one.rate_hz:g} Hz" for one in view.assignments)
 
 
 def _egos(egos: Sequence[EgoRow]) -> list[str]:

@@ -1,4 +1,4 @@
-"""`coadapt steer`: another policy or Q_min, robots off duty and back, while the swarm runs."""
+"""`coadapt steer`: another policy or Q_min, robots off duty and back, a wish by its fields."""
 
 from __future__ import annotations
 
@@ -7,18 +7,31 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import msgspec
 
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.asking import ask_patiently
 from coadapt.elsewhere import add_router, state_of
+from coadapt.intent_flags import add_intent, intent_of
 from coadapt.operator import operator
+from coadapt.site import classes_of, places_of
+from coadapt.wishes import NOBODY, Given, check, egos_of, line_of
 from deploy.progress import typed
 from deploy.spec import SwarmSpec
+from deploy.state import State
 from swarm import keyspace
 from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
-from swarm.messages import EgoSteered, EgoSteering, EgoWish, Message, RobotSteered, RobotSteering
+from swarm.messages import (
+    EgoSteered,
+    EgoSteering,
+    EgoWish,
+    Intent,
+    Message,
+    RobotSteered,
+    RobotSteering,
+)
 from swarm.messages.steer import Duty
 from swarm.session import Session
 
@@ -36,8 +49,11 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--start", action="append", default=[], metavar="ROBOT", help="on duty (repeatable)"
     )
+    add_intent(parser)
     parser.add_argument(
-        "--yes", action="store_true", help="stop the ego's own robot, too: it sees nothing then"
+        "--yes",
+        action="store_true",
+        help="stop the ego's own robot, too: it sees nothing then; leave it nobody to ask",
     )
     add_ego(parser)
     add_swarm(parser)
@@ -52,6 +68,9 @@ def run(args: argparse.Namespace) -> int:
     Nothing is changed unless all that are named answer.
     """
     state = state_of(args)
+    intent = intent_of(args)
+    if intent is not None:
+        return _give(args, state, intent)
     wishes = _wishes(args, state.spec)
     try:
         session = Session(state.router, state.spec.swarm, timeout_s=CONNECT_S)
@@ -64,6 +83,30 @@ def run(args: argparse.Namespace) -> int:
         return 0
     for reply in done:
         print(_words(reply))
+    return 0
+
+
+def _give(args: argparse.Namespace, state: State, intent: Intent) -> int:
+    """Has the ego obey the fields of an intent."""
+    if args.stop or args.start:
+        raise DecisionError(
+            "--stop and --start are commands of their own: name no wish beside them"
+        )
+    places = places_of(args.site, state.spec)
+    with egos_of(state) as egos:
+        check(intent, egos.site(places, classes_of(state.spec)), datetime.now(UTC))
+        try:
+            reply = egos.ask(
+                "confirm-nobody" if args.yes else "confirm", Given(intent, places=places)
+            )
+        except RefusedError as error:
+            sure = "; say --yes if you mean it" if error.code == NOBODY else ""
+            raise DecisionError(f"ego {state.spec.ego} refuses: {error}{sure}") from error
+    (one,) = [one for one in reply.intents if one.number == reply.number]
+    if args.json:
+        print(msgspec.json.encode([reply]).decode())
+    else:
+        print(f"{reply.ego} obeys {line_of(one)}")
     return 0
 
 

@@ -14,15 +14,16 @@ from msgspec.structs import replace
 
 from coadapt.arguments import comma_separated
 from coadapt.choices import check_choices
+from coadapt.site import bring_site
 from coadapt.world_choice import chosen_kind, open_chosen
 from deploy import ready, runtimes
 from deploy.docker.grafana import PASSWORD_FILE
+from deploy.paths import KEYSTORE, journal_path
 from deploy.ports import based_on, with_free_ports
 from deploy.progress import say, typed
 from deploy.rates import parse_link_rate
 from deploy.room import check_room
 from deploy.runtime import Runtime
-from deploy.services import KEYSTORE, journal_path
 from deploy.spec import (
     MAX_ROBOTS,
     MIN_ROBOTS,
@@ -207,8 +208,17 @@ def _up(args: argparse.Namespace, runtime: Runtime, spec: SwarmSpec) -> int:
         say("taking it down again ...")
         runtime.down(spec.swarm)
         raise
+    _bring_site(spec)
     _print_where(state)
     return 0
+
+
+def _bring_site(spec: SwarmSpec) -> None:
+    """Writes down how the site's places are called; a swarm runs without, too."""
+    try:
+        bring_site(spec)
+    except OSError as error:
+        say(f"the site file is not written: {error}")
 
 
 @contextmanager

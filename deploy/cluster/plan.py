@@ -13,10 +13,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from deploy import services as roster
+from deploy import environments, paths, roster, scraping
 from deploy.docker import compose
 from deploy.ports import LOCALHOST
-from deploy.services import Place, Service
+from deploy.roster import Place, Service
+from deploy.services import services
 from deploy.spec import EMBEDDED, SwarmSpec
 from swarm.errors import DeployError
 from swarm.trust.identity import CA, CERTIFICATE, KEY, Identity
@@ -154,7 +155,7 @@ def containers(spec: SwarmSpec, cluster: Cluster) -> tuple[Container, ...]:
             "--llm embedded needs --llm-image, an image with the model (deploy/docker/llm_image.py)"
         )
     place = place_of(spec, cluster)
-    members = roster.services(spec, place)
+    members = services(spec, place)
     found = [
         _container(spec, cluster, member)
         for member in members
@@ -173,8 +174,8 @@ def roles(spec: SwarmSpec, cluster: Cluster) -> list[str]:
 
 def identity_files(var_dir: str, common_name: str) -> dict[str, Path]:
     """A role's identity: the place in a container of each file, and where it lies here."""
-    identity = Identity(Path(roster.identity_path(var_dir, common_name)))
-    there = roster.identity_path(compose.PLACE.var_dir, common_name)
+    identity = Identity(Path(paths.identity_path(var_dir, common_name)))
+    there = paths.identity_path(compose.PLACE.var_dir, common_name)
     names = (CA, CERTIFICATE, KEY, *((MEMBERS,) if common_name == "router" else ()))
     return {f"{there}/{name}": identity.folder / name for name in names}
 
@@ -188,7 +189,7 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
     if spec.secure and service.common_name:
         files |= identity_files(spec.var_dir, service.common_name)
     if spec.metrics_tls and service.role == "prometheus":
-        place, here = map(roster.authority_path, (compose.PLACE.var_dir, spec.var_dir))
+        place, here = map(paths.authority_path, (compose.PLACE.var_dir, spec.var_dir))
         files[place] = Path(here)
     limit = compose.MEMORY[service.role]
     ports = range(spec.router_port, spec.router_port + 3) if service.role == "router" else ()
@@ -202,7 +203,7 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
         files=files,
         folder=compose.FOLDERS.get(service.role, ""),
         data=spec.data if service.role in ("ego", "robot") else "",
-        tls=spec.metrics_tls and service.role in roster.OVER_TLS,
+        tls=spec.metrics_tls and service.role in scraping.OVER_TLS,
         ports=tuple(ports),
     )
 
@@ -212,17 +213,17 @@ def _controller(
 ) -> Container:
     """The network controller of a robot's node; `site`: the only one of a swarm on one machine."""
     name = Role("controller", robot).common_name
-    identity = roster.identity_path(place.var_dir, name)
+    identity = paths.identity_path(place.var_dir, name)
     shaped = {"COADAPT_LINK_BPS", "COADAPT_LINK_RATES_BPS", "COADAPT_LINK_INTERVAL_S"}
     # Only the ego's node has the ego's link.
     env = {k: v for k, v in site.env.items() if robot == spec.ego or k not in shaped} | {
-        "COADAPT_ROUTER": roster.router_address(spec, cluster.router, identity),
+        "COADAPT_ROUTER": environments.router_address(spec, cluster.router, identity),
         "COADAPT_CONTROLLER": robot,
         "COADAPT_DRIVER": "interface",
         "COADAPT_INTERFACE": cluster.interface,
         "COADAPT_INTERFACE_ROBOTS": robot,
         "COADAPT_INTERFACE_CONFIRMED": cluster.interface if cluster.default_route else "",
-        "COADAPT_INTERFACE_STATE": f"{place.var_dir}/{roster.NET}/interface.json",
+        "COADAPT_INTERFACE_STATE": f"{place.var_dir}/{paths.NET}/interface.json",
     }
     service = replace(site, name=f"controller-{robot}", host=robot, robot=robot, env=env)
     made = _container(spec, cluster, service)
@@ -240,11 +241,11 @@ def _settings(service: Service) -> tuple[dict[str, str], dict[str, Path]]:
     of them name. Raises DeployError for a secret's value: what is written here is kept and sent."""
     if service.role not in ("robot", "ego", "controller", "gateway", "console"):
         return {}, {}
-    own = roster.inherited(service.role, os.environ)
+    own = environments.inherited(service.role, os.environ)
     found = {k: v for k, v in own.items() if k.startswith("COADAPT_")}
     found = {k: v for k, v in found.items() if k not in _NOT_FOR_PROCESSES}
     files: dict[str, Path] = {}
-    for secret in roster.KEPT:
+    for secret in environments.KEPT:
         if found.get(secret):
             raise DeployError(
                 f"{secret} is set, and its value would stand in what is written; name a file that "

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from deploy.dashboards import ALERTS
-from deploy.services import SCRAPE_S
+from deploy.scraping import SCRAPE_S
 from deploy.spec import SwarmSpec
 from swarm.trust.identity import CA
 from swarm.trust.serving import SERVER_NAME

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import yaml
 
-from deploy import services as roster
+from deploy import paths, roster, scraping
 from deploy.cluster import plan
 from deploy.cluster.plan import Cluster, Container
 from deploy.docker import compose
 from deploy.ports import LOCALHOST
-from deploy.services import Service
+from deploy.roster import Service
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 
@@ -108,8 +108,8 @@ def prometheus_file(spec: SwarmSpec, cluster: Cluster, addresses: Mapping[str, s
         return addresses[service.robot] if service.robot else cluster.router
 
     members = [one.service for one in plan.containers(spec, cluster)]
-    ca = roster.authority_path(compose.PLACE.var_dir) if spec.metrics_tls else ""
-    return roster.prometheus_config(members, address, compose.ALERTS, ca=ca, tls=spec.metrics_tls)
+    ca = paths.authority_path(compose.PLACE.var_dir) if spec.metrics_tls else ""
+    return scraping.prometheus_config(members, address, compose.ALERTS, ca=ca, tls=spec.metrics_tls)
 
 
 def config_path(spec: SwarmSpec) -> Path:

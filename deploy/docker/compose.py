@@ -13,10 +13,11 @@ from typing import Any
 
 import yaml
 
-from deploy import services as roster
+from deploy import environments, paths, roster, scraping
 from deploy.docker import grafana
 from deploy.ports import LOCALHOST
-from deploy.services import Place, Service
+from deploy.roster import Place, Service
+from deploy.services import services
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 
@@ -71,20 +72,21 @@ MEMORY: dict[roster.Role, str] = {
 }
 """Several times what each takes; a process that leaks ends alone."""
 FOLDERS: dict[roster.Role, str] = {
-    "ego": roster.JOURNAL,
-    "controller": roster.NET,
-    "gateway": roster.LLM,
-    "authority": roster.KEYSTORE,
+    "ego": paths.JOURNAL,
+    "controller": paths.NET,
+    "gateway": paths.LLM,
+    "authority": paths.KEYSTORE,
     "prometheus": "prometheus",
 }
 """What each may write of the swarm's directory."""
 CACHES: dict[roster.Role, dict[str, str]] = {
     # A faster or joined form of the embedded model, of a hundred megabytes and more.
-    "gateway": {"XDG_CACHE_HOME": f"{PLACE.var_dir}/{roster.LLM}/cache"},
+    "gateway": {"XDG_CACHE_HOME": f"{PLACE.var_dir}/{paths.LLM}/cache"},
 }
 DATA, CACHE, KEY = "/data", "/cache", "/run/secrets/llm-api-key"
 SECRETS = {
-    name: KEY if name == roster.API_KEY else f"/run/secrets/{name.lower()}" for name in roster.KEPT
+    name: KEY if name == environments.API_KEY else f"/run/secrets/{name.lower()}"
+    for name in environments.KEPT
 }
 """Where a container finds the file that a setting names on the host."""
 _IN_HOST_NETWORK = ("controller", "gateway", "console")
@@ -114,7 +116,7 @@ def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
         data=DATA if spec.data else "",
         cache=CACHE if spec.cache else "",
         prometheus_host_port=spec.prometheus_port,
-        targets=f"{PLACE.var_dir}/{roster.TARGETS}/joined.json",
+        targets=f"{PLACE.var_dir}/{paths.TARGETS}/joined.json",
     )
 
 
@@ -129,7 +131,7 @@ def project_of(swarm: str) -> str:
 def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> str:
     """The compose file (YAML) of a swarm that runs from `image`, its LLM gateway from `llm_image`;
     see `place_of`."""
-    members = roster.services(spec, place_of(spec, gateway))
+    members = services(spec, place_of(spec, gateway))
     special = {
         "controller": CONTROLLER,
         "gateway": GATEWAY,
@@ -150,12 +152,12 @@ def compose_file(spec: SwarmSpec, image: str, llm_image: str, gateway: str) -> s
 
 def prometheus_file(spec: SwarmSpec) -> str:
     """Prometheus' configuration; it reaches each container by its name."""
-    return roster.prometheus_config(
-        roster.services(spec, place_of(spec)),
+    return scraping.prometheus_config(
+        services(spec, place_of(spec)),
         lambda service: service.name,
         ALERTS,
         place_of(spec).targets,
-        ca=roster.authority_path(PLACE.var_dir) if spec.secure else "",
+        ca=paths.authority_path(PLACE.var_dir) if spec.secure else "",
         tls=spec.metrics_tls,
     )
 
@@ -203,10 +205,10 @@ def _settings(service: Service) -> dict[str, str | None]:
         return {}
     found: dict[str, str | None] = {
         name: value
-        for name, value in roster.inherited(service.role, os.environ).items()
+        for name, value in environments.inherited(service.role, os.environ).items()
         if name.startswith("COADAPT_") and name not in NOT_FOR_PROCESSES
     }
-    for secret in roster.KEPT:
+    for secret in environments.KEPT:
         if secret in found:
             found[secret] = None
         if found.get(f"{secret}_FILE"):
@@ -218,7 +220,7 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
     volumes = []
     if service.role == "controller":
         volumes.append(f"{ENGINE_SOCKET}:{ENGINE_SOCKET}")
-    own = roster.inherited(service.role, os.environ)
+    own = environments.inherited(service.role, os.environ)
     for secret, place in SECRETS.items():
         if file := own.get(f"{secret}_FILE"):
             volumes.append(f"{Path(file).absolute()}:{place}:ro")
@@ -226,19 +228,19 @@ def _volumes(spec: SwarmSpec, service: Service) -> list[str]:
         volumes.append(f"{spec.var_dir}/{folder}:{PLACE.var_dir}/{folder}")
     # The authority has the whole keystore, its own identity in it.
     if spec.secure and service.common_name and service.role != "authority":
-        here = roster.identity_path(spec.var_dir, service.common_name)
-        there = roster.identity_path(PLACE.var_dir, service.common_name)
+        here = paths.identity_path(spec.var_dir, service.common_name)
+        there = paths.identity_path(PLACE.var_dir, service.common_name)
         volumes.append(f"{here}:{there}:ro")
-    targets = f"{spec.var_dir}/{roster.TARGETS}:{PLACE.var_dir}/{roster.TARGETS}"
+    targets = f"{spec.var_dir}/{paths.TARGETS}:{PLACE.var_dir}/{paths.TARGETS}"
     if service.role == "router":
         volumes.append(targets)
     if service.role == "console":
-        volumes.append(f"{spec.var_dir}/{roster.RECORDINGS}:{PLACE.var_dir}/{roster.RECORDINGS}:ro")
+        volumes.append(f"{spec.var_dir}/{paths.RECORDINGS}:{PLACE.var_dir}/{paths.RECORDINGS}:ro")
     if service.role == "prometheus":
         volumes.append(f"{spec.run_dir}/prometheus.yml:{PLACE.prometheus_config}:ro")
         volumes.append(f"{targets}:ro")
         if spec.secure:
-            here, there = map(roster.authority_path, (spec.var_dir, PLACE.var_dir))
+            here, there = map(paths.authority_path, (spec.var_dir, PLACE.var_dir))
             volumes.append(f"{here}:{there}:ro")
     if service.role in ("ego", "robot") and spec.data:
         volumes.append(f"{spec.data}:{DATA}:ro")

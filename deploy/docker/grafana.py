@@ -14,7 +14,7 @@ from typing import Any
 from deploy.dashboards import GRAFANA
 from deploy.docker.image import Say, exists, pull
 from deploy.ports import LOCALHOST
-from deploy.services import PROMETHEUS_PORT
+from deploy.roster import PROMETHEUS_PORT
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import msgspec
 
+from deploy.environments import inherited
 from deploy.netns import network
 from deploy.netns.log_files import rotate_logs
+from deploy.roster import Service
 from deploy.runtime import ProcessState
-from deploy.services import Service, inherited
 from swarm.log import Logger
 
 FIRST_DELAY_S = 0.5

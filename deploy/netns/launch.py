@@ -27,7 +27,7 @@ from deploy.spec import SwarmSpec
 from deploy.state import ProcessMark
 from swarm.errors import DeployError
 from swarm.traffic import TrafficClass
-from swarm.transport import CONTROL_BUFFER_BYTES
+from swarm.zenoh_config import CONTROL_BUFFER_BYTES
 
 START_S = 30.0
 START_S_A_ROBOT = 0.5

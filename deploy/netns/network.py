@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import subprocess
 
-from deploy.services import INFRA
+from deploy.roster import INFRA
 from deploy.spec import SwarmSpec
 from swarm.errors import DeployError
 

@@ -18,18 +18,13 @@ from pathlib import Path
 import msgspec
 
 from deploy.dashboards import ALERTS
+from deploy.environments import EGO_METRICS_PORT
 from deploy.netns import control, network, outside, relay
 from deploy.netns.children import Children
-from deploy.services import (
-    EGO_METRICS_PORT,
-    INFRA,
-    PROMETHEUS_PORT,
-    TARGETS,
-    Place,
-    authority_path,
-    prometheus_config,
-    services,
-)
+from deploy.paths import TARGETS, authority_path
+from deploy.roster import INFRA, PROMETHEUS_PORT, Place
+from deploy.scraping import prometheus_config
+from deploy.services import services
 from deploy.spec import SwarmSpec
 from swarm.errors import CoAdaptError
 from swarm.log import make_logger

@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from deploy import services as roster
+from deploy import environments, paths
 from deploy import state as record
 from deploy.docker import compose, grafana
 from deploy.docker.image import ensure_image
@@ -22,6 +22,7 @@ from deploy.docker.llm_image import ensure_llm_image
 from deploy.ports import check_free
 from deploy.progress import say
 from deploy.runtime import ProcessState, ProcessStatus
+from deploy.services import ego_metrics_url, services
 from deploy.spec import EMBEDDED, SwarmSpec, run_dir_of
 from swarm.errors import DeployError
 from swarm.trust.roles import operator_of
@@ -76,7 +77,7 @@ class DockerRuntime:
 
     def _start_from(self, image: str, llm_image: str, spec: SwarmSpec) -> None:
         run_dir = record.make_run_dir(spec)
-        for folder in roster.FOLDERS:
+        for folder in paths.FOLDERS:
             Path(spec.var_dir, folder).mkdir(parents=True, exist_ok=True)
         router = f"tcp/127.0.0.1:{spec.router_port}"
         if spec.secure:
@@ -84,8 +85,8 @@ class DockerRuntime:
 
             operator = operator_of(getpass.getuser())
             prepare(spec, compose.place_of(spec), operator)
-            own = roster.identity_path(spec.var_dir, operator.common_name)
-            router = roster.router_address(spec, "127.0.0.1", own)
+            own = paths.identity_path(spec.var_dir, operator.common_name)
+            router = environments.router_address(spec, "127.0.0.1", own)
         (run_dir / "prometheus.yml").write_text(compose.prometheus_file(spec))
         if spec.grafana:
             grafana.write_password(run_dir)
@@ -99,7 +100,7 @@ class DockerRuntime:
                 prometheus_url=(
                     f"http://127.0.0.1:{spec.prometheus_port}" if spec.prometheus else ""
                 ),
-                ego_metrics_url=roster.ego_metrics_url(spec),
+                ego_metrics_url=ego_metrics_url(spec),
                 qod_url=f"http://127.0.0.1:{spec.qod_port}",
                 llm_url=f"http://127.0.0.1:{spec.llm_port}" if spec.llm else "",
                 grafana_url=f"http://127.0.0.1:{spec.grafana_port}" if spec.grafana else "",
@@ -143,7 +144,7 @@ class DockerRuntime:
         state = record.need_state(swarm)
         with _faults():
             by_name = {c.labels[compose.SERVICE_LABEL]: c for c in self._containers(swarm)}
-        members = roster.services(state.spec, compose.place_of(state.spec))
+        members = services(state.spec, compose.place_of(state.spec))
         return tuple(_status(member.name, by_name.get(member.name)) for member in members)
 
     def logs(self, swarm: str, service: str, follow: bool) -> Iterator[str]:

@@ -11,10 +11,11 @@ from pathlib import Path
 
 from deploy.netns import control, detached, launch
 from deploy.netns.supervisor import ROUTER_SOCKET, place_of
+from deploy.paths import FOLDERS, identity_path
 from deploy.ports import listen_endpoints
 from deploy.progress import typed
 from deploy.runtime import ProcessStatus
-from deploy.services import FOLDERS, ego_metrics_url, identity_path, services
+from deploy.services import ego_metrics_url, services
 from deploy.spec import SwarmSpec, run_dir_of
 from deploy.state import (
     ProcessMark,

@@ -9,8 +9,10 @@ from typing import Annotated
 
 import msgspec
 
+from deploy.paths import KEYSTORE
 from deploy.ports import LOCALHOST
-from deploy.services import KEYSTORE, Place, services
+from deploy.roster import Place
+from deploy.services import services
 from deploy.spec import SwarmSpec
 from deploy.trust.keystore import AUTHORITY, LIFE, Keystore
 from swarm.errors import IdentityError

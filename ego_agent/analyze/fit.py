@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ego_agent.analyze.scene import DUPLICATE
 from ego_agent.knowledge.model import Snapshot
 from swarm.fitting import remark
@@ -25,13 +27,14 @@ def remarks(snapshot: Snapshot) -> dict[str, str]:
     return dict(odd[:MAX_NAMED])
 
 
-def told(snapshot: Snapshot) -> dict[str, str]:
-    """What robots should know of themselves: those that do not fit come before the odd ones."""
+def told(snapshot: Snapshot, odd: Mapping[str, str]) -> dict[str, str]:
+    """What robots should know of themselves: those that do not fit come before the `odd` ones, of
+    which `remarks` tells."""
     misfits = {
         robot: view.misfit or DUPLICATE
         for robot, view in snapshot.robots.items()
         if robot != snapshot.ego and view.alive and (view.misfit or view.duplicate)
     }
-    odd = {robot: words for robot, words in remarks(snapshot).items() if robot not in misfits}
-    chosen = [*sorted(misfits.items()), *sorted(odd.items())][:MAX_TOLD]
+    others = {robot: words for robot, words in odd.items() if robot not in misfits}
+    chosen = [*sorted(misfits.items()), *sorted(others.items())][:MAX_TOLD]
     return {robot: words[:MAX_CHARS] for robot, words in chosen}

@@ -17,7 +17,16 @@ from ego_agent.knowledge.quality import packaged_quality
 from perception.fusion.algorithms import all_fusions
 from swarm.arrays import pack
 from swarm.errors import DecisionError
-from swarm.messages import ALGORITHMS, Algorithm, Beacon, Count, Decision, RobotId, SceneDescription
+from swarm.messages import (
+    ALGORITHMS,
+    Algorithm,
+    Assignment,
+    Beacon,
+    Count,
+    Decision,
+    RobotId,
+    SceneDescription,
+)
 
 S = TypeVar("S", bound=msgspec.Struct)
 Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
@@ -61,6 +70,8 @@ class PreviousEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
     participants: tuple[RobotId, ...]
     algorithm: Algorithm
+    assignments: tuple[Assignment, ...] = ()
+    """What each sends, and how often, where that is not the same of all."""
 
 
 class SceneFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -204,6 +215,7 @@ def _previous(scene: SceneFile, now_ns: int) -> Decision | None:
         decided_ns=now_ns,
         participants=scene.previous.participants,
         algorithm=scene.previous.algorithm,
+        assignments=scene.previous.assignments,
         reason="",
         source="policy",
         policy="",

@@ -17,17 +17,17 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 
-from ego_agent.execute.frame_round import LATE_S, FrameRound, Missing
+from ego_agent.execute.frame_round import LATE_S, FrameRound, Missing, Question
 from ego_agent.execute.lessons import Lessons
 from ego_agent.execute.shared import SharedFrames
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
-from perception.fusion.base import Ask, Contribution
+from perception.fusion.base import Contribution
 from swarm import keyspace
 from swarm.errors import CoAdaptError, MessageError, RefusedError
-from swarm.messages import MAX_MESSAGE_BYTES, Algorithm, Observation, ObservationRequest
+from swarm.messages import MAX_MESSAGE_BYTES, Observation, ObservationRequest
 from swarm.process import Clock
 from swarm.session import Answer, Session
 
@@ -129,37 +129,31 @@ class Asker:
     def ask(
         self,
         session: Session | None,
-        robots: tuple[str, ...],
-        algorithm: Algorithm,
+        questions: Mapping[str, Question],
         capture_ns: int,
         deadline_s: float,
-        tell: Ask | None = None,
         *,
-        rate_hz: float = 10.0,
         probe: bool = False,
-        sharing: Mapping[str, float] | None = None,
     ) -> FrameRound:
-        """Asks the robots for the frame captured at `capture_ns` on the ego's clock; what comes
-        within `deadline_s` seconds counts as in time. `tell`: what they need to know to encode.
-        `probe`: only for the sake of its time, beside a frame. `sharing`: robots of which the ego
-        would take what they publish for several, and how many frames a second.
+        """Asks robots for the frame captured at `capture_ns` on the ego's clock, each for what its
+        question says; what comes within `deadline_s` seconds counts as in time. `probe`: only for
+        the sake of its time, beside a frame.
 
         `attend` takes up the answers; a round in which nobody could be asked is closed at once.
         """
-        tell = tell or Ask()
-        sharing = sharing if sharing is not None and self._share and not probe else {}
         now = time.monotonic()
-        done = FrameRound(algorithm, now, deadline_s, rate_hz=rate_hz, probe=probe)
+        done = FrameRound(questions, now, deadline_s, probe=probe)
         asked: list[str] = []
         relied: list[str] = []
-        for robot in robots:
+        for robot, question in questions.items():
+            algorithm = question.algorithm
             if session is None:
                 done.missing[robot] = Missing("offline", "no router")
             elif not self._monitor.is_alive(robot):
                 done.missing[robot] = Missing("left", "its liveliness token is gone")
             elif any(owed.round.probe for owed in self._owing.get(robot, ())):
                 done.missing[robot] = Missing("probe", "asked for another algorithm instead")
-            elif robot in sharing and self._shared.relies(robot, algorithm, now):
+            elif self._would_share(done, robot) and self._shared.relies(robot, algorithm, now):
                 relied.append(robot)
             elif self._is_busy(robot, now):
                 done.missing[robot] = Missing("busy", "still owes the answer for an earlier frame")
@@ -173,6 +167,9 @@ class Asker:
         limits = self._link.robot_limits(now)
         done.waiting.update(asked, relied)
         for robot in (*asked, *relied):
+            question = questions[robot]
+            algorithm, tell = question.algorithm, question.tell
+            sharing = self._would_share(done, robot)
             wanted_ns = capture_ns + self._clock_offset_ns(robot)
             done.asked_at[robot] = time.monotonic()
             if robot in relied:
@@ -191,9 +188,9 @@ class Asker:
                 max_bytes=max(MIN_PAYLOAD_BYTES, share),
                 reference=None if tell.reference is None else tell.reference.as_tuple(),
                 demand=tell.demand,
-                shares=robot in sharing and self._shared.wants(robot, algorithm, now),
+                shares=sharing and self._shared.wants(robot, algorithm, now),
                 listens=robot in relied,
-                rate_hz=sharing.get(robot, 0.0),
+                rate_hz=question.rate_hz if sharing else 0.0,
                 deadline_s=deadline_s,
             )
             self._send(_Ask(robot, request, done, session, tries=1))
@@ -202,6 +199,9 @@ class Asker:
         for awaited in [one for one in self._awaited if one.round is done]:
             self._look_for(awaited)
         return done
+
+    def _would_share(self, done: FrameRound, robot: str) -> bool:
+        return self._share and not done.probe and done.questions[robot].shares
 
     def attend(self, seconds: float) -> None:
         """Takes up answers for at most that long, and closes the rounds whose time is over; returns
@@ -290,6 +290,7 @@ class Asker:
     def _take(self, arrival: _Arrival) -> None:
         """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
+        algorithm = ask.request.algorithm
         if not ask.request.listens:
             self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at)
         if isinstance(arrival.outcome, Answer):
@@ -297,7 +298,7 @@ class Asker:
         self._settle(ask)
         if ask.request.shares and isinstance(arrival.outcome, Answer):
             told = arrival.outcome.message.shared_s
-            self._shared.promised(ask.session, ask.robot, done.algorithm, told, arrival.at)
+            self._shared.promised(ask.session, ask.robot, algorithm, told, arrival.at)
         if ask.request.listens and not _brings(arrival.outcome):
             return  # Only a renewal: the frame itself is published.
         late = ask.robot not in done.waiting
@@ -316,12 +317,12 @@ class Asker:
         done.arrived_at[ask.robot] = arrival.at
         answer = arrival.outcome
         seen = answer.message
-        self._tally.received(ask.robot, done.algorithm, len(seen.payload), late=late)
+        self._tally.received(ask.robot, algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
         wrong = self._mismatch(ask, seen) or self._wrong(ask.robot, ask.request.capture_ns, seen)
         if wrong is None:
             size, at_ns = len(seen.payload), self._clock.now_ns()
-            self.knowledge.record_payload(ask.robot, done.algorithm, size, at_ns)
+            self.knowledge.record_payload(ask.robot, algorithm, size, at_ns)
         if late or done.probe:
             return
         if wrong is not None:
@@ -346,7 +347,8 @@ class Asker:
     def _look_for(self, awaited: _Awaited, *, at_most_ns: int | None = None) -> None:
         """Takes a frame up that was relied upon, if it has come."""
         robot, done = awaited.robot, awaited.round
-        found = self._shared.find(robot, done.algorithm, awaited.capture_ns, at_most_ns=at_most_ns)
+        algorithm = done.algorithm_of(robot)
+        found = self._shared.find(robot, algorithm, awaited.capture_ns, at_most_ns=at_most_ns)
         if found is None or robot not in done.waiting:
             return
         seen, came_at = found
@@ -361,7 +363,7 @@ class Asker:
             done.missing[robot] = wrong
             return
         size, at_ns = len(seen.payload), self._clock.now_ns()
-        self.knowledge.record_payload(robot, done.algorithm, size, at_ns)
+        self.knowledge.record_payload(robot, algorithm, size, at_ns)
         _contribute(done, awaited.capture_ns, seen)
 
     def _settle_awaited(self, done: FrameRound, now: float) -> None:
@@ -371,7 +373,7 @@ class Asker:
             self._look_for(awaited, at_most_ns=self._max_skew_ns)
             if awaited in self._awaited:
                 self._awaited.remove(awaited)
-                self._shared.missed(awaited.robot, done.algorithm, now)
+                self._shared.missed(awaited.robot, done.algorithm_of(awaited.robot), now)
 
     def _mismatch(self, ask: _Ask, seen: Observation) -> Missing | None:
         """Why an answer is not what was asked for."""
@@ -415,7 +417,8 @@ def _contribute(done: FrameRound, wanted_ns: int, seen: Observation) -> None:
     done.encode_ms[seen.robot] = seen.encode_ms
     age_s = (wanted_ns - seen.capture_ns) * 1e-9
     pose = seen.sensor_pose().matrix()
-    done.take(Contribution(seen.robot, seen.payload, pose, age_s))
+    form = seen.algorithm if done.is_mixed else ""
+    done.take(Contribution(seen.robot, seen.payload, pose, age_s, form))
 
 
 def _why(error: CoAdaptError) -> Missing:

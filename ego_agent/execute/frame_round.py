@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from perception.fusion.base import Contribution
+from perception.fusion.base import Ask, Contribution
 from swarm.messages import Algorithm
 
 LATE_S = 1.25
@@ -30,12 +30,26 @@ class Missing:
         return f"{self.kind}: {self.detail}"
 
 
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What a robot is asked for in a frame."""
+
+    algorithm: Algorithm
+    tell: Ask = field(default_factory=Ask)
+    """What it must know to encode."""
+    rate_hz: float = 10.0
+    """How often it is asked for it."""
+    shares: bool = False
+    """Whether the ego would take what it publishes for several."""
+
+
 @dataclass(slots=True, eq=False)
 class FrameRound:
     """The requests of one frame. The asking thread writes it; until the frame's time is over, other
     threads only read `contributions_in_turn`."""
 
-    algorithm: Algorithm
+    questions: Mapping[str, Question]
+    """By robot."""
     begun_at: float
     deadline_s: float
     contributions: list[Contribution] = field(default_factory=list)
@@ -50,8 +64,6 @@ class FrameRound:
     """When each robot's answer was there, also one that was late."""
     encode_ms: dict[str, float] = field(default_factory=dict)
     """How long each contribution's robot took to encode it."""
-    rate_hz: float = 10.0
-    """Of the frames that wait for it."""
     capacity_bps: float = 1.0
     """C(t) when it began."""
     probe: bool = False
@@ -59,6 +71,15 @@ class FrameRound:
     closed_at: float | None = None
     """When the last robot had answered or the deadline had passed; None until then."""
     _arrived: queue.SimpleQueue[Contribution | None] = field(default_factory=queue.SimpleQueue)
+
+    def algorithm_of(self, robot: str) -> Algorithm:
+        """What a robot was asked for."""
+        return self.questions[robot].algorithm
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether robots were asked for different forms."""
+        return len({question.algorithm for question in self.questions.values()}) > 1
 
     @property
     def due_at(self) -> float:

@@ -10,22 +10,23 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ego_agent.execute.ask import Asker
-from ego_agent.execute.frame_round import FrameRound, Missing
+from ego_agent.execute.frame_round import FrameRound, Missing, Question
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
-from ego_agent.knowledge.pace import due, rate_of, stride
+from ego_agent.knowledge.pace import algorithm_of, due, rate_of, stride
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
 from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.known import KnownRobot, seen_at
+from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
 from perception.memory.memory import Frame, Memory, Remembered, View
 from perception.memory.remembering import remember
@@ -35,7 +36,7 @@ from swarm.arrays import pack
 from swarm.errors import PerceptionError, TransportError
 from swarm.log import Logger
 from swarm.loop_watch import Loops, Turned, unwatched
-from swarm.messages import Decision, Detections
+from swarm.messages import MIXED, Algorithm, Decision, Detections
 from swarm.messages.ego import MAX_NAMED
 from swarm.session import Session
 
@@ -118,6 +119,8 @@ class FusionLoop:
         self._fusions = fusions
         self._motion = motion
         self._memory = memory
+        self.remembered: Remembered | None = None
+        """What was there at the newest fused frame; None without a memory. Any thread may read."""
         self._tally = tally
         self._log = log
         self._detector = detector
@@ -210,7 +213,7 @@ class FusionLoop:
             try:
                 result = self._fused(frame, time.monotonic())
                 self._tally.fused(result.latency_ms, len(result.boxes), result.missing_kinds())
-                self._publish(frame.decision, result)
+                self._publish(frame, result)
                 if self._on_result is not None:
                     self._on_result(result)
                 self._sensor.describe(frame.own)
@@ -227,28 +230,38 @@ class FusionLoop:
     def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
         """Begins a frame and asks its robots."""
         step = stride(decision, self._sensor.rate_hz, self._rate_hz)
-        others = tuple(
-            robot
+        forms = {
+            robot: algorithm_of(decision, robot)
             for robot in decision.participants
             if robot != self._ego and due(decision, robot, own.frame // step)
-        )
-        # Robots that contribute rarely take turns, in an order of this ego's own.
-        always = [robot for robot in others if rate_of(decision, robot) >= decision.rate_hz]
-        fusion = self._fusions[decision.algorithm]
+        }
+        algorithm, fusion = self._fusion_of(decision, forms.values())
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
         self._probe(decision, own)
+        tell = {form: gathering.ask_for(form) for form in dict.fromkeys(forms.values())}
+        questions = {}
+        for robot, form in forms.items():
+            rate_hz = rate_of(decision, robot)
+            # Robots that contribute rarely take turns, in an order of this ego's own.
+            shares = self._fusions[form].shareable and rate_hz >= decision.rate_hz
+            questions[robot] = Question(form, tell[form], rate_hz, shares)
         done = self._asker.ask(
-            self._session,
-            others,
-            decision.algorithm,
-            own.capture_ns,
-            decision.deadline_s or self._deadline_s,
-            gathering.ask(),
-            rate_hz=min((rate_of(decision, robot) for robot in others), default=decision.rate_hz),
-            sharing=dict.fromkeys(always, decision.rate_hz) if fusion.shareable else {},
+            self._session, questions, own.capture_ns, decision.deadline_s or self._deadline_s
         )
-        return AskedFrame(decision, own, fusion, gathering, done)
+        return AskedFrame(decision, own, algorithm, fusion, gathering, done)
+
+    def _fusion_of(
+        self, decision: Decision, forms: Collection[Algorithm]
+    ) -> tuple[Algorithm, Fusion]:
+        """What fuses a frame to which these forms are asked, and its name; with one form only, that
+        form's own fusion."""
+        if decision.algorithm != MIXED:
+            return decision.algorithm, self._fusions[decision.algorithm]
+        kinds = sorted({*forms}) or [one.algorithm for one in decision.assignments[:1]]
+        if len(kinds) == 1:
+            return kinds[0], self._fusions[kinds[0]]
+        return MIXED, Mixed({form: self._fusions[form] for form in kinds})
 
     def _probe(self, decision: Decision, own: OwnFrame) -> None:
         """Asks the decision's question on the side, once: its answer teaches, and is not fused."""
@@ -256,17 +269,15 @@ class FusionLoop:
         if probe is None or decision is self._probed:
             return
         self._probed = decision
-        if probe.algorithm == decision.algorithm and probe.robot in decision.participants:
+        asked = algorithm_of(decision, probe.robot)
+        if probe.algorithm == asked and probe.robot in decision.participants:
             return  # It is asked for that anyway by now.
-        fusion = self._fusions[probe.algorithm]
+        tell = self._fusions[probe.algorithm].begin(own.points, own.world_from_sensor).ask()
         self._asker.ask(
             self._session,
-            (probe.robot,),
-            probe.algorithm,
+            {probe.robot: Question(probe.algorithm, tell, decision.rate_hz)},
             own.capture_ns,
             decision.deadline_s or self._deadline_s,
-            fusion.begin(own.points, own.world_from_sensor).ask(),
-            rate_hz=decision.rate_hz,
             probe=True,
         )
 
@@ -298,14 +309,16 @@ class FusionLoop:
             found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
             corrections, clouds = {}, {}
         used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
+        judged_as = self._judged_as(frame, used)
         known = seen_at(self._known.at(own.capture_ns), corrections)
-        boxes = publish(found, self._detector, frame.fusion, len(used), known)
+        boxes = publish(found, self._detector, judged_as, len(used), known)
         clouds[self._ego] = (own.points, own.world_from_sensor)
-        tracks = self._remembered(frame, found, frozenset(used), known, clouds)
+        tracks = self._remembered(frame, judged_as, found, frozenset(used), known, clouds)
+        self.remembered = tracks
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
         count = len(done.contributions)
-        self._asker.knowledge.own_costs.record(frame.decision.algorithm, count, fixed_s, add_s)
+        self._asker.knowledge.own_costs.record(frame.algorithm, count, fixed_s, add_s)
         assert done.closed_at is not None
         return FrameResult(
             own=own,
@@ -319,12 +332,20 @@ class FusionLoop:
             add_ms=add_s * 1e3,
             fuse_ms=(end_at - fuse_at) * 1e3,
             tracks=tracks,
-            operating_point=operating_point(self._detector, frame.fusion),
+            operating_point=operating_point(self._detector, judged_as),
         )
+
+    def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
+        """Whose calibration the scores of a frame have to which these robots contributed."""
+        if not isinstance(frame.fusion, Mixed):
+            return frame.fusion
+        sent = [frame.round.algorithm_of(robot) for robot in used]
+        return self._fusions[scored_by(sent) if sent else next(iter(frame.fusion.forms))]
 
     def _remembered(
         self,
         frame: AskedFrame,
+        judged_as: Fusion,
         found: Boxes,
         helpers: frozenset[str],
         known: tuple[KnownRobot, ...],
@@ -344,7 +365,7 @@ class FusionLoop:
                     frame.own.world_from_sensor,
                 ),
                 self._detector,
-                frame.fusion,
+                judged_as,
                 known,
             )
         except Exception:
@@ -360,9 +381,10 @@ class FusionLoop:
         self._log.error("fusion_failed", frame=own.frame, exc_info=True)
         return Missing("rejected", f"fusion failed: {type(error).__name__}")
 
-    def _publish(self, decision: Decision, result: FrameResult) -> None:
+    def _publish(self, frame: AskedFrame, result: FrameResult) -> None:
         if not self._speaks():
             return
+        decision = frame.decision
         session, boxes = self._session, result.boxes
         table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
         message = Detections(
@@ -370,7 +392,7 @@ class FusionLoop:
             cycle=decision.cycle,
             frame=result.own.frame,
             capture_ns=result.own.capture_ns,
-            algorithm=decision.algorithm,
+            algorithm=frame.algorithm,
             participants=result.participants,
             missing={robot: str(why) for robot, why in result.missing.items()},
             missing_kinds=result.missing_kinds(),
@@ -383,6 +405,7 @@ class FusionLoop:
             latency_ms=result.latency_ms,
             age_ms=max(0.0, self._sensor.age_s(result.own) * 1e3),
             tracks=None if result.tracks is None else _tracks(result.tracks),
+            forms=_forms(frame, result),
         )
         try:
             if session is None:
@@ -390,6 +413,13 @@ class FusionLoop:
             session.put(keyspace.detections(session.swarm, self._ego), message)
         except TransportError:
             self.unpublished += 1
+
+
+def _forms(frame: AskedFrame, result: FrameResult) -> dict[str, Algorithm]:
+    """What each participant has sent, where that differs."""
+    if frame.algorithm != MIXED:
+        return {}
+    return {robot: frame.round.algorithm_of(robot) for robot in result.participants[1:]}
 
 
 def _tracks(told: Remembered) -> messages.Tracks:

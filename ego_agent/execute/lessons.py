@@ -59,10 +59,11 @@ class Lessons:
         at_least: bool = False,
     ) -> None:
         """All frames of the time `more_s` that it kept the robot busy count."""
-        frames = frames_of(more_s, done.rate_hz, self._frames_hz)
+        question = done.questions[robot]
+        frames = frames_of(more_s, question.rate_hz, self._frames_hz)
         self._experience.record(
             robot,
-            done.algorithm,
+            question.algorithm,
             answer_s,
             frames=PROBE_FRAMES if done.probe else frames,
             encode_s=encode_s,

@@ -17,7 +17,7 @@ from ego_agent.execute.frame_round import FrameRound
 from ego_agent.execute.sense import OwnFrame
 from perception.fusion.base import Fusion, Gathering
 from swarm.loop_watch import Turned, nobody
-from swarm.messages import Decision
+from swarm.messages import Algorithm, Decision
 
 MAX_FRAMES = 4
 """Under way at a time: what a deadline of a quarter of a second takes at 10 Hz, and one that is
@@ -34,6 +34,8 @@ class AskedFrame:
 
     decision: Decision
     own: OwnFrame
+    algorithm: Algorithm
+    """Of what its robots are asked for; `mixed` where that differs."""
     fusion: Fusion
     gathering: Gathering
     round: FrameRound

@@ -6,17 +6,19 @@ called from any thread.
 
 from __future__ import annotations
 
+import copy
 import threading
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from statistics import median
 
-from ego_agent.knowledge.compute import Work, packaged_compute
+from ego_agent.knowledge.compute import SINGLE, Work, packaged_compute
 from ego_agent.knowledge.experience import Experience
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.own_costs import OwnCosts
 from ego_agent.knowledge.quality import QualityModel, quality_of
+from ego_agent.knowledge.rates import USUAL_DETECTOR, RateModel, rates_of
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
@@ -62,11 +64,15 @@ class Knowledge:
         results: int = 256,
         learns: bool = True,
         shares: bool = True,
+        rates: RateModel | None = None,
+        mixable: Iterable[str] | None = None,
     ) -> None:
         """`algorithms`: those that can be fused, early to late. `quality`: what precision to
         expect, a share where None. `works`: what algorithms take of processors, where nothing was
         measured yet; nothing where None. `learns`: whether decisions heed what came of those
-        before. `shares`: whether the ego takes what robots publish for several."""
+        before. `shares`: whether the ego takes what robots publish for several. `rates`: what rarer
+        contributions are worth, USUAL_DETECTOR's where None. `mixable`: algorithms that can be
+        fused in one frame, all of them where None."""
         self.learns = learns
         self.shares = shares
         self.experience = Experience()
@@ -78,6 +84,8 @@ class Knowledge:
         if not self.algorithms:
             raise DecisionError("no algorithm is available")
         self.quality = quality or QualityModel()
+        self.rates = rates or rates_of(USUAL_DETECTOR)
+        self.mixable = frozenset(self.algorithms if mixable is None else mixable)
         self._works = dict(works or {})
         self._receipts = receipts
         self._max_age_ns = int(receipt_max_age_s * 1e9)
@@ -94,14 +102,28 @@ class Knowledge:
         *,
         learns: bool = True,
         shares: bool = True,
+        mixable: Iterable[str] | None = None,
     ) -> Knowledge:
         """Of an ego with that detector: its quality model, and what its algorithms take of
         processors. Where it has none, Q is a share and work costs nothing until it is measured."""
         works = packaged_compute().detectors.get(detector)
         quality = quality_of(detector)
         return cls(
-            objective, algorithms, quality=quality, works=works, learns=learns, shares=shares
+            objective,
+            algorithms,
+            quality=quality,
+            works=works,
+            learns=learns,
+            shares=shares,
+            rates=rates_of(detector),
+            mixable=mixable,
         )
+
+    def aiming_at(self, objective: Objective) -> Knowledge:
+        """The same knowledge, which goes on growing, with another objective."""
+        other = copy.copy(self)
+        other.objective = objective
+        return other
 
     def record_payload(self, robot: str, algorithm: str, size: int, now_ns: int) -> None:
         """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock."""
@@ -157,6 +179,11 @@ class Knowledge:
         if measured_s is not None:
             return measured_s
         return self._works.get(algorithm, NO_WORK).encode_ms * 1e-3
+
+    def fixed_s(self) -> float:
+        """Seconds of the ego's processor that a fused frame takes, whoever takes part: as
+        usual."""
+        return self._works.get(SINGLE, NO_WORK).fixed_ms * 1e-3
 
     def add_s(self, algorithm: Algorithm) -> float:
         """Seconds of the ego's processor that one contribution takes: as measured, else as

@@ -18,10 +18,11 @@ from typing import BinaryIO
 
 import msgspec
 
+from ego_agent.knowledge.weighed import Weighed
 from swarm.errors import JournalError
 from swarm.files import write_whole
 from swarm.line_file import PART_BYTES, PARTS, LineFile, open_parts
-from swarm.messages import AdviceReport, Algorithm, Probe, Source
+from swarm.messages import AdviceReport, Algorithm, Assignment, IntentTold, Probe, Source
 
 VERSION = 1
 MAX_PENDING = 600
@@ -87,6 +88,8 @@ class Decided(msgspec.Struct, frozen=True, kw_only=True):
     """Chosen robots of which nothing arrives, and why."""
     stands_in_for: str | None = None
     """The ego in whose stead this one decided; None: in its own."""
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant sends, and how often, where that is not the same of all."""
 
 
 class Frames(msgspec.Struct, frozen=True, kw_only=True):
@@ -116,6 +119,8 @@ class Demand(msgspec.Struct, frozen=True, kw_only=True):
     possible: bool
     reachable: bool
     unreachable_s: float
+    mean_bytes_s: int = 0
+    burst_bytes: int = 0
 
 
 class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -141,6 +146,10 @@ class CycleRecord(msgspec.Struct, frozen=True, kw_only=True):
     """None in lines of older programs, and where the scene could not be told."""
     advice: AdviceReport | None = None
     """None in lines of older programs, and of policies that ask no language model."""
+    intents: tuple[IntentTold, ...] = ()
+    """Operators' intents that the decision obeys, and what each did to it."""
+    weighed: Weighed | None = None
+    """None in lines of older programs, and where the scene could not be told."""
 
 
 ByteTotals = Counter[tuple[str, str]]

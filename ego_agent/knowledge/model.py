@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import AnswerTimes
 from swarm.geometry import Pose
-from swarm.messages import AdviceReport, Algorithm, Beacon, SceneDescription, Source
+from swarm.messages import (
+    AdviceReport,
+    Algorithm,
+    Assignment,
+    Beacon,
+    SceneDescription,
+    Source,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +92,16 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class Weights:
+    """How much what is seen counts, where not all counts alike: numbers above 0."""
+
+    cells: NDArray[np.float32]
+    """(G, G)."""
+    objects: NDArray[np.float32]
+    """(K,)."""
+
+
+@dataclass(frozen=True, slots=True)
 class UnifiedScene:
     """One scene from all robots' descriptions, on a square grid centred on the ego."""
 
@@ -102,6 +119,13 @@ class UnifiedScene:
     they could show counts in what all could."""
     unknown: int = 0
     """Such robots of which nothing tells what they could show."""
+    left_out: tuple[Candidate, ...] = ()
+    """Who may not take part by an operator's intent: what they could show counts in what all
+    could."""
+    weights: Weights | None = None
+    """None: every cell and every object counts alike."""
+    preferred: frozenset[str] = frozenset()
+    """Candidates that an operator would rather have."""
 
     def is_whole(self) -> bool:
         """Whether somebody is there, and nobody is unheard."""
@@ -126,3 +150,6 @@ class Proposal:
     """How the policy stands with its language model, where it has one."""
     rate_hz: float | None = None
     """Frames a second; None leaves the best pace to validation."""
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant but the ego shall send, and how often; empty: all the same, in every
+    frame."""

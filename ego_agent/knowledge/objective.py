@@ -11,7 +11,7 @@ from typing import Annotated
 import msgspec
 
 from swarm.defaults import COMM_RANGE_M, Q_MIN
-from swarm.messages.steer import QMin
+from swarm.messages.choices import QMin
 
 BYTES_A_MEGABYTE = 1e6
 TENTHS = 10.0

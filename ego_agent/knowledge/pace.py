@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ego_agent.knowledge.objective import Objective
-from swarm.messages import Decision
+from swarm.messages import Algorithm, Decision
 
 MAX_DEADLINE_S = 1.0
 """A slower pace may wait this long: what is older shows another moment."""
@@ -19,9 +21,8 @@ SLOWER_HZ = (5.0, 2.5, 2.0, 1.0)
 """Rates that a live ego may choose instead of the set one."""
 
 
-RARER_HZ = (5.0, 2.0)
-"""Rates at which a live ego may ask single robots: whatever its cycle of a second, each contributes
-at least twice in it."""
+RARER_HZ = (5.0, 2.0, 1.0, 0.5)
+"""Rates at which a live ego may ask single robots."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,19 +60,37 @@ def paces(objective: Objective) -> tuple[Pace, ...]:
 
 
 def due(decision: Decision, robot: str, number: int) -> bool:
-    """Whether a participant contributes to the fused frame of that number.
+    """Whether a participant contributes to the fused frame of that number."""
+    rates = {one.robot: one.rate_hz for one in decision.assignments}
+    return robot not in rates or robot in in_turn(rates, decision.rate_hz, number)
+
+
+def in_turn(rates: Mapping[str, float], frames_hz: float, number: int) -> tuple[str, ...]:
+    """Who contributes to the fused frame of that number, of robots with these rates.
 
     Robots of one rate take turns, by their names: a frame takes up few, and a place that several
     see is seen anew more often.
     """
-    step = max(1, round(decision.rate_hz / rate_of(decision, robot)))
-    return number % step == sorted(decision.participants).index(robot) % step
+    places: Counter[int] = Counter()
+    found = []
+    for robot in sorted(rates):
+        step = max(1, round(frames_hz / rates[robot]))
+        if number % step == places[step] % step:
+            found.append(robot)
+        places[step] += 1
+    return tuple(found)
 
 
 def rate_of(decision: Decision, robot: str) -> float:
     """Contributions a second of a participant."""
     rates = (one.rate_hz for one in decision.assignments if one.robot == robot)
     return next(rates, decision.rate_hz)
+
+
+def algorithm_of(decision: Decision, robot: str) -> Algorithm:
+    """What a participant sends."""
+    forms = (one.algorithm for one in decision.assignments if one.robot == robot)
+    return next(forms, decision.algorithm)
 
 
 def stride(decision: Decision, sensor_hz: float, most_hz: float) -> int:

@@ -17,6 +17,7 @@ from ego_agent.knowledge.journal import (
 )
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.tally import Tally
+from ego_agent.knowledge.weighed import Weighed
 from swarm.messages import Decision, NetDemand
 
 
@@ -29,6 +30,7 @@ def cycle_record(
     published: bool,
     cycle_ms: float,
     demand: NetDemand | None = None,
+    weighed: Weighed | None = None,
 ) -> CycleRecord:
     """The line of a cycle from what it saw, decided and received."""
     known = {c.robot: c.answers for c in scene.candidates} if scene else {}
@@ -89,6 +91,7 @@ def cycle_record(
             blind=decision.blind,
             silent=decision.silent,
             stands_in_for=decision.stands_in_for,
+            assignments=decision.assignments,
         ),
         published=published,
         bytes=_nested(tally.received),
@@ -113,8 +116,12 @@ def cycle_record(
             possible=demand.possible,
             reachable=demand.reachable,
             unreachable_s=round(demand.unreachable_s, 3),
+            mean_bytes_s=demand.mean_bytes_s,
+            burst_bytes=demand.burst_bytes,
         ),
         advice=decision.advice,
+        intents=decision.intents,
+        weighed=weighed,
     )
 
 

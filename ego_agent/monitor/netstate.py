@@ -17,7 +17,7 @@ from ego_agent.monitor.evidence import MIN_STOOD_MS, Queues
 from ego_agent.monitor.link import LinkEstimate
 from swarm.controllers import FRESH_S
 from swarm.messages import Direction, LinkState, NetState, TcpState
-from swarm.tcp import connections
+from swarm.tcp.info import connections
 from swarm.traffic import TrafficClass
 
 STEADY_S = 3.0

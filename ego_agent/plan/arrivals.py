@@ -47,7 +47,7 @@ class Arrivals:
                 ((self._why[robot], _),) = asked[robot].most_common(1)
         if sum(tally.in_time.values()) or len(decision.participants) == 1:
             self._alone = 0
-        else:
+        elif tally.missing or not tally.fused:  # else nobody was due
             self._alone += 1
 
     def told(

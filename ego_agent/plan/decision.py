@@ -78,3 +78,20 @@ def _decided(
         cycle=cycle,
         now_ns=now_ns,
     )
+
+
+def alone(snapshot: Snapshot, knowledge: Knowledge, policy: str, reason: str) -> Decision:
+    """The decision that always holds: the ego alone costs nothing and needs nobody."""
+    return Decision(
+        ego=snapshot.ego,
+        cycle=snapshot.cycle,
+        decided_ns=snapshot.now_ns,
+        participants=(snapshot.ego,),
+        algorithm=knowledge.best_algorithm(),
+        reason=reason,
+        source="fallback",
+        policy=policy,
+        valid=snapshot.robots[snapshot.ego].beacon is not None,
+        rate_hz=knowledge.objective.rate_hz,
+        capacity_bps=max(1.0, snapshot.capacity_bps),
+    )

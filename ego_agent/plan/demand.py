@@ -7,11 +7,12 @@ links keep theirs, as no wider cell would help there.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.choices.greedy import grow
+from ego_agent.plan.choices.mixes import Mixes, burst
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.control_budget import Wish
 from swarm.messages import Decision, NetDemand
@@ -21,6 +22,11 @@ UNLIMITED_BYTES = 2**62
 
 ROUNDING = 1e-9
 """Sums in another order differ by less than this."""
+
+
+STEP = 0.7
+NARROWER = 8
+"""Each cell that is tried is so much narrower than the one before, so often at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +54,26 @@ def need(scene: UnifiedScene, knowledge: Knowledge) -> Need:
     bytes_s = math.ceil(cost * objective.rate_hz / objective.headroom)
     while objective.budget_bytes(8.0 * bytes_s) < cost:
         bytes_s += 1  # rounding of the budget
+    if cost and objective.rarer_hz and knowledge.mixable:
+        bytes_s = _with_assignments(scorer, bytes_s)
+        return Need(bytes_s, possible=True, fits=8 * bytes_s <= scene.capacity_bps)
     return Need(bytes_s, possible=True, fits=cost <= objective.budget_bytes(scene.capacity_bps))
+
+
+def _with_assignments(scorer: Scorer, bytes_s: int) -> int:
+    """The same where each robot may have an algorithm and a rate of its own: the narrowest cell of
+    a few on which such a choice reaches Q_min, mean and burst; `bytes_s` where none does."""
+    found = bytes_s
+    for _ in range(NARROWER):
+        # Bytes cost more on a narrower cell, so another choice may be made there.
+        scene = replace(scorer.scene, capacity_bps=math.ceil(found * STEP) * 8.0)
+        mixes = Mixes(Scorer(scene, scorer.knowledge, hopes=True))
+        q_min = scorer.objective.q_min
+        grown = (mixes.grow(by_byte=by_byte) for by_byte in (True, False))
+        if not any(_reached(score.quality, q_min) for score in grown):
+            break
+        found = math.ceil(found * STEP)
+    return found
 
 
 def _cheapest(scorer: Scorer) -> int | None:
@@ -126,4 +151,17 @@ class DemandMeter:
             steady_ns=steady_ns,
             control_bps=control.each_bps if control else 0,
             fewer_bps=control.fewer_bps if control else {},
+            mean_bytes_s=round(decision.cost_bytes * decision.rate_hz),
+            burst_bytes=_burst_bytes(scene, decision),
         )
+
+
+def _burst_bytes(scene: UnifiedScene, decision: Decision) -> int:
+    """Bytes of the largest fused frame of a decision, by what its robots announce."""
+    if not decision.assignments:
+        return decision.cost_bytes
+    sizes = {candidate.robot: candidate.sizes for candidate in scene.candidates}
+    known = {
+        one.robot: sizes.get(one.robot, {}).get(one.algorithm, 0) for one in decision.assignments
+    }
+    return burst(decision.assignments, decision.rate_hz, known)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.pace import algorithm_of
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision, Probe
@@ -93,13 +94,15 @@ def _of(scorer: Scorer, hoped: Score, decision: Decision) -> Probe | None:
     """The hoped-for participant to ask: of those that are doubted and not asked for the same
     anyway, the one whose answers are known least. None where nobody is, or where the link does not
     carry the answer within a second."""
-    same = decision.participants if decision.algorithm == hoped.algorithm else ()
+    same = {
+        robot for robot in decision.participants if algorithm_of(decision, robot) == hoped.algorithm
+    }
     scene, objective = scorer.scene, scorer.objective
     free_bps = (
         objective.headroom * scene.capacity_bps - 8.0 * decision.cost_bytes * decision.rate_hz
     )
     able = []
-    for robot in set(hoped.participants) - set(same):
+    for robot in set(hoped.participants) - same:
         size = scorer.size(robot, hoped.algorithm)
         if scorer.in_time(robot, hoped.algorithm) < DOUBTED and 8.0 * size <= free_bps:
             answers = scene.candidates[scorer.row_of[robot] - 1].answers.get(hoped.algorithm)

@@ -24,8 +24,8 @@ from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIO
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
-from swarm.http_access import Access
-from swarm.http_serving import media_type
+from swarm.http.access import Access
+from swarm.http.serving import media_type
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 65_536

@@ -19,8 +19,8 @@ from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.service import Service
 from swarm.errors import SettingError
-from swarm.http_access import Access, check_token
-from swarm.http_serving import bind, server_config
+from swarm.http.access import Access, check_token
+from swarm.http.serving import bind, server_config
 from swarm.log import Logger
 
 MAX_CONNECTIONS = 100

@@ -17,7 +17,7 @@ from network_controller.qod.problems import (
     invalid_sink,
     invalid_token,
 )
-from swarm.http_access import is_token
+from swarm.http.access import is_token
 
 
 @dataclass(frozen=True, slots=True)

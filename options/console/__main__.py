@@ -17,9 +17,9 @@ from options.console.metrics import ConsoleMetrics
 from options.console.prometheus import Prometheus
 from options.console.seats import Seats
 from options.console.settings import ConsoleSettings, load_settings
-from swarm import transport
+from swarm import zenoh_config
 from swarm.errors import CoAdaptError
-from swarm.http_hosts import Hosts, is_loopback
+from swarm.http.hosts import Hosts, is_loopback
 from swarm.log import make_logger
 from swarm.loop_watch import Loops, LoopWatch, keep_turning, unwatched
 from swarm.metrics import serve_metrics
@@ -31,7 +31,7 @@ def main() -> int:
     stop = stop_on_signals()
     try:
         settings = load_settings()
-        transport.check_router(settings.router, "console")
+        zenoh_config.check_router(settings.router, "console")
         endpoint = Endpoint(settings)
         registry = CollectorRegistry()
         server = serve_metrics(registry, settings)
@@ -60,7 +60,7 @@ async def serve(
     seats = Seats(settings, server, log)
     app = make_app(
         seats,
-        plan(settings.world, settings.world_robots, settings.world_seed),
+        plan(settings.world, settings.world_robots, settings.world_seed, settings.console_site),
         Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
         settings.console_token,
         metrics,

@@ -25,9 +25,9 @@ from options.console.seats import Seat, Seats
 from options.console.watch import Watch
 from swarm.controllers import merged
 from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
-from swarm.http_events import EventStream
-from swarm.http_hosts import Hosts
-from swarm.http_serving import media_type
+from swarm.http.events import EventStream
+from swarm.http.hosts import Hosts
+from swarm.http.serving import media_type
 from swarm.log import Logger
 from swarm.messages import Message, ShapeRequest
 
@@ -35,7 +35,12 @@ PAGE = Path(__file__).parent / "page"
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 CSRF_HEADER = "x-coadapt-csrf"
 OPERATOR = "console"
-WHO = {"shape": "the network controller", "ego": "the ego", "robot": "the robot"}
+WHO = {
+    "shape": "the network controller",
+    "ego": "the ego",
+    "robot": "the robot",
+    "wish": "the LLM gateway",
+}
 MAX_BODY_BYTES = 1_500_000
 """A trace of 100,000 rates fits, also where each is 10 Gbit/s."""
 WRONG_TOKEN_S = 1.0

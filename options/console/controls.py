@@ -1,4 +1,4 @@
-"""What operators may ask for here: the requests that `coadapt net` and `coadapt steer` send."""
+"""What operators may ask for here: what `coadapt net`, `steer` and `wish` send."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from swarm.messages import (
     RobotSteering,
     ShapeReply,
     ShapeRequest,
+    WishAnswer,
+    WishRequest,
 )
 
 
@@ -34,6 +36,7 @@ CONTROLS = {
     "ego": Control(
         EgoSteering, EgoSteered, lambda swarm, ego, who: keyspace.ego_steering(swarm, ego)
     ),
+    "wish": Control(WishRequest, WishAnswer, lambda swarm, ego, who: keyspace.llm_wish(swarm)),
     "robot": Control(
         RobotSteering, RobotSteered, lambda swarm, ego, who: keyspace.robot_steering(swarm, who)
     ),

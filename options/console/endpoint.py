@@ -7,8 +7,8 @@ from typing import Any
 
 from options.console.hub import MAX_VIEWERS
 from options.console.settings import ConsoleSettings
-from swarm.http_access import check_token
-from swarm.http_serving import HttpServer, bind, server_config
+from swarm.http.access import check_token
+from swarm.http.serving import HttpServer, bind, server_config
 
 MAX_CONNECTIONS = 4 * MAX_VIEWERS
 SEND_BUFFER = 64 * 1024

@@ -12,8 +12,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from swarm.http_access import Bearer
-from swarm.http_hosts import Hosts
+from swarm.http.access import Bearer
+from swarm.http.hosts import Hosts
 
 COOKIE = "coadapt_console"
 SIGNED_IN_S = 12 * 3600

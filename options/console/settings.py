@@ -8,8 +8,8 @@ from typing import Annotated
 import msgspec
 
 from swarm.defaults import COMM_RANGE_M, CONSOLE_PORT, CommRange
-from swarm.http_access import token_of
-from swarm.http_hosts import HostNames
+from swarm.http.access import token_of
+from swarm.http.hosts import HostNames
 from swarm.process import ProcessSettings
 from swarm.settings import Name, Port, Secret, load, shown
 
@@ -54,6 +54,8 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     """Where people's browsers reach it."""
     console_recordings: str = ""
     """The folder of the swarm's recordings; empty: none is shown."""
+    console_site: str = ""
+    """A site file, with names of places; empty: a simulated factory's own."""
 
     def __repr__(self) -> str:
         return shown(self)

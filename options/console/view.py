@@ -245,6 +245,17 @@ class View:
             "assignments": [
                 [one.robot, one.algorithm, round(one.rate_hz, 2)] for one in decision.assignments
             ],
+            "intents": [
+                {
+                    "number": one.number,
+                    "operator": one.operator,
+                    "since": one.since_ns / 1e9,
+                    "until": one.until,
+                    "says": one.says,
+                    "bound": one.bound,
+                }
+                for one in decision.intents
+            ],
             "arrival": {robot: round(share, 2) for robot, share in decision.arrival.items()},
         }
         now = monotonic()
@@ -268,6 +279,7 @@ class View:
             "needed_bps": 8 * demand.needed_bytes_s,
             "possible": demand.possible,
             "reachable": demand.reachable,
+            "burst_bytes": demand.burst_bytes,
             "q_min": demand.q_min,
         }
         with self._lock:

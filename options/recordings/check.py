@@ -10,6 +10,7 @@ import numpy as np
 from options.recordings.format import FUSED, Box, Fused, KnownBox
 from options.recordings.world import RecordingWorld
 from perception.fusion.known import KnownRobot
+from perception.fusion.mixed import scored_by
 from perception.fusion.publishing import publish
 from perception.types import Boxes
 from swarm.body import Body
@@ -84,10 +85,11 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
     if one.known is None:
         return "it was recorded before known robots were told apart from boxes"
     try:
-        fused = fuse_frame(world, frame, one.ego, one.participants, one.algorithm)
+        fused = fuse_frame(world, frame, one.ego, one.participants, one.algorithm, forms=one.forms)
+        scored_as = scored_by(one.forms.values()) if one.forms else one.algorithm
         helpers = len(one.participants) - 1
         known = [_known(box) for box in one.known]
-        again = publish(fused.found, world.detector, one.algorithm, helpers, known)
+        again = publish(fused.found, world.detector, scored_as, helpers, known)
     except (PerceptionError, WorldError) as error:
         return str(error)
     if len(again) != len(one.boxes):

@@ -183,6 +183,8 @@ class Fused(msgspec.Struct, frozen=True, kw_only=True):
     known: tuple[KnownBox, ...] | None = None
     """Robots that are not among the boxes; None in older recordings, whose boxes hold the bodies of
     participants."""
+    forms: dict[str, str] = msgspec.field(default_factory=dict)
+    """What each participant has sent, in a frame of several forms."""
 
 
 class Budget(msgspec.Struct, frozen=True, kw_only=True):

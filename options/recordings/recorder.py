@@ -219,6 +219,7 @@ def _fused(message: Detections) -> layout.Fused:
         frame=message.frame,
         capture_ns=message.capture_ns,
         algorithm=message.algorithm,
+        forms=dict(message.forms),
         participants=message.participants,
         missing=dict(message.missing),
         bytes=dict(message.bytes),

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from deploy.services import journal_path
+from deploy.paths import journal_path
 from deploy.spec import SwarmSpec
 from research.benchmarks.live import live_swarm
 from research.benchmarks.report import write_report

@@ -18,7 +18,7 @@ from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.decision import plan
@@ -121,12 +121,18 @@ class Floor:
 
 
 def run(
-    robots: int, cycles: int = CYCLES, clock: Callable[[], float] = time.perf_counter
+    robots: int,
+    cycles: int = CYCLES,
+    clock: Callable[[], float] = time.perf_counter,
+    *,
+    rarer: bool = False,
 ) -> tuple[list[float], list[float]]:
     """Milliseconds of each cycle with that many robots, the ego included; and of its demand.
-    `clock` tells seconds."""
+    `clock` tells seconds. `rarer`: each robot with an algorithm and a rate of its own."""
     floor = Floor(robots, seed=robots)
-    knowledge = Knowledge(Objective(slower_hz=SLOWER_HZ))
+    rates = RARER_HZ if rarer else ()
+    objective = Objective(slower_hz=SLOWER_HZ, rarer_hz=rates)
+    knowledge = Knowledge.of_detector("factory", objective) if rarer else Knowledge(objective)
     policy = make_policy("coverage", knowledge.algorithms)
     monitor = Monitor("R1", LinkEstimate(20e6))
     for number in range(robots):

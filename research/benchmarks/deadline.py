@@ -20,8 +20,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from deploy.paths import journal_path
 from deploy.ports import LOCALHOST
-from deploy.services import journal_path
 from deploy.spec import EMBEDDED, SwarmSpec, factory_robots, make_spec
 from research.benchmarks.intervals import share_interval
 from research.benchmarks.live import READY_S, live_swarm

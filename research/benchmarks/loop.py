@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from deploy.services import journal_path
+from deploy.paths import journal_path
 from deploy.state import State
 from perception.detector import configuration
 from perception.fusion.tracks import Tracks

@@ -27,7 +27,7 @@ from research.benchmarks.machines_site import HOSTS, SWARM, Site, device, place,
 from research.benchmarks.report import write_report
 from research.benchmarks.sniffing import Sniffer
 from research.benchmarks.stage import inside
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.messages import Detections
 from swarm.traffic import TrafficClass
 
@@ -89,7 +89,7 @@ def transfer(site: Site, peers: Mapping[str, tuple[str, ...]]) -> dict[str, int]
 def _client(site: Site, host: str, name: str) -> zenoh.Session:
     router = f"{place(host)}#identity={site.identity(name)}"
     return transport.open_zenoh(
-        {**transport.client_config(router), "queries_default_timeout": int(WAIT_S * 1e3)},
+        {**zenoh_config.client_config(router), "queries_default_timeout": int(WAIT_S * 1e3)},
         timeout_s=WAIT_S,
     )
 

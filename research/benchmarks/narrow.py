@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from deploy.services import journal_path
+from deploy.paths import journal_path
 from deploy.spec import factory_robots
 from deploy.state import State
 from research.benchmarks.live import live_swarm, why_not

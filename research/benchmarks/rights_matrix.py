@@ -16,7 +16,7 @@ from typing import NamedTuple
 import zenoh
 
 from deploy.trust.keystore import Keystore
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.areas import name_of
 from swarm.trust import members
 from swarm.trust.rights import Act, rights_of
@@ -41,7 +41,8 @@ EGO_KEYS = (
 )  # fmt: skip
 SITE_KEYS = (
     keyspace.net_state, keyspace.net_tcp, keyspace.net_demand, keyspace.net_shape,
-    keyspace.llm_decide, keyspace.llm_state, keyspace.llm_alive, keyspace.trust_certificate,
+    keyspace.llm_decide, keyspace.llm_wish, keyspace.llm_state, keyspace.llm_alive,
+    keyspace.trust_certificate,
 )  # fmt: skip
 CELL = name_of((3, -4))
 SHARED = "early"
@@ -87,14 +88,14 @@ def open_site(folder: Path, port: int) -> Iterator[Site]:
         store.issue(role.common_name)
     socket = f"{folder}/r.sock"
     trust = members.trust_of(store.identity("router"), SWARM)
-    session = transport.open_zenoh(transport.router_config("127.0.0.1", port, socket, trust))
+    session = transport.open_zenoh(zenoh_config.router_config("127.0.0.1", port, socket, trust))
 
     def connect(role: Role) -> zenoh.Session:
         identity = store.identity(role.common_name).folder
         router = f"tls/127.0.0.1:{port}#identity={identity}"
         if role == LOCAL:
             router = f"unixsock-stream/{socket}"
-        return transport.open_zenoh(transport.client_config(router), timeout_s=WAIT_S)
+        return transport.open_zenoh(zenoh_config.client_config(router), timeout_s=WAIT_S)
 
     try:
         yield Site(session, port, connect)

@@ -32,7 +32,8 @@ from typing import Any
 import numpy as np
 
 from deploy.ports import LOCALHOST
-from deploy.services import Place, Service, services
+from deploy.roster import Place, Service
+from deploy.services import services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from research.benchmarks.ending import signals_raise
 from research.benchmarks.processes import free_ports

@@ -65,7 +65,8 @@ class Notes:
                 "encode_ms": dict(done.encode_ms),
             }
         )
-        if len(self.kept) < DECODED and done.algorithm == "early":
+        asked = {question.algorithm for question in done.questions.values()}
+        if len(self.kept) < DECODED and asked == {"early"}:
             self.kept.append(result)
 
     def note_decoding(self) -> None:

@@ -38,9 +38,10 @@ from research.benchmarks.processes import WAIT_S, free_ports, process
 from research.benchmarks.report import write_report
 from research.benchmarks.scale_site import BEACON_HZ, EGO, IN_RANGE, RANGE_M, SWARM, Replayed
 from swarm.log import make_logger
+from swarm.memory import collect_rarely
 from swarm.messages import Decision
 from swarm.session import Session
-from swarm.tcp import connections, tcp_info
+from swarm.tcp.info import connections, tcp_info
 from swarm.traffic import TrafficClass
 
 SITES = (10, 50, 100, 250, 1000)
@@ -196,6 +197,7 @@ def main() -> None:
     parser.add_argument("--areas", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--beacon-hz", type=float, default=BEACON_HZ)
     args = parser.parse_args()
+    collect_rarely()  # as the ego's process does
     if args.router:
         print(json.dumps(decide(args.router, args.robots, args.areas)), flush=True)
         return

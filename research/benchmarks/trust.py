@@ -28,7 +28,7 @@ from deploy.trust.keystore import Keystore
 from research.benchmarks.controller import cpu_s
 from research.benchmarks.report import write_report
 from research.benchmarks.rights_matrix import ACTS, KEYS, ROLES, open_site, wrong
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.asking import Answer
 from swarm.errors import TransportError
 from swarm.messages import Observation, ObservationRequest
@@ -64,7 +64,7 @@ def route(way: str, keystore: str) -> None:
     if way == "tls":
         access = {"enabled": False}
     trust = None if way == "plain" else Trust(router, access)
-    session = transport.open_zenoh(transport.router_config("127.0.0.1", port, None, trust))
+    session = transport.open_zenoh(zenoh_config.router_config("127.0.0.1", port, None, trust))
     print("ready", flush=True)
     sys.stdin.read()
     transport.close_zenoh(session)

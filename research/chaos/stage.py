@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from deploy.netns.network import run
+from deploy.paths import JOURNAL, NET, identity_path, journal_path
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import LAUNCHER, NetnsRuntime
-from deploy.services import JOURNAL, NET, identity_path, journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state
 from research.benchmarks.ending import signals_raise

@@ -11,6 +11,7 @@ from __future__ import annotations
 from swarm.messages.base import (
     ALGORITHMS,
     MAX_MESSAGE_BYTES,
+    MIXED,
     SCHEMA_VERSION,
     Algorithm,
     Count,
@@ -29,6 +30,14 @@ from swarm.messages.ego import (
     KnownRobot,
     Probe,
     Tracks,
+)
+from swarm.messages.intent import (
+    Focus,
+    Intent,
+    Site,
+    intent_from_json,
+    intent_to_json,
+    problems,
 )
 from swarm.messages.llm import (
     MAX_PROMPT_CHARS,
@@ -56,10 +65,18 @@ from swarm.messages.net import (
     ShapeRequest,
     TcpState,
 )
+from swarm.messages.obeyed import (
+    Effect,
+    Expected,
+    IntentInForce,
+    IntentTold,
+    Place,
+)
 from swarm.messages.robot import Beacon, Observation, ObservationRequest, Refusal, SceneDescription
 from swarm.messages.steer import EgoSteered, EgoSteering, EgoWish, RobotSteered, RobotSteering
 from swarm.messages.trust import CertificateRequest, RenewedCertificate
 from swarm.messages.wire import decode, encode
+from swarm.messages.wish import WishAnswer, WishRequest
 
 __all__ = [
     "ALGORITHMS",
@@ -67,6 +84,7 @@ __all__ = [
     "MAX_PROMPT_CHARS",
     "MAX_RATE_BPS",
     "MIN_RATE_BPS",
+    "MIXED",
     "SCHEMA_VERSION",
     "AdviceReport",
     "AdviceState",
@@ -85,10 +103,16 @@ __all__ = [
     "Detections",
     "Direction",
     "Directions",
+    "Effect",
     "EgoSteered",
     "EgoSteering",
     "EgoWish",
+    "Expected",
+    "Focus",
     "GatewayState",
+    "Intent",
+    "IntentInForce",
+    "IntentTold",
     "KnownRobot",
     "LinkClass",
     "LinkState",
@@ -100,6 +124,7 @@ __all__ = [
     "Ns",
     "Observation",
     "ObservationRequest",
+    "Place",
     "Probe",
     "Profile",
     "Refusal",
@@ -111,9 +136,15 @@ __all__ = [
     "ShapeInForce",
     "ShapeReply",
     "ShapeRequest",
+    "Site",
     "Source",
     "TcpState",
     "Tracks",
+    "WishAnswer",
+    "WishRequest",
     "decode",
     "encode",
+    "intent_from_json",
+    "intent_to_json",
+    "problems",
 ]

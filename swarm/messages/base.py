@@ -15,6 +15,8 @@ Algorithm = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9-]{0,31}(?!\n)$")
 """Name of a fusion algorithm; which ones there are is perception's to say."""
 ALGORITHMS: tuple[Algorithm, ...] = ("early", "intermediate", "late")
 """The paper's three paradigms, each of which is also the name of an algorithm."""
+MIXED: Algorithm = "mixed"
+"""In place of an algorithm: participants send different forms."""
 Source = Literal["policy", "llm", "cache", "fallback", "hold"]
 
 RobotId = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]

@@ -20,6 +20,7 @@ from swarm.messages.base import (
     Vector3,
 )
 from swarm.messages.llm import LlmTokens, NonNegative
+from swarm.messages.obeyed import MAX_INTENTS, IntentTold
 
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 ModelName = Annotated[str, msgspec.Meta(max_length=200)]
@@ -148,6 +149,8 @@ class Decision(Message, frozen=True, kw_only=True):
     assignments: Annotated[tuple[Assignment, ...], msgspec.Meta(max_length=MAX_NAMED)] = ()
     """What each participant but the ego sends, where that is not the same of all in every fused
     frame; empty: it is."""
+    intents: Annotated[tuple[IntentTold, ...], msgspec.Meta(max_length=MAX_INTENTS)] = ()
+    """Which the decision obeys, oldest first."""
 
 
 class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):
@@ -214,3 +217,6 @@ class Detections(Message, frozen=True, kw_only=True):
     tracks: Tracks | None = None
     """What is there by all that was found in this frame and before: no known robot, and from the
     operating point on. None where the ego keeps no memory. `boxes` are of this frame alone."""
+    forms: dict[RobotId, Algorithm] = msgspec.field(default_factory=dict)
+    """What each participant but the ego has sent, in a frame of several; empty where `algorithm`
+    says it."""

@@ -153,6 +153,10 @@ class NetDemand(Message, frozen=True, kw_only=True):
     ] = msgspec.field(default_factory=dict)
     """Robots that do not fit, or about which something is odd, and what: another world or version,
     an id that two processes use, a clock that is off."""
+    mean_bytes_s: Count = 0
+    """Fusion traffic of the decision in force, on average."""
+    burst_bytes: Count = 0
+    """Of its largest fused frame; 0: it does not say."""
 
 
 class ShapeRequest(Message, frozen=True, kw_only=True):

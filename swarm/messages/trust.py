@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 
 from swarm.messages.base import Count, Message
-from swarm.messages.steer import Operator
+from swarm.messages.choices import Operator
 
 RoleName = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}(?!\n)$")]
 Pem = Annotated[str, msgspec.Meta(max_length=16_384)]

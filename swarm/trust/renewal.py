@@ -10,9 +10,16 @@ import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
+import zenoh
+
+from swarm import keyspace
+from swarm.asking import Question
+from swarm.credit import Window
 from swarm.errors import CoAdaptError
 from swarm.files import write_whole
 from swarm.log import Logger
+from swarm.messages import CertificateRequest, RenewedCertificate
+from swarm.traffic import TrafficClass
 from swarm.trust.identity import Identity
 
 SHARE = 0.25
@@ -20,6 +27,22 @@ SHARE = 0.25
 LOOKS = 24
 """So often in its life it is looked at."""
 MAX_PAUSE_S = 60.0
+ANSWER_S = 10.0
+"""How long the authority is given."""
+
+
+def last_issued(session: zenoh.Session, swarm: str, name: str) -> str:
+    """The certificate, in PEM, that the authority issued last to the role that asks by its common
+    name. Raises TransportError where no authority answers, and RefusedError."""
+    asked: Question[RenewedCertificate] = Question(
+        keyspace.by(keyspace.trust_certificate(swarm), name),
+        RenewedCertificate,
+        ANSWER_S,
+        Window(),
+        lambda error: None,  # It comes through the future.
+    )
+    asked.send(session, CertificateRequest(role=name), TrafficClass.CONTROL)
+    return asked.future.result().message.certificate
 
 
 class Renewal:

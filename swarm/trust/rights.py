@@ -101,7 +101,7 @@ def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
             return {
                 "put": (keyspace.llm_state(swarm),),
                 "hold": (keyspace.llm_alive(swarm),),
-                "serve": (keyspace.llm_decide(swarm),),
+                "serve": (keyspace.llm_decide(swarm), keyspace.llm_wish(swarm)),
             }
         case "console" | "operator":
             return {
@@ -110,6 +110,7 @@ def _own_acts(role: Role, swarm: str, own: str) -> dict[Act, tuple[str, ...]]:
                     keyspace.net_shape(swarm, ANY),
                     keyspace.ego_steering(swarm, ANY),
                     keyspace.robot_steering(swarm, ANY),
+                    keyspace.llm_wish(swarm),
                 ),
             }
         case "reader":

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -42,3 +44,15 @@ def command_line(
             )
 
         yield run
+
+
+def answering(typed: Cli) -> Callable[..., Any]:
+    """The same for commands that have to succeed: gives what they print, with `--json` the object
+    that it is."""
+
+    def run(*arguments: str) -> Any:
+        done = typed(*arguments)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout) if "--json" in arguments else done.stdout
+
+    return run

@@ -4,7 +4,7 @@ says. Test files import the fixtures that they use."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ from swarm.log import make_logger
 from swarm.messages import Decision, Observation, ObservationRequest
 from swarm.session import Session
 from tests.support.ego_swarm import Swarm, swarm_of, until
-from worlds.base import GroundTruth, Scan
+from worlds.base import GroundTruth, Scan, World
 
 BOX = np.stack(np.meshgrid(*[np.linspace(-1, 1, 12)] * 3), axis=-1).reshape(-1, 3)
 DEADLINE_S = 5.0
@@ -95,9 +95,13 @@ class Hall:
 class Ego:
     """The ego's executing half on a real session."""
 
-    def __init__(self, session: Session, world: Hall) -> None:
-        crates = {name: Crates(name) for name in ("early", "late")}
-        settings = EgoSettings(deadline_s=DEADLINE_S, epoch_ns=time.time_ns())
+    def __init__(
+        self, session: Session, world: World, fusions: Mapping[str, Fusion] | None = None
+    ) -> None:
+        """`fusions`: by default those that find crates."""
+        crates = fusions or {name: Crates(name) for name in ("early", "late")}
+        self.epoch_ns = time.time_ns()
+        settings = EgoSettings(deadline_s=DEADLINE_S, epoch_ns=self.epoch_ns)
         metrics, log = EgoMetrics(CollectorRegistry()), make_logger("test")
         agent = EgoAgent.from_settings(settings, world, metrics, log, fusions=crates)
         self.monitor, self.loop = agent.monitor, agent.fusion
@@ -177,7 +181,7 @@ def honest(hall: Hall, name: str) -> Answer:
 
 
 def observation(
-    hall: Hall, name: str, asked: ObservationRequest, payload: bytes, **other: object
+    hall: World, name: str, asked: ObservationRequest, payload: bytes, **other: object
 ) -> Observation:
     fields = {
         "robot": name,

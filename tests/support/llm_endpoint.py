@@ -17,10 +17,9 @@ from prometheus_client import CollectorRegistry
 from llm_gateway.backends.openai import OpenAi
 from llm_gateway.cache import Cache
 from llm_gateway.gateway import Gateway
-from llm_gateway.http_app import Completer
 from llm_gateway.http_endpoint import HttpEndpoint
 from llm_gateway.metrics import GatewayMetrics
-from llm_gateway.model import Completion, Hear, Job
+from llm_gateway.model import Completer, Completion, Hear, Job
 from swarm.log import make_logger
 from swarm.messages import LlmTimings, LlmTokens
 from tests.support.model_server import ModelServer

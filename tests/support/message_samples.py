@@ -24,10 +24,16 @@ from swarm.messages import (
     DecideRequest,
     Decision,
     Detections,
+    Effect,
     EgoSteered,
     EgoSteering,
     EgoWish,
+    Expected,
+    Focus,
     GatewayState,
+    Intent,
+    IntentInForce,
+    IntentTold,
     KnownRobot,
     LinkClass,
     LinkState,
@@ -38,6 +44,7 @@ from swarm.messages import (
     NetState,
     Observation,
     ObservationRequest,
+    Place,
     Probe,
     Refusal,
     RenewedCertificate,
@@ -47,14 +54,34 @@ from swarm.messages import (
     ShapeInForce,
     ShapeReply,
     ShapeRequest,
+    Site,
     TcpState,
     Tracks,
+    WishAnswer,
+    WishRequest,
     encode,
 )
 from tests.support.paths import GOLDEN
 
 NOW = 1_800_000_000_123_456_789
 POSE = (1.5, -2.25, 0.75, 0.0, -0.125, 3.0)
+
+DOCKS = Place("docks", ((0.0, 0.0), (12.5, 0.0), (12.5, 8.0)))
+INTENT = Intent(
+    exclude=("R3",),
+    prefer=("R5",),
+    focus=(Focus("docks", "high"),),
+    classes={"person": "high"},
+    q_min=0.75,
+    link_share=0.5,
+    save="bandwidth",
+    policy="coverage",
+    start="2027-01-15T08:00:00+01:00",
+    until="2027-01-15T18:00:00+01:00",
+    unclear=("soonish",),
+    model="smollm2",
+    elapsed_ms=212.5,
+)
 
 SAMPLES: tuple[Message, ...] = (
     Beacon(
@@ -160,6 +187,16 @@ SAMPLES: tuple[Message, ...] = (
         ages_s={"R1": 0.125, "R2": 0.0625},
         stands_in_for="R1",
         assignments=(Assignment(robot="R1", algorithm="late", rate_hz=2.0),),
+        intents=(
+            IntentTold(
+                number=4,
+                operator="ann@floor",
+                since_ns=NOW,
+                until="2027-01-15T18:00:00+01:00",
+                says="leave R3 out",
+                bound=("R3 left out",),
+            ),
+        ),
     ),
     Detections(
         ego="R2",
@@ -196,6 +233,7 @@ SAMPLES: tuple[Message, ...] = (
             velocities=pack(np.array([[1.5, -0.25]], dtype=np.float32)),
             ages_s=pack(np.array([[0.5]], dtype=np.float32)),
         ),
+        forms={"R1": "late"},
     ),
     NetState(
         controller=281_474_976_710_655,
@@ -258,6 +296,8 @@ SAMPLES: tuple[Message, ...] = (
         world="factory detector=factory epoch=0 robots=6 scenario=floor seed=1",
         software="1.0.0",
         told={"R7": "it lives in another world: seed 2 (the ego's: 1)"},
+        mean_bytes_s=30_000,
+        burst_bytes=12_000,
     ),
     ShapeRequest(
         request=3,
@@ -270,10 +310,56 @@ SAMPLES: tuple[Message, ...] = (
         duration_s=60.0,
         revision=8,
     ),
-    EgoSteering(request=12, operator="ann@floor", wish=EgoWish(policy="static-late", q_min=0.6)),
-    EgoSteered(
-        request=12, ego="R1", policy="static-late", q_min=0.6, policies=("coverage", "static-late")
+    EgoSteering(
+        request=12,
+        operator="ann@floor",
+        wish=EgoWish(policy="static-late", q_min=0.6),
+        act="confirm",
+        intent=INTENT,
+        said="leave R3 alone and watch the docks, soonish",
+        places=(DOCKS,),
+        number=4,
+        why=True,
     ),
+    EgoSteered(
+        request=12,
+        ego="R1",
+        policy="static-late",
+        q_min=0.6,
+        policies=("coverage", "static-late"),
+        intents=(
+            IntentInForce(
+                number=4,
+                intent=INTENT,
+                operator="ann@floor",
+                since_ns=NOW,
+                wish="leave R3 alone and watch the docks, soonish",
+                places=(DOCKS,),
+            ),
+        ),
+        effect=Effect(
+            decisions=20,
+            span_s=57.5,
+            policy="coverage",
+            before=Expected(participants=2.5, robots={"R3": 1.0}, bytes_s=1e5, quality=0.75),
+            after=Expected(
+                participants=2.0, robots={}, bytes_s=9e4, quality=0.5, seen={"docks": 0.75}
+            ),
+            nobody=True,
+        ),
+        number=4,
+        says=("leave R3 out",),
+        why=("Cycle 7: R1 with R5, early fusion at 10 Hz.", "Policy static-late decided."),
+    ),
+    WishRequest(
+        request=16,
+        operator="ann@floor",
+        wish="leave R3 alone",
+        site=Site(robots=("R1", "R3"), places=("docks",), classes=("person",)),
+        now="2027-01-15T08:00:00+01:00",
+        deadline_s=5.0,
+    ),
+    WishAnswer(request=16, understood=INTENT),
     CertificateRequest(request=14, role="R7", operator="R7"),
     RenewedCertificate(request=14, certificate="-----BEGIN CERTIFICATE-----"),
     RobotSteering(request=13, operator="ann@floor", duty="off"),

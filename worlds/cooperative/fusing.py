@@ -12,6 +12,7 @@ from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gatherin
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.detectors import shared_finder
 from perception.fusion.known import KnownRobot, seen_at
+from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import publish
 from perception.fusion.registry import make_fusion
 from perception.types import Boxes
@@ -58,11 +59,14 @@ def fuse_frame(
     participants: Sequence[str],
     algorithm: str | Fusion,
     disturbance: Disturbance | None = None,
+    *,
+    forms: Mapping[str, str] | None = None,
 ) -> Fused:
     """Encodes the participants' scans, decodes and fuses them at the ego.
 
-    `participants` may or may not hold the ego, which always takes part. Noise is drawn from
-    (robot, frame) alone, so a run repeats exactly.
+    `participants` may or may not hold the ego, which always takes part. `forms`: the algorithm of
+    each participant, in place of `algorithm`, where they differ. Noise is drawn from (robot, frame)
+    alone, so a run repeats exactly.
 
     >>> from worlds.registry import open_world
     >>> world = open_world("factory", robots=3, rings=16)
@@ -84,7 +88,14 @@ def fuse_frame(
         boxes = shared_finder(world.detector).find(scan.points)
         found = boxes.transformed(scan.pose.matrix())
         return _published(world, frame, ego, SINGLE, found, {}, {}, disturbance)
-    fusion = make_fusion(algorithm, world.detector) if isinstance(algorithm, str) else algorithm
+    if forms:
+        made = {name: make_fusion(name, world.detector) for name in sorted({*forms.values()})}
+        fusion: Fusion = Mixed(made, {robot: forms[robot] for robot in senders if robot in forms})
+        senders = [robot for robot in senders if robot in forms]
+    elif isinstance(algorithm, str):
+        fusion = make_fusion(algorithm, world.detector)
+    else:
+        fusion = algorithm
     late = round(disturbance.delay_s * world.rate_hz)
     if not late:
         own = _own_scan(world, ego, frame)
@@ -116,17 +127,21 @@ def _gathered(
     ego: str,
 ) -> Fused:
     """The senders' contributions of the frame `captured`, fused by the ego in `frame`."""
-    ask = gathering.ask()
     age_s = (frame - captured) / world.rate_hz
     sizes, rejected = {}, {}
     for robot in senders:
         scan = world.scan(robot, captured)
         pose = disturbed(scan.pose, robot, frame, disturbance.pose_noise_m)
+        form, encoder = "", fusion
+        if isinstance(fusion, Mixed):
+            form = fusion.sends[robot]
+            encoder = fusion.forms[form]
+        ask = gathering.ask_for(form) if form else gathering.ask()
         options = EncodeOptions(pose=pose, reference=ask.reference, demand=ask.demand)
-        payload = fusion.encode(scan.points, options)
+        payload = encoder.encode(scan.points, options)
         sizes[robot] = len(payload) + ask.size()
         try:
-            gathering.add(Contribution(robot, payload, pose.matrix(), age_s))
+            gathering.add(Contribution(robot, payload, pose.matrix(), age_s, form))
         except PerceptionError as error:
             rejected[robot] = str(error)
     found, corrections = gathering.finish(), gathering.corrections()
@@ -147,6 +162,9 @@ def _published(
     known = known_robots(world, frame, ego, disturbance.pose_noise_m)
     known = seen_at(known, corrections or {})
     helpers = len(sizes) - len(rejected)
+    if isinstance(algorithm, Mixed):
+        used = [form for robot, form in algorithm.sends.items() if robot not in rejected]
+        algorithm = algorithm.forms[scored_by(used)] if used else SINGLE
     boxes = publish(found, world.detector, algorithm, helpers, known)
     return Fused(boxes, sizes, rejected, found, known)
 

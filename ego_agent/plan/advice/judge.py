@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ego_agent.knowledge.model import Proposal
 from ego_agent.plan.advice.outcomes import Refused
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.choices.validation import MAX_PARTICIPANTS, Unusable, validate
 from ego_agent.plan.surrogate.estimate import Estimate
@@ -65,6 +66,9 @@ def judge(
         return Verdict(kind, found.why, notes=found.repairs)
     at = scorer.at_rate(found.rate_hz)
     scored = at.score(found.participants, found.algorithm)
+    if scorer.objective.rarer_hz and found.algorithm in scorer.knowledge.mixable:
+        # What is adopted gets rates of its own, as the fallback has.
+        scored = Mixes(at).rated(scored.participants, found.algorithm)
     ours, theirs = scored, fallback
     if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
         estimate = Estimate(scorer, surrogate)

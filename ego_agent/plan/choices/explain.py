@@ -8,7 +8,9 @@ from typing import Any
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, UnifiedScene
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.choices.weigh import part_of, weighing
 from swarm.messages import Decision
 
 TOLD_FRAMES = 3.0
@@ -56,27 +58,48 @@ def explain(
 def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
     """What a candidate brings to the decision beside its other participants, and what it costs,
     both in quality; None where it cannot send for the algorithm."""
+    if decision.assignments:
+        return _assigned_part(scorer, candidate, decision)
     robot, algorithm = candidate.robot, decision.algorithm
-    chosen = robot in decision.participants
-    if not scorer.can(robot, algorithm):
-        why = f"out: it cannot send for {algorithm}"
-        return {"chosen": chosen, "adds": None, "costs": None, "why": why}
-    others = [r for r in decision.participants if r != robot and scorer.known(r, algorithm)]
-    without, with_it = (scorer.score(set_, algorithm) for set_ in (others, [*others, robot]))
-    adds = with_it.quality - without.quality
-    costs = with_it.cost - without.cost
-    worth = f"adds {adds:.3f} and costs {costs:.3f}"
-    if chosen:
-        why = f"in: it {worth}"
-        if adds < costs:
-            kept = scorer.good_enough(with_it) and not scorer.good_enough(without)
-            why += ", which Q_min takes" if kept else ", and no change pays yet"
-    elif not scorer.fits(with_it):
+    able = [r for r in decision.participants if scorer.known(r, algorithm)]
+    chosen = scorer.score(able, algorithm)
+    found = weighing(scorer, robot, decision, chosen)
+    taken = robot in decision.participants
+    worth = f"adds {found.adds:.3f} and costs {found.costs:.3f}" if found.adds is not None else ""
+    words = {
+        "size": f"out: it cannot send for {algorithm}",
+        "link": f"out: it cannot send for {algorithm}",
+        "pays": f"in: it {worth}",
+        "q_min": f"in: it {worth}, which Q_min takes",
+        "costs": f"out: it {worth}",
+        "kept": f"{'in' if taken else 'out'}: it {worth}, and no change pays yet",
+    }
+    why = words.get(found.why, "")
+    if found.why == "fit":
         size_kb, free_kb = scorer.size(robot, algorithm) / 1e3, scorer.budget_bytes / 1e3
-        taken_kb = without.cost_bytes / 1e3
+        taken_kb = chosen.cost_bytes / 1e3
         why = f"out: its {size_kb:.1f} kB do not fit beside {taken_kb:.1f} of {free_kb:.1f} kB"
-    else:
-        why = f"out: it {worth}" + (", and no change pays yet" if adds > costs else "")
+    return {"chosen": taken, "adds": found.adds, "costs": found.costs, "why": why}
+
+
+def _assigned_part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
+    """The same where robots differ in what they send, and how often; of one that sends nothing,
+    what it would bring with the option that gains most."""
+    mixes, robot = Mixes(scorer), candidate.robot
+    chosen = robot in decision.participants
+    part = part_of(mixes, robot, decision)
+    if part is None:
+        return {"chosen": chosen, "adds": None, "costs": None, "why": "out: it cannot send"}
+    adds, costs = (
+        part.with_it.quality - part.without.quality,
+        part.with_it.cost - part.without.cost,
+    )
+    one, with_it = part.sends, part.with_it
+    worth = f"{one.algorithm} {one.rate_hz:g} times a second adds {adds:.3f} and costs {costs:.3f}"
+    why = f"in: {worth}"
+    if not chosen:
+        fits = mixes.carries(with_it)
+        why = f"out: {worth}" + ("" if fits else ", and does not fit beside the others")
     return {"chosen": chosen, "adds": round(adds, 4), "costs": round(costs, 4), "why": why}
 
 

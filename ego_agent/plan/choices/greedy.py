@@ -41,7 +41,10 @@ def grow(
         rows, sizes, gains = rows[useful], sizes[useful], gains[useful]
         if not rows.size:
             return
-        at = int(np.argmax(gains / sizes if by_byte else gains))
+        order = gains / sizes if by_byte else gains
+        if scorer.scene.preferred:
+            order = order * scorer.liking(rows)
+        at = int(np.argmax(order))
         row = int(rows[at])
         chosen.append(row)
         share, spent = share + float(gains[at]), spent + int(sizes[at])

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import msgspec
 
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
-from swarm.messages import Decision
+from swarm.messages import Assignment, Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
@@ -26,12 +27,17 @@ def best_option(scorer: Scorer, options: Sequence[Score]) -> Score:
     return min(options, key=lambda o: (-o.quality, o.cost_bytes, o.participants))
 
 
-def still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
+def still_possible(
+    scorer: Scorer, previous: Decision | None, mixes: Mixes | None = None
+) -> Score | None:
     """The decision in force with those of its robots that can go on, scored in the new scene.
 
     None where it cannot be carried on: nobody is left of those that it chose. A robot that drops
-    out is no reason to choose algorithm, rate and the others anew.
+    out is no reason to choose algorithm, rate and the others anew. `mixes`: the scorer's options,
+    where what robots send may differ.
     """
+    if previous is not None and previous.assignments and mixes is not None:
+        return _still_assigned(mixes, previous)
     if previous is None or previous.algorithm not in scorer.knowledge.algorithms:
         return None
     scorer = scorer.at_rate(previous.rate_hz)
@@ -43,6 +49,17 @@ def still_possible(scorer: Scorer, previous: Decision | None) -> Score | None:
         return None
     score = scorer.score(others, previous.algorithm)
     return score if scorer.fits(score) else None
+
+
+def _still_assigned(mixes: Mixes, previous: Decision) -> Score | None:
+    """The same of a decision with assignments."""
+    if mixes.scorer.pace.rate_hz != previous.rate_hz:
+        return None
+    able = [one for one in previous.assignments if mixes.can(one)]
+    if not able:
+        return None
+    score = mixes.score(able)
+    return score if score is not None and mixes.carries(score) else None
 
 
 def settle(
@@ -98,7 +115,7 @@ def _pressing(scorer: Scorer, best: Score, held: Score) -> bool:
     if not held.participants:
         return bool(best.participants)
     at = scorer.at(held.pace)
-    chances = [at.in_time(robot, held.algorithm) for robot in held.participants]
+    chances = [at.in_time(robot, held.algorithm_of(robot)) for robot in held.participants]
     return sum(chances) < ARRIVES * len(chances)
 
 
@@ -111,6 +128,7 @@ def held(decision: Decision, previous: Decision | None, now_ns: int) -> Decision
     return msgspec.structs.replace(decision, held_s=held_s)
 
 
-def _choice(decision: Decision) -> tuple[frozenset[str], str, float]:
+def _choice(decision: Decision) -> tuple[frozenset[str], str, float, frozenset[Assignment]]:
     """What a change of a decision changes."""
-    return frozenset(decision.participants), decision.algorithm, decision.rate_hz
+    rates = frozenset(decision.assignments)
+    return frozenset(decision.participants), decision.algorithm, decision.rate_hz, rates

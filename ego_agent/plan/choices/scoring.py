@@ -15,11 +15,16 @@ from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.pace import USUAL, Pace, paces
 from ego_agent.knowledge.quality import QualityModel
 from ego_agent.plan.choices.union import Union, Views
-from swarm.messages import Algorithm
+from swarm.messages import Algorithm, Assignment
 
 ARRIVAL_STEPS = 20
 """Probabilities to be in time count in steps of 1/20: a frame more or less moves no decision, and
 what is nearly always in time counts as certain."""
+
+PREFERRED = 0.02
+"""Quality that may be given up for each preferred robot that takes part: a `switch_gain`."""
+LIKED = 2.0
+"""A preferred robot is tried before one that adds less than this many times as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +41,14 @@ class Score:
     value: float
     """Q - lambda C."""
     pace: Pace = USUAL
+    assignments: tuple[Assignment, ...] = ()
+    """What each participant sends, and how often, where that is not the same of all in every fused
+    frame; the algorithm is MIXED where that differs, and the bytes are the mean of a frame."""
+
+    def algorithm_of(self, robot: str) -> Algorithm:
+        """What a participant sends."""
+        forms = (one.algorithm for one in self.assignments if one.robot == robot)
+        return next(forms, self.algorithm)
 
     @property
     def cost(self) -> float:
@@ -68,7 +81,7 @@ class Scorer:
         if budget_bytes is None:
             budget_bytes = self.objective.budget_bytes(scene.capacity_bps)
         self.budget_bytes = budget_bytes
-        self._hopes = hopes
+        self.hopes = hopes
         self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
         self._prices: dict[tuple[int, Algorithm], float] = {}
         self._at: dict[Pace, Scorer] = {self.pace: self}
@@ -76,19 +89,25 @@ class Scorer:
         robots = (scene.ego, *scene.candidates)
         self.row_of = {c.robot: row for row, c in enumerate(robots)}
         cells, things = _counting(scene, knowledge.quality)
-        everyone = (*robots, *scene.unheard)
+        everyone = (*robots, *scene.unheard, *scene.left_out)
         shown = np.stack([c.area for c in everyone]) & cells
         told = np.stack([c.evidence for c in everyone]).astype(np.float64) * things
         areas, evidence = shown[: len(robots)], told[: len(robots)]
-        area = int(shown.any(axis=0).sum())
-        objects = float(told.max(axis=0).sum())
+        weights = scene.weights
+        if weights is None:
+            area = float(shown.any(axis=0).sum())
+            objects = float(told.max(axis=0).sum())
+        else:
+            area = float(weights.cells[shown.any(axis=0)].sum(dtype=np.float64))
+            objects = float(told.max(axis=0) @ weights.objects)
         alpha = self.objective.alpha if objects > 0.0 else 1.0
         if area == 0:
             alpha = 0.0
-        self._known = _known_part(scene)
-        area_weight = self._known * alpha / area if area else 0.0
-        object_weight = self._known * (1.0 - alpha) / objects if objects > 0.0 else 0.0
-        self.views = Views(areas, evidence, area_weight, object_weight)
+        self.known_part = _known_part(scene)
+        """Of the living robots, the part of which something is known."""
+        area_weight = self.known_part * alpha / area if area else 0.0
+        object_weight = self.known_part * (1.0 - alpha) / objects if objects > 0.0 else 0.0
+        self.views = Views(areas, evidence, area_weight, object_weight, weights)
         self.nothing_to_see = area == 0 and objects == 0.0
         self.own_share = self.share([0])
         """Of the ego alone."""
@@ -120,7 +139,7 @@ class Scorer:
 
     def in_time(self, robot: str, algorithm: Algorithm) -> float:
         """Probability that a candidate's observation is in time."""
-        if self._hopes:
+        if self.hopes:
             return 1.0
         answers = self.scene.candidates[self.row_of[robot] - 1].answers
         return answers.get(algorithm, UNTRIED).in_time(self.pace.deadline_s)
@@ -134,13 +153,18 @@ class Scorer:
         the living robots can be used, or the ego does not know where it is itself.
         """
         if self.nothing_to_see:
-            return self._known
+            return self.known_part
         first, *others = rows
         arrival = None if algorithm is None else self.arrival(algorithm)
         union = Union(self.views, first)
         for row in others:
             union.add(row, 1.0 if arrival is None else float(arrival[row]))
         return min(1.0, union.share())
+
+    def liking(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """By how much the gains of rows count in the order in which robots are tried."""
+        robots = [self.scene.candidates[row - 1].robot for row in rows]
+        return np.array([LIKED if robot in self.scene.preferred else 1.0 for robot in robots])
 
     def known(self, robot: str, algorithm: Algorithm) -> bool:
         """Whether the robot is a candidate with a known size for the algorithm."""
@@ -195,13 +219,18 @@ class Scorer:
     def quality(self, algorithm: Algorithm, share: float, participants: int) -> float:
         """Q of so many participants that show that share of all, the ego's included."""
         quality = self.knowledge.quality.quality(
-            algorithm, self.own_share, min(1.0, share), self._known
+            algorithm, self.own_share, min(1.0, share), self.known_part
         )
         return quality * self.freshness(algorithm, participants)
 
     def cost(self, participants: Iterable[str], algorithm: Algorithm) -> float:
-        """lambda C of candidates, in quality: a sum over them."""
-        return sum(self.price(self.row_of[robot], algorithm) for robot in participants)
+        """lambda C of candidates, in quality: a sum over them, less what preferred may cost."""
+        prices = (
+            self.price(self.row_of[robot], algorithm)
+            - (PREFERRED if robot in self.scene.preferred else 0.0)
+            for robot in participants
+        )
+        return sum(prices)
 
     def price(self, row: int, algorithm: Algorithm) -> float:
         """lambda C of one candidate. Raises KeyError where its size is not `known`.
@@ -275,7 +304,9 @@ def _known_part(scene: UnifiedScene) -> float:
     """The part of the living robots of which something is known, the ego among them; 0 where
     nobody can be used."""
     silent = len(scene.unheard) + scene.unknown
-    if scene.ego.robot in scene.excluded or (silent and not scene.candidates):
+    usable = scene.candidates or scene.left_out
+    if scene.ego.robot in scene.excluded or (silent and not usable):
         return 0.0
-    known = {c.robot for c in (scene.ego, *scene.candidates, *scene.unheard)}
+    heard = (scene.ego, *scene.candidates, *scene.unheard, *scene.left_out)
+    known = {candidate.robot for candidate in heard}
     return len(known) / (len(known) + scene.unknown)

@@ -8,13 +8,20 @@ itself, to the bit.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ego_agent.knowledge.model import Weights
+
 LEVELS = 10
 """Steps of evidence in which robots that may not arrive are counted."""
+
+
+COARSE_LEVELS = 5
+"""The same where many options of each robot are weighed."""
 
 
 class Views:
@@ -26,23 +33,74 @@ class Views:
         evidence: NDArray[np.float64],
         area_weight: float,
         object_weight: float,
+        weights: Weights | None = None,
     ) -> None:
         """`areas` (n, G, G), `evidence` (n, K) in [0, 1]; the weights of a cell and of an object
-        in the share of all that is seen."""
-        self.bits = pack_areas(areas)
-        """(n, W) words of 64 cells, so that a union of 20,000 cells takes microseconds."""
+        in the share of all that is seen; `weights`: by how much that differs between them."""
+        self._weights = weights
+        self._words: NDArray[np.float64] | None = None
+        """(W,) what each cell of a word counts; None: all alike."""
+        if weights is None:
+            self.bits = pack_areas(areas)
+            """(n, W) words of 64 cells, so that a union of 20,000 cells takes microseconds."""
+        else:
+            self.bits, self._words = pack_weighted(areas, weights.cells)
         self.evidence = evidence
         self.area_weight = area_weight
         self.object_weight = object_weight
         self._areas = areas
 
+    def counted(self, bits: NDArray[np.uint64]) -> NDArray[np.float64]:
+        """What the cells of packed rows (..., W) count, float64 (...)."""
+        ones = np.bitwise_count(bits)
+        if self._words is None:
+            return np.asarray(ones.sum(axis=-1, dtype=np.int64), dtype=np.float64)
+        return np.asarray(ones @ self._words, dtype=np.float64)
+
+    def summed(self, objects: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What objects (..., K) count together, float64 (...)."""
+        if self._weights is None:
+            return np.asarray(objects.sum(axis=-1), dtype=np.float64)
+        return np.asarray(objects @ self._weights.objects, dtype=np.float64)
+
+    @cached_property
+    def cell_weights(self) -> NDArray[np.float32] | None:
+        """(C,) what each of `cells` counts; None: all alike."""
+        return None if self._weights is None else self._weights.cells.ravel()[self._open]
+
+    @cached_property
+    def _open(self) -> NDArray[np.bool_]:
+        flat = self._areas.reshape(len(self._areas), -1)
+        seen: NDArray[np.bool_] = flat.any(axis=0) & ~flat[0]
+        return seen
+
     @cached_property
     def cells(self) -> NDArray[np.float32]:
         """(n, C): 1 where a robot sees a cell, of those that some robot sees and the ego does not.
         Needed only where somebody may not arrive."""
-        flat = self._areas.reshape(len(self._areas), -1)
-        open_cells = flat.any(axis=0) & ~flat[0]
-        return flat[:, open_cells].astype(np.float32)
+        return self._areas.reshape(len(self._areas), -1)[:, self._open].astype(np.float32)
+
+    @cached_property
+    def patterns(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the robots but the ego show that it does not, as columns that several share:
+        (n - 1, C) how much of each a robot shows, in [0, 1], and (C,) its weight in the share of
+        all that is seen. Cells that the same robots see are one column; objects have one for each
+        step of evidence that the ego's leaves open."""
+        weigh = self._weights
+        cells, count = _merged(
+            self._areas[1:] & ~self._areas[0], None if weigh is None else weigh.cells
+        )
+        own = self.evidence[0]
+        steps = np.arange(COARSE_LEVELS)[:, None] / COARSE_LEVELS
+        low, high = np.maximum(steps, own), np.maximum(steps + 1.0 / COARSE_LEVELS, own)
+        reached = np.clip(self.evidence[1:, None, :], low, high) - low
+        open_ = (reached > 0.0).any(axis=0)
+        reached, length = reached[:, open_], (high - low)[open_]
+        seen = np.concatenate([cells, reached / length], axis=1).astype(np.float32)
+        if weigh is not None:
+            length = length * np.broadcast_to(weigh.objects, open_.shape)[open_]
+        weights = [self.area_weight * count, self.object_weight * length]
+        return seen, np.concatenate(weights).astype(np.float32)
 
     @cached_property
     def level(self) -> NDArray[np.intp]:
@@ -80,10 +138,13 @@ class Union:
         `arrival`: with which probability each arrives."""
         views = self._views
         if self._missed is None:
-            cells = np.bitwise_count(views.bits[rows] & ~self._bits).sum(axis=1, dtype=np.int64)
-            objects = np.maximum(views.evidence[rows] - self._evidence, 0.0).sum(axis=1)
+            cells = views.counted(views.bits[rows] & ~self._bits)
+            objects = views.summed(np.maximum(views.evidence[rows] - self._evidence, 0.0))
         else:
-            cells = (views.cells[rows] @ self._missed).astype(np.float64)
+            missed = self._missed
+            if views.cell_weights is not None:
+                missed = missed * views.cell_weights
+            cells = (views.cells[rows] @ missed).astype(np.float64)
             objects = self._expected_above(rows)
         added: NDArray[np.float64] = views.area_weight * cells + views.object_weight * objects
         return arrival * added
@@ -111,13 +172,16 @@ class Union:
         """The part of all that is seen that they show; a rounding error may lead above 1."""
         views = self._views
         if self._missed is None:
-            cells = float(np.bitwise_count(self._bits).sum())
-            objects = float(self._evidence.sum())
+            cells = float(views.counted(self._bits))
+            objects = float(views.summed(self._evidence))
         else:
-            cells = float(np.bitwise_count(views.bits[self._first]).sum())
-            cells += float((1.0 - self._missed).sum(dtype=np.float64))
+            cells = float(views.counted(views.bits[self._first]))
+            shown = 1.0 - self._missed
+            if views.cell_weights is not None:
+                shown = shown * views.cell_weights
+            cells += float(shown.sum(dtype=np.float64))
             below, floor = self._below()
-            objects = float((1.0 - (below[LEVELS] - floor)).sum())
+            objects = float(views.summed(1.0 - (below[LEVELS] - floor)))
         return views.area_weight * cells + views.object_weight * objects
 
     def _expected_above(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -128,8 +192,7 @@ class Union:
         objects = np.arange(views.evidence.shape[1])
         level, beyond = views.level[rows], views.beyond[rows]
         risen = below[level, objects] + self._above[level, objects] * beyond - floor
-        summed: NDArray[np.float64] = np.maximum(risen, 0.0).sum(axis=1)
-        return summed
+        return views.summed(np.maximum(risen, 0.0))
 
     def _below(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The integral of that probability from 0 to each step, (LEVELS + 1, K), and to the best
@@ -144,8 +207,41 @@ class Union:
         return below, floor
 
 
+def _merged(
+    areas: NDArray[np.bool_], weights: NDArray[np.float32] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cells that somebody sees, those that the same robots see as one: (n, C) whether each robot
+    does, and (C,) what they count together; `weights` (G, G), None where all count 1."""
+    flat = areas.reshape(len(areas), math.prod(areas.shape[1:]))
+    seen = flat.any(axis=0)
+    flat = flat[:, seen]
+    who = np.packbits(flat, axis=0).T
+    padded = np.ascontiguousarray(np.pad(who, ((0, 0), (0, -who.shape[1] % 8)))).view(np.uint64)
+    keys = padded[:, 0] if padded.shape[1] == 1 else padded
+    axis = None if keys.ndim == 1 else 0  # of numbers it is faster than of rows
+    _, first, group, count = np.unique(
+        keys, axis=axis, return_index=True, return_inverse=True, return_counts=True
+    )
+    counted: NDArray[np.float64] = count.astype(np.float64)
+    if weights is not None:
+        counted = np.bincount(group.ravel(), weights.ravel()[seen], len(first)).astype(np.float64)
+    return flat[:, first].astype(np.float64), counted
+
+
 def pack_areas(areas: NDArray[np.bool_]) -> NDArray[np.uint64]:
     """Area masks, bool (n, G, G), as rows of 64-bit words."""
     packed = np.packbits(areas.reshape(len(areas), -1), axis=1)
     padding = -packed.shape[1] % 8
     return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view(np.uint64)
+
+
+def pack_weighted(
+    areas: NDArray[np.bool_], weights: NDArray[np.float32]
+) -> tuple[NDArray[np.uint64], NDArray[np.float64]]:
+    """Area masks, bool (n, G, G), as words (n, W) of cells that weigh the same, by weights (G, G);
+    and what a cell of each word counts, (W,)."""
+    flat, weigh = areas.reshape(len(areas), -1), weights.ravel()
+    levels = np.unique(weigh)
+    packed = [pack_areas(flat[:, weigh == level]) for level in levels]
+    words = [np.full(part.shape[1], level) for part, level in zip(packed, levels, strict=True)]
+    return np.concatenate(packed, axis=1), np.concatenate(words).astype(np.float64)

@@ -13,6 +13,7 @@ from typing import get_args
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.choices.check_assignments import carried
 from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import AdviceReport, Algorithm, Decision, Source
@@ -54,7 +55,8 @@ def validate(
     A decision is valid when its participants are the ego, first, and candidates of the scene, each
     once; its algorithm is available and everyone's size for it is known; and
     C(P, a) * 8 * rate <= headroom * C(t), at the rate that is decided, and the same for each one's
-    size and its own link, or the ego is alone.
+    size and its own link, or the ego is alone. Where robots differ in what they send and how often,
+    C(P, a) is the mean of a frame.
     """
     repairs: list[str] = []
     if trouble := _unusable(proposal, knowledge, now_ns):
@@ -64,8 +66,12 @@ def validate(
     asked = _known_once(proposal.participants, scene, repairs)
     if not asked and any(name != scene.ego.robot for name in proposal.participants):
         return Unusable("nobody of those it names can take part", tuple(repairs))
-    scorer = _paced(fastest, asked, proposal)
-    score = _carried(scorer, asked, proposal.algorithm, repairs)
+    if proposal.assignments and knowledge.objective.rarer_hz:
+        scorer = fastest.at_rate(proposal.rate_hz)
+        score = carried(scorer, asked, proposal.assignments, repairs)
+    else:
+        scorer = _paced(fastest, asked, proposal)
+        score = _carried(scorer, asked, proposal.algorithm, repairs)
     if asked and not score.participants:
         why = "nobody of those it names fits the link and adds anything"
         return Unusable(why, tuple(repairs))
@@ -122,8 +128,10 @@ def make_decision(
         advice=advice,
         deadline_s=score.pace.deadline_s,
         arrival={
-            robot: round(at.in_time(robot, score.algorithm), 3) for robot in score.participants
+            robot: round(at.in_time(robot, score.algorithm_of(robot)), 3)
+            for robot in score.participants
         },
+        assignments=score.assignments,
     )
 
 

@@ -6,16 +6,18 @@ way is an option, for each algorithm; the best option wins, unless the decision 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
 from dataclasses import dataclass
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.plan.assign import told as told_rates
 from ego_agent.plan.choices.explain import told
-from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.hysteresis import best_option, settle, still_possible
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.options import all_options
 from ego_agent.plan.choices.scoring import Score, Scorer
-from swarm.messages import Decision
+from swarm.messages import MIXED, Decision
 
 
 @dataclass(frozen=True)
@@ -35,47 +37,32 @@ class Coverage:
             reason=reason,
             source="policy",
             rate_hz=best.pace.rate_hz,
+            assignments=best.assignments,
         )
 
     def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
         """The same as a score, and its reason."""
-        options = list(_options(scorer))
+        options = list(all_options(scorer))
+        mixes = None
+        if scorer.objective.rarer_hz and scorer.knowledge.mixable and not scorer.hopes:
+            mixes = Mixes(scorer)
+            options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
         best = best_option(scorer, options)
-        held = still_possible(scorer, previous)
+        held = still_possible(scorer, previous, mixes)
         if held is not None and previous is not None:
             best = settle(scorer, options, best, held, previous)
         return best, reason_of(scorer, best, kept=best is held)
-
-
-def _options(scorer: Scorer) -> Iterator[Score]:
-    """The ego alone, and all sets on the way of the greedy orders, at each pace that may be worth
-    its slowness."""
-    knowledge = scorer.knowledge
-    alone = scorer.score((), knowledge.best_algorithm())
-    yield alone
-    best = alone.value
-    for algorithm in knowledge.algorithms:
-        for pace in scorer.paces:
-            at = scorer.at(pace)
-            if pace is not scorer.paces[0] and at.most(algorithm) <= best:
-                continue
-            for by_byte in (True, False):
-                for score in grow(at, scorer.scene.candidates, algorithm, by_byte=by_byte):
-                    best = max(best, score.value)
-                    yield score
-            if at.slower_is_worse(algorithm):
-                break
 
 
 def reason_of(scorer: Scorer, score: Score, *, kept: bool) -> str:
     """What is known of a choice, in one sentence for people."""
     at = scorer.at(score.pace)
     rows = [0, *(scorer.row_of[robot] for robot in score.participants)]
-    share = at.share(rows, score.algorithm)
+    share = at.share(rows, score.algorithm if score.algorithm != MIXED else None)
     text = (
         f"The ego and {len(score.participants)} of {len(scorer.scene.candidates)} robots in range "
         f"see {100 * share:.0f} % of what all see{_expected(scorer, score)}; "
-        f"{score.algorithm} fusion costs "
+        f"{_forms(score)} fusion costs "
         f"{score.cost_bytes / 1e3:.1f} of {at.budget_bytes / 1e3:.1f} kB a frame"
     )
     if score.pace != scorer.paces[0]:
@@ -84,7 +71,16 @@ def reason_of(scorer: Scorer, score: Score, *, kept: bool) -> str:
         text += f"; {late}"
     if not scorer.good_enough(score):
         text += f"; {score.quality:.2f} is the best quality, below {scorer.objective.q_min:.2f}"
-    return text + ("; kept, no change pays." if kept else ".")
+    text += "; kept, no change pays." if kept else "."
+    return f"{text} {told_rates(score.assignments, score.pace.rate_hz)}".rstrip()
+
+
+def _forms(score: Score) -> str:
+    """What is fused, and of how many where that differs."""
+    if score.algorithm != MIXED:
+        return score.algorithm
+    counts = Counter(one.algorithm for one in score.assignments)
+    return "mixed (" + ", ".join(f"{count} {name}" for name, count in counts.items()) + ")"
 
 
 def _expected(scorer: Scorer, score: Score) -> str:

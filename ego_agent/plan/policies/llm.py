@@ -242,6 +242,7 @@ class Llm:
             notes=(note,) if note else (),
             advice=report,
             rate_hz=cycle.fallback.pace.rate_hz,
+            assignments=cycle.fallback.assignments,
         )
 
     def _report(self, cycle: Cycle) -> AdviceReport:

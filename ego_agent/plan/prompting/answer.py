@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ego_agent.plan.choices.validation import MAX_PARTICIPANTS, shown
+from ego_agent.plan.prompting.letters import ALONE, letter
 from ego_agent.plan.prompting.schema import CONFIDENCE
 from swarm.errors import DecisionError
 
@@ -26,7 +27,7 @@ class Advice:
     algorithm: str
     reason: str
     confidence: float
-    """In [0, 1], for what the model says in a word."""
+    """In [0, 1], for what the model says in a word; 1 where it is not asked."""
 
 
 def read_answer(text: str, prompt: LlmPrompt) -> Advice:
@@ -41,6 +42,8 @@ def read_answer(text: str, prompt: LlmPrompt) -> Advice:
         answer = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise DecisionError(f"the answer is no JSON: {error}") from error
+    if prompt.letters:
+        return _in_letters(answer, prompt)
     if not isinstance(answer, dict):
         raise DecisionError(f"the answer is {shown(answer)}, not an object")
     helpers = _field(answer, "helpers")
@@ -53,6 +56,22 @@ def read_answer(text: str, prompt: LlmPrompt) -> Advice:
     algorithm, reason = _text(answer, "algorithm"), _text(answer, "explanation")
     participants = tuple(dict.fromkeys((prompt.ego, *helpers)))
     return Advice(participants, algorithm, reason[:MAX_REASON], _confidence(answer))
+
+
+def _in_letters(answer: object, prompt: LlmPrompt) -> Advice:
+    """An algorithm and letters, or one word for the ego alone; its reason is code's to tell."""
+    if not isinstance(answer, str):
+        raise DecisionError(f"the answer is {shown(answer)}, not text")
+    name, *letters = answer.split(" ")
+    if answer == ALONE:
+        name = prompt.alone
+    robots = {letter(at): robot for at, robot in enumerate(prompt.candidates)}
+    for one in letters:
+        if one not in robots:
+            allowed = " ".join(robots) or "none"
+            raise DecisionError(f"the answer names {shown(one)}; allowed: {allowed}")
+    participants = tuple(dict.fromkeys((prompt.ego, *(robots[one] for one in letters))))
+    return Advice(participants, name, "", 1.0)
 
 
 def _no_number(name: str) -> NoReturn:

@@ -32,6 +32,13 @@ def arrival_line(scorer: Scorer, listed: Sequence[Ranked]) -> str:
     return f"In time, percent: {', '.join(words)}. What comes late adds nothing.\n"
 
 
+def usual_in_time(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> int:
+    """The percentage of these robots' answers that usually comes in time, in steps; 100 where there
+    is nobody to ask."""
+    chances = [scorer.in_time(robot, algorithm) for robot in robots]
+    return _percent(median(chances)) if chances else 100
+
+
 def mostly_late(scorer: Scorer, algorithm: Algorithm) -> bool:
     """Whether half of the candidates' answers with it, or more, come late."""
     chances = [scorer.in_time(c.robot, algorithm) for c in scorer.scene.candidates]

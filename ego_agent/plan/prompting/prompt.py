@@ -15,6 +15,7 @@ from string import Template
 
 from ego_agent.knowledge.base import CycleResult, Knowledge
 from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.pace import algorithm_of
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.prompting.arrival import arrival_line
 from ego_agent.plan.prompting.fingerprint import scene_fingerprint
@@ -22,7 +23,7 @@ from ego_agent.plan.prompting.schema import Choice, answer_schema, choices
 from ego_agent.plan.prompting.steps import at_most, coarse, percent, place, shown
 from ego_agent.plan.prompting.table import STEP_M, Ranked, nameable, ranked, robot_row
 from swarm.errors import DecisionError
-from swarm.messages import Algorithm, ChatMessage, Decision
+from swarm.messages import MIXED, Algorithm, ChatMessage, Decision
 
 VERSION = "v1"
 """Of the templates."""
@@ -42,6 +43,10 @@ class LlmPrompt:
     candidates: tuple[str, ...]
     """Robots that the answer may name, best first; without the ego."""
     ego: str
+    letters: bool = False
+    """Whether the answer is text that calls them A, B and so on."""
+    alone: str = ""
+    """The algorithm that such an answer means when it names nobody."""
 
 
 def make_prompt(
@@ -153,16 +158,24 @@ def _user(
 
 def before(scorer: Scorer, previous: Decision | None, result: CycleResult | None) -> str:
     """The decision in force and what came of it. Its reason is left out: it is free text."""
-    if previous is None or previous.algorithm not in scorer.knowledge.algorithms:
+    if previous is None or previous.algorithm not in (*scorer.knowledge.algorithms, MIXED):
         return "Before: nothing decided."
     ego = scorer.scene.ego.robot
     helpers = [robot for robot in previous.participants if robot != ego and nameable(robot)]
-    line = f"Before: {previous.algorithm} {' '.join(helpers[:_MOST_HELPERS]) or 'alone'}"
+    sent = [_sent(previous, robot) for robot in helpers[:_MOST_HELPERS]]
+    line = f"Before: {previous.algorithm} {' '.join(sent) or 'alone'}"
     if result is not None and result.frames > 0:
         expected = result.predicted_bytes * result.frames
         got = percent(result.received_bytes / expected) if expected else 100
         line += f"; {got} percent arrived, {shown(coarse(result.latency_ms))} ms"
     return line + "."
+
+
+def _sent(previous: Decision, robot: str) -> str:
+    """A helper, with what it sent where the algorithm does not say it."""
+    if previous.algorithm != MIXED:
+        return robot
+    return f"{robot} ({algorithm_of(previous, robot)})"
 
 
 _MOST_HELPERS = 32

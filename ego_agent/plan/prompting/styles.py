@@ -9,6 +9,7 @@ from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.prompting.paper import make_paper_prompt
 from ego_agent.plan.prompting.prompt import LlmPrompt, make_prompt
+from ego_agent.plan.prompting.short import make_short_prompt
 from ego_agent.settings import PromptStyle
 from swarm.messages import Decision
 
@@ -33,5 +34,9 @@ class MakesPrompt(Protocol):
 
 def prompt_maker(style: PromptStyle) -> MakesPrompt:
     """Who makes prompts of that style."""
-    makers: dict[PromptStyle, MakesPrompt] = {"table": make_prompt, "paper": make_paper_prompt}
+    makers: dict[PromptStyle, MakesPrompt] = {
+        "table": make_prompt,
+        "paper": make_paper_prompt,
+        "short": make_short_prompt,
+    }
     return makers[style]

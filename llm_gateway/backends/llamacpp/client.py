@@ -39,11 +39,12 @@ class LlamaCpp:
         log: Logger,
         *,
         cache: Path | None = None,
+        adapter: Path | None = None,
     ) -> None:
         """`parallel` prompts at a time, each with its answer at most `context` tokens.
 
         `threads`: 0 takes all cores. `cache`: where a faster form of the model may be kept, by
-        default in the user's cache folder.
+        default in the user's cache folder. `adapter`: what was learned beside the model's weights.
         """
         self._path = model_path
         self._parallel = parallel
@@ -51,6 +52,7 @@ class LlamaCpp:
         self._threads = threads
         self._log = log
         self._cache = cache or models.cache_folder()
+        self._adapter = adapter
         self._idents = itertools.count(1)
         self._waiting: dict[int, asyncio.Future[Reply]] = {}
         self._hearing: dict[int, Hear] = {}
@@ -165,6 +167,7 @@ class LlamaCpp:
             *("--model", str(self._path), "--parallel", str(self._parallel)),
             *("--context", str(self._context), "--threads", str(self._threads)),
             *("--cache", str(self._cache)),
+            *(("--adapter", str(self._adapter)) if self._adapter else ()),
             stdin=PIPE,
             stdout=PIPE,
             stderr=DEVNULL,

@@ -33,10 +33,19 @@ class ModelError(Exception):
 class Native:
     """A model, and a context with `sequences` parallel sequences of `context` tokens each."""
 
-    def __init__(self, path: Path, *, sequences: int, context: int, threads: int, chunk: int):
+    def __init__(
+        self,
+        path: Path,
+        *,
+        sequences: int,
+        context: int,
+        threads: int,
+        chunk: int,
+        adapter: Path | None = None,
+    ):
         """Loads it; `chunk` is the most tokens that one `decode` gets, `threads` the most it takes.
 
-        Raises ModelError.
+        `adapter`: what was learned beside the model's weights (LoRA, GGUF). Raises ModelError.
         """
         from llama_cpp import llama_cpp as lib
 
@@ -64,6 +73,8 @@ class Native:
         if not self._context:
             said = "; ".join(self._said[-2:])
             raise ModelError(f"no context of {sequences} times {context} tokens: {said}")
+        if adapter is not None:
+            self._add(adapter)
         self._memory = lib.llama_get_memory(self._context)
         self.vocabulary = lib.llama_model_get_vocab(self._model)
         self.vocabulary_size: int = lib.llama_vocab_n_tokens(self.vocabulary)
@@ -71,6 +82,17 @@ class Native:
         self._batch = lib.llama_batch_init(chunk, 0, 1)
         template = lib.llama_model_chat_template(self._model, None)
         self.template: bytes | None = template
+
+    def _add(self, adapter: Path) -> None:
+        """Adds an adapter to all that is decoded; the model frees it."""
+        loaded = self._lib.llama_adapter_lora_init(self._model, str(adapter).encode())
+        if not loaded:
+            said = "; ".join(self._said[-2:])
+            raise ModelError(f"{adapter} is not an adapter of this model: {said}")
+        adapters = (self._lib.llama_adapter_lora_p_ctypes * 1)(loaded)
+        scales = (ctypes.c_float * 1)(1.0)
+        if self._lib.llama_set_adapters_lora(self._context, adapters, 1, scales):
+            raise ModelError(f"{adapter} cannot be added to the model")
 
     def close(self) -> None:
         """Gives the memory back; nothing may be called afterwards."""

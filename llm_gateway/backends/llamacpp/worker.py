@@ -34,6 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--context", type=int, required=True, help="tokens of one sequence")
     parser.add_argument("--threads", type=int, required=True, help="0: one for each core")
     parser.add_argument("--cache", type=Path, help="where a faster form of it may be kept")
+    parser.add_argument("--adapter", type=Path, help="what was learned beside the model")
     parser.add_argument("--try", action="store_true", dest="once", help="answer once and end")
     args = parser.parse_args(arguments)
     # Egos and robots beside it have deadlines of milliseconds, a model has seconds.
@@ -54,6 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
             context=args.context,
             threads=args.threads or len(os.sched_getaffinity(0)),
             chunk=CHUNK,
+            adapter=args.adapter,
         )
         engine = Engine(native, sequences=args.parallel, context=args.context)
         _try_out(engine)

@@ -10,6 +10,7 @@ import { watchRecordings } from "./recordings.js";
 import { RobotPanel } from "./robot.js";
 import { Stream } from "./stream.js";
 import { Timeline } from "./timeline.js";
+import { Wishes } from "./wishes.js";
 
 const WORDS_S = 0.4; // People read no faster than this what is no news; the map moves with every frame.
 const $ = (id) => document.getElementById(id);
@@ -38,6 +39,7 @@ map.leastScore = (found) => boxes.least(found);
 map.onChoose = (robot) => panel.open(robot);
 watchRecordings(stream);
 const controls = new Controls(stream);
+const wishes = new Wishes(stream, (what, request) => controls.wish(what, request));
 let pending = 0;
 let floorOf = ""; // The connection that the floor plan was asked over.
 
@@ -69,10 +71,11 @@ function words() {
   panel.show();
   boxes.show();
   controls.update();
+  wishes.update();
   timeline.draw();
 }
 
-for (const layer of ["range", "objects", "boxes", "blind"]) {
+for (const layer of ["range", "objects", "boxes", "blind", "places"]) {
   $(`layer-${layer}`).addEventListener("change", (event) => {
     map.layers[layer] = event.target.checked;
     map.changed();
@@ -92,6 +95,7 @@ async function loadFloor(connection) {
     const answer = await fetch("/api/floor");
     if (!answer.ok) throw new Error(answer.statusText);
     map.floor = await answer.json();
+    wishes.name(map.floor.places);
     map.changed();
   } catch {
     setTimeout(() => stream.csrf === connection && loadFloor(connection), 3000);

@@ -39,6 +39,7 @@ export class Controls {
     for (const [name, id] of Object.entries(EGO_FIELDS)) {
       $(id).addEventListener("input", () => this.#edit(name, true));
     }
+    $("why").addEventListener("click", () => this.#why());
     $("duty-off").addEventListener("click", () => this.#duty("off"));
     $("duty-on").addEventListener("click", () => this.#duty("on"));
     setInterval(() => this.#look(), 1000 * SHOW_S);
@@ -59,9 +60,30 @@ export class Controls {
     this.#choose("duty-robot", robots.filter((r) => r.alive || r.off_duty_by).map((r) => r.robot), "choose …");
   }
 
+  // Asks the ego, or takes away what it told.
+  async #why() {
+    const told = $("why-told");
+    const open = told.hidden;
+    let sentences = [];
+    if (open) {
+      $("why").disabled = true;
+      try {
+        const reply = await this.#wish("ego", { wish: {}, why: true });
+        sentences = reply.why.length ? reply.why : ["Nothing has been decided yet."];
+      } catch (error) {
+        sentences = [error.message];
+      }
+      $("why").disabled = !this.shown;
+    }
+    fill(told, sentences, (words) => Object.assign(document.createElement("li"), { textContent: words }));
+    told.hidden = !open;
+    $("why").setAttribute("aria-expanded", String(open));
+  }
+
   #allow(may) {
+    $("why").disabled = !may;
     const focused = document.activeElement;
-    for (const id of ["controls", "steering"]) {
+    for (const id of ["controls", "steering", "wishing"]) {
       if (!may && !$(id).disabled && $(id).contains(focused)) this.focused = focused;
       $(id).disabled = !may;
     }
@@ -129,7 +151,7 @@ export class Controls {
 
   async #shape(profile, values) {
     await this.#tell("shape-result", async () => {
-      const reply = await this.#wish("shape", { profile, robot: $("shape-robot").value, ...values });
+      const reply = await this.wish("shape", { profile, robot: $("shape-robot").value, ...values });
       this.#shapes(reply);
       return ["done", ...reply.notes].join("; ");
     });
@@ -146,7 +168,7 @@ export class Controls {
     await this.#tell("steer-result", async () => {
       for (const name of sent) this.#edit(name, false); // What is typed from now on is another wish.
       const wish = Object.fromEntries(sent.map((name) => [name, values[name]]));
-      const reply = await this.#wish("ego", { wish }).catch((error) => {
+      const reply = await this.wish("ego", { wish }).catch((error) => {
         for (const name of sent) this.#edit(name, true);
         throw error;
       });
@@ -169,7 +191,7 @@ export class Controls {
       return;
     }
     await this.#tell("steer-result", async () => {
-      const reply = await this.#wish(`robot/${robot}`, { duty });
+      const reply = await this.wish(`robot/${robot}`, { duty });
       return `${robot} is ${reply.on_duty ? "on" : "off"} duty`;
     });
   }
@@ -197,7 +219,8 @@ export class Controls {
     if (wishes === this.wishes) show(reply);
   }
 
-  async #wish(what, request) {
+  // Sends a control; returns the reply, throws an error with what was refused.
+  async wish(what, request) {
     this.wishes++;
     try {
       return await this.#ask(what, request);

@@ -18,8 +18,8 @@ export class FloorMap {
     this.canvas = canvas;
     this.stream = stream;
     this.theme = theme;
-    this.floor = { width_m: null, depth_m: null, rects: [] };
-    this.layers = { range: false, objects: true, boxes: true, blind: true };
+    this.floor = { width_m: null, depth_m: null, rects: [], places: [] };
+    this.layers = { range: false, objects: true, boxes: true, blind: true, places: false };
     this.zoom = 1;
     this.middle = null; // Of what is shown, metres; null: all of it.
     this.last = new Map(); // Where robots were last heard of.
@@ -107,6 +107,7 @@ export class FloorMap {
     if (this.layers.range) this.#drawRange(c, robots, view.scale);
     c.restore();
 
+    if (this.layers.places) this.#drawPlaces(c, at);
     if (this.layers.objects) this.#drawObjects(c, scenes, at, view.scale);
     if (this.layers.boxes) this.#drawBoxes(c, now, at, view.scale);
     this.#drawLinks(c, robots, now, at);
@@ -157,6 +158,24 @@ export class FloorMap {
       c.fillRect(x, y, right - x, top - y);
       c.strokeRect(x, y, right - x, top - y);
     }
+  }
+
+  // The site's places with their names, each name where it has most room.
+  #drawPlaces(c, at) {
+    c.strokeStyle = c.fillStyle = this.theme("--quiet");
+    c.font = "12px system-ui, sans-serif";
+    c.textAlign = "center";
+    c.setLineDash([4, 4]);
+    for (const { name, polygon } of this.floor.places) {
+      const corners = polygon.map(([x, y]) => at(x, y));
+      c.beginPath();
+      for (const [x, y] of corners) c.lineTo(x, y);
+      c.closePath();
+      c.stroke();
+      const middle = (axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length;
+      c.fillText(name, middle(0), middle(1));
+    }
+    c.setLineDash([]);
   }
 
   // What robots see now; what they saw earlier says nothing about the floor of today.

@@ -109,12 +109,13 @@ export function showDecision(stream) {
   const by = decision.policy + (decision.model ? `, ${decision.model}` : "");
   const facts = [
     ["by", `${by} (source: ${decision.source})`],
-    ["C(t)", `${rate(decision.capacity_bps)}; predicted use ${rate(decision.cost_bps)}, measured ${rate(used)}`],
+    ["C(t)", `${rate(decision.capacity_bps)}; predicted use ${rate(decision.cost_bps)}, measured ${rate(used)}` +
+      (demand?.burst_bytes && decision.assignments?.length ? `, largest frame ${(demand.burst_bytes / 1e3).toFixed(1)} kB` : "")],
     ["quality", `${decision.blind && !decision.quality ? "not known" : `${decision.quality.toFixed(2)} predicted`}` +
       (demand && now - demand.at <= old ? `, at least ${demand.q_min} asked for` : "")],
   ];
   if (decision.assignments?.length)
-    facts.push(["how often", decision.assignments.map(([robot, , hz]) => `${robot} ${hz} Hz`).join(", ")]);
+    facts.push(["who sends what", decision.assignments.map(([robot, form, hz]) => `${robot} ${form} ${hz} Hz`).join(", ")]);
   if (decision.advice) facts.push(["advice", decision.advice.filter(Boolean).join(": ")]);
   if (decision.repairs.length) facts.push(["repaired", decision.repairs.join("; ")]);
   const without = stale ? "" : excluded(stream);

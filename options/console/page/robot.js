@@ -74,7 +74,9 @@ export class RobotPanel {
     if (word === "yes") {
       const share = decision.arrival[robot.robot];
       const time = share === undefined ? "" : `; ${Math.round(100 * share)} % of its answers are expected in time`;
-      return (why ? `yes, but ${why}` : "yes") + time;
+      const sends = decision.assignments?.find(([name]) => name === robot.robot);
+      const what = sends ? `; it sends ${sends[1]} at ${sends[2]} Hz` : "";
+      return (why ? `yes, but ${why}` : "yes") + what + time;
     }
     if (why !== "not chosen") return `no: ${why}`;
     const size = this.stream.get(`sizes/${robot.robot}`)?.[decision.algorithm];

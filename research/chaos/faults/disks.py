@@ -6,7 +6,7 @@ import errno
 import os
 from pathlib import Path
 
-from deploy.services import JOURNAL, NET
+from deploy.paths import JOURNAL, NET
 from research.chaos.faults.base import Begin, End, Kind
 from research.chaos.history import Fault
 from research.chaos.stage import LOGS, Stage

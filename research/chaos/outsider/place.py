@@ -10,7 +10,7 @@ from queue import Empty, Queue
 
 import zenoh
 
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.messages import Beacon
 from swarm.session import Session
 
@@ -47,7 +47,7 @@ class Place:
 
     def raw(self) -> zenoh.Session:
         """A session that sends what it likes. Raises TransportError."""
-        config = transport.client_config(self.router)
+        config = zenoh_config.client_config(self.router)
         session = transport.open_zenoh(config, timeout_s=CONNECT_S, stop=self.stop)
         self.admitted.append(time.time())
         return session

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.known import KnownRobot, seen_at
-from perception.fusion.mixed import Mixed
+from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.registry import make_fusion
 from perception.memory.memory import View
 from perception.types import Boxes
@@ -65,6 +64,7 @@ class Driven:
         self.frames = range(drive.first, drive.first + drive.frames)
         self.nearest = tuple(nearest_first(self.world, self.ego, drive.first))[1:]
         """The other robots as the drive begins."""
+        self.seed = drive.seed
         self._fusions: dict[str, Fusion] = {}
         self._payloads: dict[tuple[int, str, str, float], tuple[Contribution, int]] = {}
         self._fused: dict[tuple[int, tuple[tuple[str, str], ...], float], FusedOnce] = {}
@@ -76,18 +76,28 @@ class Driven:
             self._fused[key] = self._fuse(frame, asked, max_error_m)
         return self._fused[key]
 
+    def size(self, frame: int, robot: str, name: str, max_error_m: float) -> int:
+        """Bytes that the robot sends, with those of asking for it."""
+        own = self.world.scan(self.ego, frame).points
+        return self._payload(frame, robot, name, max_error_m, own)[1]
+
+    def _payload(
+        self, frame: int, robot: str, name: str, max_error_m: float, own: Points
+    ) -> tuple[Contribution, int]:
+        key = (frame, robot, name, max_error_m)
+        if key not in self._payloads:
+            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, own)
+        return self._payloads[key]
+
     def _fuse(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
         own = self.world.scan(self.ego, frame)
-        forms = {name: self._fusion(name) for name in dict.fromkeys(asked.values())}
+        forms = {name: self.fusion(name) for name in dict.fromkeys(asked.values())}
         here = own.pose.matrix()
-        gathering = Mixed(forms or {"early": self._fusion("early")}).begin(own.points, here)
+        gathering = Mixed(forms or {"early": self.fusion("early")}).begin(own.points, here)
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
         for robot, name in asked.items():
-            key = (frame, robot, name, max_error_m)
-            if key not in self._payloads:
-                self._payloads[key] = self._encoded(frame, robot, name, max_error_m, own.points)
-            contribution, sizes[robot] = self._payloads[key]
+            contribution, sizes[robot] = self._payload(frame, robot, name, max_error_m, own.points)
             try:
                 gathering.add(contribution)
                 helpers.add(robot)
@@ -110,7 +120,7 @@ class Driven:
         self, frame: int, robot: str, name: str, max_error_m: float, own: Points
     ) -> tuple[Contribution, int]:
         """What the robot sends, and the bytes of that and of asking for it."""
-        fusion, scan = self._fusion(name), self.world.scan(robot, frame)
+        fusion, scan = self.fusion(name), self.world.scan(robot, frame)
         here = self.world.pose(self.ego, frame).matrix()
         ask = fusion.begin(own, here).ask()
         pose = disturbed(scan.pose, robot, frame, self.drive.pose_noise_m)
@@ -121,12 +131,13 @@ class Driven:
         sent = Contribution(robot, payload, pose.matrix(), form=name)
         return sent, len(payload) + ask.size()
 
-    def _fusion(self, name: str) -> Fusion:
+    def fusion(self, name: str) -> Fusion:
+        """An algorithm with the world's detector, made once."""
         if name not in self._fusions:
             self._fusions[name] = make_fusion(name, self.world.detector)
         return self._fusions[name]
 
 
 def _scored_as(forms: list[str]) -> str:
-    """Whose calibration holds: that of the form that most robots have sent."""
-    return Counter(forms).most_common(1)[0][0] if forms else SINGLE
+    """Whose calibration holds."""
+    return scored_by(forms) if forms else SINGLE

@@ -25,7 +25,7 @@ from perception.fusion.registry import make_fusion
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember
 from perception.types import Boxes
-from research.evaluation.ways.drive import Driven, FusedOnce
+from research.evaluation.ways.drive import Drive, Driven, FusedOnce
 from swarm.geometry import Pose, invert
 from worlds.cooperative.fusing import SINGLE, disturbed, known_robots
 
@@ -67,26 +67,33 @@ class Station:
         return replace(told, boxes=replace(told.boxes, scores=1.0 / (1.0 + np.exp(-logit))))
 
 
-class EtsiDriven:
-    """A drive on which all robots but the ego send what the rules say; in place of `Driven`."""
+class EtsiDriven(Driven):
+    """A drive on which all robots but the ego send what the rules say, whatever they are asked."""
 
-    def __init__(self, driven: Driven, *, mitigates: bool = False) -> None:
-        self.drive, self.world, self.ego = driven.drive, driven.world, driven.ego
-        self.frames, self.nearest = driven.frames, driven.nearest
+    def __init__(self, drive: Drive, *, mitigates: bool = False) -> None:
+        """`mitigates`: leaves out what others have told already."""
+        super().__init__(drive)
         self._late = make_fusion(FORM, self.world.detector)
         self._stations = {
             robot: Station(self.world.detector, mitigates=mitigates) for robot in self.nearest
         }
         self._received = {robot: Received() for robot in self.nearest}
+        self._sent: dict[tuple[str, int], Remembered | None] = {}
+        """What each robot tells in a frame; None where it sends nothing."""
+
+    def size(self, frame: int, robot: str, name: str, max_error_m: float) -> int:
+        """The bytes of what a robot sends in a frame. Frames must follow each other."""
+        sent = self._tell(robot, frame)
+        return 0 if sent is None else message_bytes(sent.boxes.labels)
 
     def fused(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
-        """The frame as the ego sees it, with what it has heard by then. Nobody is asked, and frames
-        must follow each other."""
+        """The frame as the ego sees it, with what it has heard by then. `asked`: those whose
+        messages of this frame come. Frames must follow each other."""
         now_s = frame / self.world.rate_hz
-        sizes = {}
-        for robot in self.nearest:
-            if (labels := self._tell(robot, frame, now_s)) is not None:
-                sizes[robot] = message_bytes(labels)
+        for robot in asked:
+            if (sent := self._tell(robot, frame)) is not None:
+                ids = tuple(int(one) for one in sent.ids)
+                self._received[robot].take(now_s, ids, sent.boxes, sent.velocities)
         own = self.world.scan(self.ego, frame)
         here = own.pose.matrix()
         gathering = Mixed({FORM: self._late}).begin(own.points, here)
@@ -104,14 +111,19 @@ class EtsiDriven:
             found,
             FORM if helpers else SINGLE,
             frozenset(helpers),
-            sizes,
+            {robot: self.size(frame, robot, FORM, max_error_m) for robot in asked},
             seen_at(known, gathering.corrections()),
             {self.ego: (own.points, here)},
             here,
         )
 
-    def _tell(self, robot: str, frame: int, now_s: float) -> tuple[str, ...] | None:
-        """The labels of what a robot tells in a frame; None where it sends nothing."""
+    def _tell(self, robot: str, frame: int) -> Remembered | None:
+        if (robot, frame) not in self._sent:
+            self._sent[robot, frame] = self._told(robot, frame)
+        return self._sent[robot, frame]
+
+    def _told(self, robot: str, frame: int) -> Remembered | None:
+        now_s = frame / self.world.rate_hz
         scan = self.world.scan(robot, frame)
         believed = disturbed(scan.pose, robot, frame, self.drive.pose_noise_m)
         here = believed.matrix()
@@ -123,12 +135,10 @@ class EtsiDriven:
         if due is None:
             return None
         told = _as_told(seen.take(np.array(due, dtype=np.intp)), believed)
-        ids = tuple(int(one) for one in told.ids)
-        self._received[robot].take(now_s, ids, told.boxes, told.velocities)
         for other, listener in self._stations.items():
             if other != robot:
                 listener.rules.hear(now_s, _seen(told))
-        return told.boxes.labels
+        return told
 
 
 def _seen(told: Remembered) -> list[Seen]:

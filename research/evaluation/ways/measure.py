@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +17,15 @@ from perception.memory.remembering import remember
 from perception.tally import Tally
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven, FusedOnce
-from research.evaluation.ways.etsi import EtsiDriven
+from research.evaluation.ways.planned import Deciding
 from research.evaluation.ways.tracking import NEAR_M, Following
 from research.evaluation.ways.way import Way
+from research.evaluation.windows.cell import Cell
+from worlds.base import World
 from worlds.cooperative.judging import judge
 
+DEADLINE_S = 0.25
+"""A contribution that the link brings later is not fused."""
 SETTLED_FRAMES = 10
 """From the first that counts: a memory begins empty."""
 
@@ -32,6 +38,9 @@ class Measured:
     following: Following = field(default_factory=Following)
     bytes: int = 0
     """That robots sent, requests included."""
+    asked: int = 0
+    came: int = 0
+    """Of these contributions, those that were there in time."""
     memory_ms: list[float] = field(default_factory=list)
     lost: int = 0
     """Objects that were told of, and then shown by nobody until a silence ended..."""
@@ -43,20 +52,39 @@ class Measured:
         self.tally.take_up(other.tally)
         self.following.take_up(other.following, drive)
         self.bytes += other.bytes
+        self.asked += other.asked
+        self.came += other.came
         self.memory_ms += other.memory_ms
         self.lost += other.lost
         self.found_again += other.found_again
 
 
-def measure(driven: Driven | EtsiDriven, way: Way) -> Measured:
+class Watching(Protocol):
+    """Whoever looks at the frames that count, too."""
+
+    def add(
+        self, world: World, frame: int, told: Boxes, truth: Boxes, names: Sequence[str]
+    ) -> None:
+        """A frame: the boxes that count, told and true, and whose the true ones are."""
+        ...
+
+
+def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measured:
     """Drives the way."""
     world, measured = driven.world, Measured()
     detector = world.detector
     memory = Memory(configuration(detector).usual_speed_m_s) if way.memory else None
     silence = Silence(measured)
+    deciding = Deciding(driven, way.decided) if way.decided is not None else None
+    link_bps = way.link_bps
+    cell = Cell(lambda _: link_bps) if link_bps is not None else None
     for number, frame in enumerate(driven.frames):
-        asked = way.asked(number, driven.nearest, world.rate_hz)
-        fused = driven.fused(frame, asked, way.max_error_m)
+        if deciding is not None:
+            asked = deciding.asked(number, frame)
+        else:
+            asked = way.asked(number, driven.nearest, world.rate_hz)
+        came, sizes = _in_time(driven, way, cell, frame, asked)
+        fused = driven.fused(frame, came, way.max_error_m)
         shown = _published(fused, detector)
         told, tracks = shown, np.arange(len(shown)) + number * 1000
         if memory is not None:
@@ -71,9 +99,13 @@ def measure(driven: Driven | EtsiDriven, way: Way) -> Measured:
         if number < SETTLED_FRAMES:
             continue
         found, truth = judge(world, frame, driven.ego, told)
-        measured.tally.add(found, truth, fused.bytes.values())
-        measured.bytes += sum(fused.bytes.values())
+        measured.tally.add(found, truth, sizes)
+        measured.bytes += sum(sizes)
+        measured.asked += len(asked)
+        measured.came += len(came)
         names = _names(world.ground_truth(frame).boxes, world.ground_truth(frame).ids, truth)
+        if watching is not None:
+            watching.add(world, frame, found, truth, names)
         kept = _rows(told, found)
         measured.following.add(found.centers[:, :2], tracks[kept], truth.centers[:, :2], names)
         if way.silent is not None:
@@ -82,6 +114,23 @@ def measure(driven: Driven | EtsiDriven, way: Way) -> Measured:
                 place, way.silent[1], shown, told, dict(zip(names, truth.centers, strict=True))
             )
     return measured
+
+
+def _in_time(
+    driven: Driven, way: Way, cell: Cell | None, frame: int, asked: Mapping[str, str]
+) -> tuple[Mapping[str, str], list[int]]:
+    """Who of those that are asked is heard in time, and the bytes of all that are sent."""
+    sizes = {
+        robot: driven.size(frame, robot, form, way.max_error_m) for robot, form in asked.items()
+    }
+    if cell is None:
+        return asked, [*sizes.values()]
+    now_s = frame / driven.world.rate_hz
+    came = {}
+    for robot, size in sizes.items():
+        if cell.send(now_s, size) <= now_s + DEADLINE_S:
+            came[robot] = asked[robot]
+    return came, [*sizes.values()]
 
 
 def _published(fused: FusedOnce, detector: str) -> Boxes:

@@ -12,6 +12,7 @@ import numpy as np
 
 from research.evaluation.bootstrap import Interval, bootstrap_mean
 from research.evaluation.machine import machine_facts
+from research.evaluation.ways import narrow
 from research.evaluation.ways.drive import Drive, Driven
 from research.evaluation.ways.etsi import EtsiDriven
 from research.evaluation.ways.measure import Measured, measure
@@ -21,7 +22,7 @@ from research.training.plans import TEST_SEEDS
 from swarm.errors import EvaluationError
 from swarm.files import write_whole
 
-WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 1_000_000)
+WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 950_000)
 """Floors that nothing was trained, fitted or set on."""
 FRAMES = 60
 ROBOTS = 6
@@ -68,7 +69,7 @@ def ways() -> tuple[Way, ...]:
             ("early", 2.0, 3, "early", 1.0),
         )
     ]
-    ruled = [Way(name) for name in RULED]
+    ruled = [Way(name, (("cpm", 10.0),)) for name in RULED]
     silent = [
         Way("silence", (("early", 10.0),), silent=(25, 10)),
         Way("silence-no-memory", (("early", 10.0),), memory=False, silent=(25, 10)),
@@ -114,8 +115,25 @@ def drive_all(item: _Item) -> list[Measured]:
     return [measure(_driven(driven, way), way) for way in item.ways]
 
 
-def _driven(driven: Driven, way: Way) -> Driven | EtsiDriven:
-    return EtsiDriven(driven, mitigates=way.name == MITIGATED) if way.name in RULED else driven
+def _driven(driven: Driven, way: Way) -> Driven:
+    """The drive as a way has it: what stations of the standard tell depends on what they told."""
+    if way.name not in RULED:
+        return driven
+    return EtsiDriven(driven.drive, mitigates=way.name == MITIGATED)
+
+
+def links(count: int, frames: int, workers: int) -> dict[str, Any]:
+    """What policies, static choices and chance bring on links that do not carry everything, by
+    link, each on so many floors. Raises as `each` does."""
+    found = {}
+    for link in narrow.LINKS:
+        items = [
+            _Item(drive, narrow.ways(link))
+            for drive in narrow.drives(link, WAYS_SEEDS, count, frames)
+        ]
+        parts = dict(each(drive_all, items, workers, "factory"))
+        found[link.name] = narrow.table(link, [parts[at] for at in range(count)])
+    return found
 
 
 def compare(drives: Sequence[Drive], chosen: Sequence[Way], workers: int) -> dict[str, Any]:
@@ -178,7 +196,9 @@ def _row(
         "forms": [list(form) for form in way.forms],
         "memory": way.memory,
         "max_error_m": way.max_error_m,
-        "static": way.memory and len(way.forms) == 1 and not (way.in_turn or way.silent),
+        "static": way.memory
+        and len(way.forms) == 1
+        and not (way.in_turn or way.silent or way.name in RULED),
         **{name: round(value, 4) for name, value in figures.items()},
         "delivered_interval": _ends(more),
         "frames": whole.tally.frames,
@@ -199,7 +219,11 @@ def run(count: int, frames: int, data: Path | None, workers: int, path: Path) ->
     """
     few = [way for way in ways() if way.name in (EVERYONE, OURS, ETSI, "early-10hz", "early-2hz")]
     compared = compare(floors(count, frames), ways(), workers)
-    more = {"noise": compare(floors(count, frames, NOISE_M), few, workers)}
+    few_floors = max(1, count // 2)
+    more = {
+        "noise": compare(floors(few_floors, frames, NOISE_M), few, workers),
+        "links": links(few_floors, frames, workers),
+    }
     if data is not None:
         more["opv2v"] = compare(recorded(data, frames), few, workers)
     return report(compared, more, path)
@@ -208,7 +232,7 @@ def run(count: int, frames: int, data: Path | None, workers: int, path: Path) ->
 def report(
     floors_compared: dict[str, Any], more: dict[str, dict[str, Any]], path: Path
 ) -> dict[str, Any]:
-    """Writes the figures; `more`: comparisons of other drives, by name."""
+    """Writes the figures; `more`: comparisons of other drives, by name, and of `links`."""
     rows = floors_compared["rows"]
     row = {one["way"]: one for one in rows}
     ours, silent, best = row[OURS], row["silence"], best_static(rows, row[OURS]["ap_70"])
@@ -227,6 +251,10 @@ def report(
         **{name: ours[name] for name in TRACKING},
         "ap_70_2hz_below_10hz": round(row["early-10hz"]["ap_70"] - row["early-2hz"]["ap_70"], 4),
     }
+    for name, link in more.get("links", {}).items():
+        for way, beside in link["beside"].items():
+            best = beside["best_single_policy"]
+            figures[f"{way}_{name}"] = [best["difference"], *best["interval"]]
     whole = {**figures, **floors_compared, **more, "machine": machine_facts()}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(whole, indent=1) + "\n")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from research.evaluation.ways.planned import Decided
+
 
 @dataclass(frozen=True, slots=True)
 class Way:
@@ -21,6 +23,10 @@ class Way:
     """Whether robots of one rate send in different frames, not all in the same."""
     silent: tuple[int, int] | None = None
     """(period, frames): of each period of frames nobody sends in the last ones."""
+    link_bps: float | None = None
+    """What carries the contributions, one after the other; None: all are there at once."""
+    decided: Decided | None = None
+    """Who decides, in place of `forms`."""
 
     def asked(self, number: int, nearest: Sequence[str], rate_hz: float) -> Mapping[str, str]:
         """The robots that send in the frame of that number, nearest first, and what. `rate_hz`: of

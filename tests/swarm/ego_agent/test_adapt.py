@@ -7,7 +7,7 @@ this test speaks as its network controller.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,11 +21,11 @@ from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.coverage import Coverage
 from swarm import keyspace
-from swarm.messages import Backlog, Decision, LinkState, NetDemand, NetState
-from swarm.session import Session
+from swarm.messages import Backlog, Decision, NetDemand, NetState
 from tests.support.ego_scenes import NOW_NS, assert_valid, candidate, knowledge, scene
-from tests.support.ego_swarm import Heard, Swarm, factory, hear, metrics_of, stop, swarm_of
+from tests.support.ego_swarm import Swarm, factory, hear, metrics_of, stop, swarm_of
 from tests.support.free_ports import free_ports
+from tests.support.net_controller import EGO, Controller, cell
 
 FLOOR = scene(
     candidate("E", range(16)),
@@ -33,22 +33,9 @@ FLOOR = scene(
     candidate("B", range(32, 48)),
     candidate("C", range(48, 64)),
 )
-EGO = "R1"
 REPORT_S = 0.5
 FREE_S = 0.02
 """What passes in so short a time leaves no queue behind."""
-
-
-def cell(ego: str, available_bps: float, capacity_bps: float) -> LinkState:
-    return LinkState(
-        robot=ego,
-        direction="down",
-        capacity_bps=int(capacity_bps),
-        available_bps=int(available_bps),
-        latency_ms=0.0,
-        level=0,
-        classes={},
-    )
 
 
 class Cycles:
@@ -175,28 +162,6 @@ def swarm(tmp_path_factory: pytest.TempPathFactory, tmp_path: Path) -> Iterator[
     with swarm_of(world, tmp_path) as swarm:
         swarm.router()
         yield swarm
-
-
-class Controller:
-    """Speaks for the ego's cell, once a decision, as a network controller does once a second."""
-
-    def __init__(self, session: Session, decisions: Heard[Decision]) -> None:
-        self._session = session
-        self._decisions = decisions
-        self._seq = 0
-
-    def shape(self, bps: float, until: Callable[[Decision], bool]) -> list[Decision]:
-        """Shapes the cell and goes on saying so; the decisions up to the first wanted one."""
-        made: list[Decision] = []
-        self._decisions.skip()
-        while not made or not until(made[-1]):
-            self._seq += 1
-            links = (cell(EGO, bps, bps),)
-            state = NetState(controller=7, seq=self._seq, sent_ns=0, links=links)
-            self._session.put(keyspace.net_state("test"), state)
-            made.append(self._decisions.until(lambda _: True))
-            assert len(made) < 60, made[-1]
-        return made
 
 
 def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_path: Path) -> None:

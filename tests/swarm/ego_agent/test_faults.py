@@ -22,11 +22,11 @@ from ego_agent.__main__ import run
 from ego_agent.knowledge.journal import CycleRecord, Journal, read_journal
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.settings import load_settings
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.arrays import pack
 from swarm.messages import Beacon, Decision, Detections, SceneDescription, encode
 from swarm.session import Session
-from swarm.transport import CONTROL_BYTES
+from swarm.zenoh_config import CONTROL_BYTES
 from tests.support.ego_swarm import (
     Heard,
     Swarm,
@@ -264,7 +264,7 @@ def test_garbage_and_large_messages_are_counted_and_change_nothing(
     port = free_ports(1)
     swarm.ego(**EGO_ENV, metrics_port=str(port))
     decisions.until(together)
-    bad = transport.open_zenoh(transport.client_config(swarm.address), timeout_s=10)
+    bad = transport.open_zenoh(zenoh_config.client_config(swarm.address), timeout_s=10)
     for key, data in bad_messages("bad"):
         # Block, so that none is lost on the way.
         bad.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)

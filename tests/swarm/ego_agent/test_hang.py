@@ -43,7 +43,7 @@ import asyncio, sys
 from pathlib import Path
 
 from deploy.netns.children import Children
-from deploy.services import INFRA, Service
+from deploy.roster import INFRA, Service
 from swarm.log import make_logger
 
 folder = Path(sys.argv[1])

@@ -276,12 +276,12 @@ def test_detections_tell_how_old_they_are(
 
 
 def frame(begun_at: float, closed_at: float | None = None) -> AskedFrame:
-    asked = FrameRound("early", begun_at, 1.0)
+    asked = FrameRound({}, begun_at, 1.0)
     asked.closed_at = closed_at
     nothing = Hall().points[:0]
     own = OwnFrame(0, 0, nothing, Pose(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "")
     hall = CrateClouds(nothing)
-    return AskedFrame(decision(), own, None, hall, asked)  # type: ignore[arg-type]
+    return AskedFrame(decision(), own, "early", None, hall, asked)  # type: ignore[arg-type]
 
 
 def test_an_empty_pipeline_takes_a_frame_at_once_and_a_full_one_none() -> None:

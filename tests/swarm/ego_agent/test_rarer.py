@@ -9,9 +9,11 @@ import pytest
 
 from ego_agent.knowledge.pace import RARER_HZ, due
 from perception.detector.weight_files import has_weights
+from swarm import keyspace
 from swarm.arrays import unpack_finite
-from swarm.messages import Decision, Detections
-from tests.support.ego_swarm import Heard, Swarm, factory, swarm_of
+from swarm.messages import Decision, Detections, NetDemand
+from tests.support.ego_swarm import Heard, Swarm, factory, hear, swarm_of
+from tests.support.net_controller import Controller
 
 pytestmark = pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
 
@@ -56,6 +58,52 @@ def test_each_frame_asks_whoever_is_due_and_tells_of_what_others_showed(swarm: S
             and any(age > 0.0 for age in unpacked(d))
         )
     )
+
+
+def test_a_narrower_link_leads_to_rarer_and_smaller_contributions_and_memory_goes_on(
+    swarm: Swarm,
+) -> None:
+    session = swarm.session()
+    decisions: Heard[Decision] = swarm.decisions(session, "R1")
+    frames: Heard[Detections] = swarm.detections(session, "R1")
+    demands = hear(session, keyspace.net_demand("test"), NetDemand)
+    # Bytes cost nothing while the link carries them.
+    swarm.ego(
+        rarer="true",
+        link_weight="0",
+        compute_weight="0",
+        comm_range_m="500",
+        q_min="0.3",
+        algorithms="early,late",
+        learn="false",
+    )
+    controller = Controller(session, decisions)
+    wide_bps = 20_000_000
+    wide = controller.shape(
+        wide_bps, lambda d: d.capacity_bps == wide_bps and len(d.participants) == 3
+    )[-1]
+    narrow_bps = round(0.5 * bits_s(wide) / 0.8)
+
+    made = controller.shape(narrow_bps, lambda d: d.capacity_bps == narrow_bps)
+    # One may have been under way, and each cycle hears what was said before it.
+    assert len(made) <= 3
+    narrow = made[-1]
+    assert bits_s(narrow) <= 0.8 * narrow_bps
+    assert narrow.assignments
+    said = demands.until(lambda d: d.cycle >= narrow.cycle)
+    assert said.mean_bytes_s * 8 <= 0.8 * narrow_bps + 100
+
+    def remembers(frame: Detections) -> bool:
+        old = frame.tracks is not None and any(age > 0.0 for age in unpacked(frame))
+        return frame.cycle >= narrow.cycle and old
+
+    told = frames.until(remembers)
+    assert told.tracks is not None
+    assert len(told.tracks.ids) >= 1
+
+
+def bits_s(decision: Decision) -> float:
+    return 8.0 * decision.cost_bytes * decision.rate_hz
 
 
 def the_decision(decisions: Heard[Decision], cycle: int) -> Decision:

@@ -16,7 +16,7 @@ from llm_gateway.http_endpoint import MAX_CONNECTIONS as GATEWAY_PLACES
 from llm_gateway.model import Completion, Hear, Job
 from network_controller.qod.server import MAX_CONNECTIONS as QOD_PLACES
 from options.console.endpoint import MAX_CONNECTIONS as CONSOLE_PLACES
-from swarm import metrics_http
+from swarm.http import metrics_server
 from swarm.metrics import MetricsServer
 from tests.support import qod_client
 from tests.support.console_swarm import console
@@ -48,7 +48,7 @@ def metrics() -> Generator[Door]:
     Counter("coadapt_example", "An example.", registry=registry).inc()
     server = MetricsServer(registry, 0, HERE)
     try:
-        yield Door(server.port, metrics_http.PLACES, "/metrics")
+        yield Door(server.port, metrics_server.PLACES, "/metrics")
     finally:
         server.close()
 
@@ -142,7 +142,7 @@ def test_a_name_that_somebody_had_lead_here_is_refused(door: Door, host: str) ->
 
 
 def test_who_asks_for_metrics_byte_by_byte_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(metrics_http, "CONNECTION_S", 0.5)
+    monkeypatch.setattr(metrics_server, "CONNECTION_S", 0.5)
     with metrics() as door, socket.create_connection((HERE, door.port), 20) as slow:
         slow.sendall(b"GET /metrics HTTP/1.1\r\nX: ")
         slow.settimeout(0.05)

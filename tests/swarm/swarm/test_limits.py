@@ -14,7 +14,7 @@ import zenoh
 
 from swarm import keyspace
 from swarm.messages import MAX_MESSAGE_BYTES, Beacon, encode
-from swarm.transport import CONTROL_BYTES
+from swarm.zenoh_config import CONTROL_BYTES
 from tests.support.message_samples import SAMPLES
 from tests.support.zenoh_fixtures import WAIT_S, Inbox, RouterProcess, until
 

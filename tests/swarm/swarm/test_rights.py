@@ -16,7 +16,7 @@ from research.benchmarks.rights_matrix import (
     open_site,
     wrong,
 )
-from swarm import transport
+from swarm import transport, zenoh_config
 from swarm.errors import TransportError
 from swarm.trust.members import Trust
 from swarm.trust.rights import Act
@@ -38,7 +38,7 @@ def test_a_role_may_do_its_part_and_nothing_else(site: Site, role: Role, act: Ac
 
 
 def test_every_key_is_tried() -> None:
-    assert len(KEYS) == len(set(KEYS)) == 42
+    assert len(KEYS) == len(set(KEYS)) == 43
 
 
 def refused(config: dict[str, object]) -> str:
@@ -49,8 +49,8 @@ def refused(config: dict[str, object]) -> str:
 
 def test_a_stranger_does_not_come_in(site: Site, tmp_path: Path) -> None:
     foreign = made_keystore(tmp_path / "foreign", SWARM, "R3")
-    refused(transport.client_config(address(foreign, site.port, "R3")))
-    refused(transport.client_config(f"tcp/127.0.0.1:{site.port}"))
+    refused(zenoh_config.client_config(address(foreign, site.port, "R3")))
+    refused(zenoh_config.client_config(f"tcp/127.0.0.1:{site.port}"))
     own = {"mode": "client", "scouting/multicast/enabled": False}
     known = str(foreign.identity("R3").ca)
     for extra in ({}, {"transport/link/tls/root_ca_certificate": known}):
@@ -61,10 +61,10 @@ def test_a_robots_certificate_makes_no_router(tmp_path: Path) -> None:
     store = made_keystore(tmp_path / "keystore", SWARM, "R2", "R3")
     port = free_ports(3)
     trust = Trust(store.identity("R3"), {"enabled": False})
-    session = transport.open_zenoh(transport.router_config("127.0.0.1", port, None, trust))
+    session = transport.open_zenoh(zenoh_config.router_config("127.0.0.1", port, None, trust))
     try:
         for host in ("127.0.0.1", "localhost"):
             own = store.identity("R2").folder
-            refused(transport.client_config(f"tls/{host}:{port}#identity={own}"))
+            refused(zenoh_config.client_config(f"tls/{host}:{port}#identity={own}"))
     finally:
         transport.close_zenoh(session)

@@ -16,7 +16,7 @@ import pytest
 import zenoh
 from prometheus_client import CollectorRegistry
 
-from swarm import keyspace, transport
+from swarm import keyspace, transport, zenoh_config
 from swarm.chunks import PART_BYTES, Ask, More, split
 from swarm.errors import KeyspaceError, MessageError, PerceptionError, RefusedError, TransportError
 from swarm.messages import (
@@ -76,7 +76,7 @@ def serve(
 
 
 def raw_zenoh(router: RouterProcess) -> zenoh.Session:
-    return transport.open_zenoh(transport.client_config(router.address), timeout_s=10)
+    return transport.open_zenoh(zenoh_config.client_config(router.address), timeout_s=10)
 
 
 def ready(subscriber: Session, sender: Session, inbox: Inbox[Beacon]) -> None:

@@ -13,8 +13,8 @@ import pytest
 from swarm import keyspace
 from swarm.messages import Observation, ObservationRequest, TcpState
 from swarm.session import Session
-from swarm.tcp import TcpInfo, connections, tcp_info
-from swarm.tcp_watch import TcpWatch
+from swarm.tcp.info import TcpInfo, connections, tcp_info
+from swarm.tcp.watch import TcpWatch
 from swarm.traffic import TrafficClass
 from tests.support.message_samples import SAMPLES
 from tests.support.zenoh_fixtures import Inbox, RouterProcess, until, wait_until_served

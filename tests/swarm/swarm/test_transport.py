@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from swarm import transport
+from swarm import zenoh_config
 from swarm.errors import SettingError, TransportError
 from swarm.session import Session
 from swarm.traffic import LINKS, TrafficClass
@@ -47,7 +47,7 @@ def test_the_printed_configuration_is_one_that_zenoh_reads(tmp_path: Path) -> No
 def test_a_router_serves_from_a_configuration_file(tmp_path: Path) -> None:
     port = free_ports(3)
     file = tmp_path / "router.json5"
-    file.write_text(transport.router_json5(transport.router_config("127.0.0.1", port)))
+    file.write_text(zenoh_config.router_json5(zenoh_config.router_config("127.0.0.1", port)))
     command = [sys.executable, "-m", "swarm.router", "--config", str(file)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as router:
         try:
@@ -80,7 +80,7 @@ def test_a_malformed_router_is_refused_with_what_is_allowed(router: str) -> None
 
 def test_a_unix_socket_path_that_is_too_long_is_refused() -> None:
     with pytest.raises(SettingError, match="longer than"):
-        transport.router_config("127.0.0.1", 7447, "/" + "x" * 200)
+        zenoh_config.router_config("127.0.0.1", 7447, "/" + "x" * 200)
 
 
 def test_a_router_whose_port_is_taken_says_so_and_exits_with_1(

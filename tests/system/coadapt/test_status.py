@@ -18,10 +18,11 @@ import pytest
 
 from coadapt.commands.status import render
 from coadapt.main import main
-from deploy.observe import RobotRow, SwarmView, Watch
+from deploy.observe import Watch
 from deploy.runtime import ProcessStatus
 from deploy.spec import make_spec
 from deploy.state import State
+from deploy.view import RobotRow, SwarmView
 from swarm import keyspace
 from swarm.arrays import pack
 from swarm.messages import (
@@ -33,7 +34,7 @@ from swarm.messages import (
     RobotSteering,
 )
 from swarm.session import Session
-from swarm.transport import router_config, router_json5
+from swarm.zenoh_config import router_config, router_json5
 
 SWARM = "shown"
 WAIT_S = 20.0

@@ -17,7 +17,8 @@ from coadapt.main import main
 from deploy.dashboards import ALERTS
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
-from deploy.services import Service, prometheus_config
+from deploy.roster import Service
+from deploy.scraping import prometheus_config
 from deploy.spec import make_spec
 from deploy.state import State, write_state
 from swarm.errors import DeployError

@@ -33,11 +33,11 @@ from network_controller.metrics import ControllerMetrics
 from network_controller.qod.metrics import QodMetrics
 from robot_agent.metrics import RobotMetrics
 from swarm.errors import DeployError
-from swarm.http_access import Access
+from swarm.http.access import Access
 from swarm.log import make_logger
 from swarm.metrics import show_free_disk
 from swarm.router import serve_metrics
-from swarm.tcp_peers import PeerTraffic
+from swarm.tcp.peers import PeerTraffic
 from tests.support.paths import REPOSITORY
 
 SCHEMA = 42

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 import yaml
 
-from deploy import services as roster
 from deploy import state as record
 from deploy.docker import compose
 from deploy.prometheus import Prometheus
 from deploy.runtimes.docker import DockerRuntime, gateway_of
+from deploy.services import services
 from deploy.spec import SwarmSpec, make_spec
 from deploy.state import State, need_state
 from swarm.errors import DeployError
@@ -290,7 +290,7 @@ def test_numerical_threads_are_few_and_never_spin(runtime: str) -> None:
     if runtime == "docker":
         settings = {name: s["environment"] for name, s in composed(spec).items()}
     else:
-        settings = {s.name: s.env for s in roster.services(spec, compose.PLACE)}
+        settings = {s.name: s.env for s in services(spec, compose.PLACE)}
     for name, threads in {"robot-R1": "1", "robot-R2": "1", "ego-R1": "2"}.items():
         assert settings[name]["OMP_NUM_THREADS"] == threads
         assert settings[name]["OMP_WAIT_POLICY"] == "PASSIVE"

@@ -18,7 +18,8 @@ import pytest
 from prometheus_client import CollectorRegistry, Gauge
 
 from deploy.prometheus import Prometheus
-from deploy.services import Service, prometheus_config
+from deploy.roster import Service
+from deploy.scraping import prometheus_config
 from swarm.announce import announce
 from swarm.errors import DeployError
 from swarm.metrics import MetricsServer

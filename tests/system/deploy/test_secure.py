@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from deploy.netns import launch
+from deploy.paths import KEYSTORE, journal_path, net_journal_path
 from deploy.prometheus import Prometheus
-from deploy.services import KEYSTORE, journal_path, net_journal_path
 from deploy.state import State, need_state
 from ego_agent.knowledge.journal import read_journal
 from swarm.trust.identity import ISSUED

@@ -15,10 +15,10 @@ import pytest
 
 from deploy.netns import launch
 from deploy.observe import Watch
+from deploy.paths import journal_path
 from deploy.prometheus import Prometheus
 from deploy.runtime import ProcessStatus
 from deploy.runtimes.netns import NetnsRuntime
-from deploy.services import journal_path
 from deploy.state import State, need_state
 from swarm.errors import DeployError
 from tests.support.command_line import Cli, command_line

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -16,7 +15,7 @@ from deploy.state import State, need_state, seen_by
 from swarm import keyspace
 from swarm.messages import Observation
 from swarm.session import Session
-from tests.support.command_line import command_line
+from tests.support.command_line import answering, command_line
 from tests.support.deploy_support import WAIT_S, await_
 from tests.support.free_ports import free_port
 
@@ -37,13 +36,7 @@ def cli() -> Iterator[Cli]:
     """Runs `coadapt` in this swarm; gives the object that it prints with `--json`."""
     slow = {"COADAPT_FUSION_RATE_HZ": "2", "COADAPT_DEADLINE_S": "0.45"}
     with command_line(*NAME, timeout_s=READY_S + WAIT_S, **slow) as typed:
-
-        def run(*arguments: str) -> Any:
-            done = typed(*arguments)
-            assert done.returncode == 0, done.stderr
-            return json.loads(done.stdout) if "--json" in arguments else done.stdout
-
-        yield run
+        yield answering(typed)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -11,11 +10,12 @@ from typing import Any
 import pytest
 
 from deploy.netns import launch
-from deploy.observe import SwarmView, Watch
+from deploy.observe import Watch
 from deploy.prometheus import Prometheus
 from deploy.runtimes.netns import NetnsRuntime
 from deploy.state import State, need_state
-from tests.support.command_line import command_line
+from deploy.view import SwarmView
+from tests.support.command_line import answering, command_line
 from tests.support.deploy_support import WAIT_S, await_
 from tests.support.free_ports import free_port
 
@@ -37,13 +37,7 @@ pytestmark = [
 def cli() -> Iterator[Cli]:
     """Runs `coadapt` in this swarm; gives the object that it prints with `--json`."""
     with command_line(*NAME, timeout_s=READY_S + WAIT_S) as typed:
-
-        def run(*arguments: str) -> Any:
-            done = typed(*arguments)
-            assert done.returncode == 0, done.stderr
-            return json.loads(done.stdout) if "--json" in arguments else done.stdout
-
-        yield run
+        yield answering(typed)
 
 
 @pytest.fixture(scope="module")

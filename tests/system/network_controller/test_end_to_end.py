@@ -19,12 +19,13 @@ from typing import Any
 import pytest
 
 from deploy.netns import launch
-from deploy.observe import SwarmView, Watch
+from deploy.observe import Watch
+from deploy.paths import net_journal_path
 from deploy.ready import wait_ready
 from deploy.runtimes.netns import NetnsRuntime
-from deploy.services import net_journal_path
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state
+from deploy.view import SwarmView
 from tests.support.deploy_support import await_
 from tests.support.free_ports import free_port
 from tests.support.paths import REPOSITORY

@@ -16,7 +16,7 @@ from network_controller.model import DIRECTIONS, Link
 from network_controller.queues import QueueWatch
 from swarm.log import make_logger
 from swarm.messages import Backlog, Direction
-from swarm.tcp_watch import TcpWatch
+from swarm.tcp.watch import TcpWatch
 from swarm.traffic import TrafficClass
 from tests.support.link_support import Links, fill, links
 from tests.support.zenoh_fixtures import until

@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from deploy.netns import launch
-from swarm import transport
+from swarm import zenoh_config
 from swarm.chunks import PART_BYTES
 from swarm.traffic import LINKS
 from tests.support.slow_link import BEACON_PERIOD_S, Plan, Seen, see_slow_link
@@ -66,10 +66,10 @@ def test_a_large_answer_survives_a_collapse_of_its_links_rate() -> None:
 
 def test_routers_and_clients_wait_as_long_as_the_lease_for_a_slow_link() -> None:
     for settings in (
-        transport.router_config("127.0.0.1", 7447),
-        transport.client_config("tcp/127.0.0.1:7447"),
+        zenoh_config.router_config("127.0.0.1", 7447),
+        zenoh_config.client_config("tcp/127.0.0.1:7447"),
     ):
-        config = zenoh.Config.from_json5(json.dumps(transport.nested(settings)))
+        config = zenoh.Config.from_json5(json.dumps(zenoh_config.nested(settings)))
         lease_ms = json.loads(config.get_json("transport/link/tx/lease"))
         assert json.loads(config.get_json(WAIT)) == lease_ms * 1000
         assert json.loads(config.get_json("transport/link/tx/batch_size")) > PART_BYTES

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from deploy.netns import children
 from deploy.netns.children import Children
-from deploy.services import INFRA, Service
+from deploy.roster import INFRA, Service
 from swarm.log import make_logger
 
 children.WATCH_S, children.HELD_S, children.FIRST_DELAY_S = 0.05, 0.2, 0.05

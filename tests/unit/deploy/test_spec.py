@@ -13,14 +13,16 @@ from hypothesis import strategies as st
 from coadapt.main import main
 from deploy.netns import network
 from deploy.rates import format_rate, parse_rate
-from deploy.services import INFRA, Place, prometheus_config, services
+from deploy.roster import INFRA, Place
+from deploy.scraping import prometheus_config
+from deploy.services import services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state, remove_run_dir, write_state
 from llm_gateway.settings import GatewaySettings
 from swarm.errors import DeployError
 from swarm.process import ProcessSettings
 from swarm.settings import load
-from swarm.transport import client_config
+from swarm.zenoh_config import client_config
 
 PLACE = Place(
     listen_host="10.77.0.1",

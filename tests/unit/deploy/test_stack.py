@@ -9,10 +9,10 @@ import msgspec
 import pytest
 import yaml
 
-from deploy import services as roster
 from deploy.cluster import nodes, plan, stack
 from deploy.cluster.plan import Cluster, make_cluster
 from deploy.docker import compose
+from deploy.services import ROUTER_METRICS_PORT, services
 from deploy.spec import SwarmSpec, make_spec
 from deploy.trust.prepare import keep
 from swarm.errors import DeployError
@@ -54,7 +54,7 @@ def stacked(spec: SwarmSpec, cluster: Cluster = HOST, **options: Any) -> dict[st
 def test_the_processes_are_those_of_up_but_the_authority_and_its_one_controller(
     spec: SwarmSpec,
 ) -> None:
-    members = {one.name for one in roster.services(spec, plan.place_of(spec, HOST))}
+    members = {one.name for one in services(spec, plan.place_of(spec, HOST))}
     assert set(stacked(spec)["services"]) == members - {"authority", "controller"}
 
 
@@ -91,7 +91,7 @@ def test_a_task_may_do_no_more_than_its_part(spec: SwarmSpec) -> None:
         assert (tmp["target"], tmp["tmpfs"]["size"]) == ("/tmp", 64 << 20)
         assert one["environment"]["COADAPT_HOST"] == "{{.Node.Hostname}}"
         assert one["healthcheck"]["test"][-1] == one["environment"].get(
-            "COADAPT_METRICS_PORT", str(roster.ROUTER_METRICS_PORT)
+            "COADAPT_METRICS_PORT", str(ROUTER_METRICS_PORT)
         )
 
 

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,7 +18,7 @@ from ego_agent.plan.prompting import make_prompt
 from ego_agent.plan.prompting.table import MAX_LISTED
 from perception.fusion.algorithms import all_fusions
 from swarm.errors import DecisionError
-from swarm.messages import DecideRequest, Decision, decode, encode
+from swarm.messages import Assignment, DecideRequest, Decision, decode, encode
 from tests.support.ego_scenes import NOW_NS, candidate, knowledge, scene
 from tests.support.paths import GOLDEN
 from tests.support.prompt_scenes import floor, text, tokens, user
@@ -210,6 +211,16 @@ def test_the_reason_of_the_decision_before_is_left_out() -> None:
     prompt = make_prompt(floor(6, knowledge()), knowledge(), decided, None)
     assert "ignore" not in text(prompt)
     assert "Before: late R2." in user(prompt)
+
+
+def test_what_each_has_sent_before_is_told_where_that_differs() -> None:
+    sent = tuple(
+        Assignment(robot=robot, algorithm=form, rate_hz=2.0)
+        for robot, form in (("R2", "late"), ("R3", "early"))
+    )
+    mixed = msgspec.structs.replace(before("R2", "R3"), algorithm="mixed", assignments=sent)
+    prompt = make_prompt(floor(6, knowledge()), knowledge(), mixed, None)
+    assert "Before: mixed R2 (late) R3 (early)." in user(prompt)
 
 
 def test_the_result_of_the_decision_before_is_told() -> None:

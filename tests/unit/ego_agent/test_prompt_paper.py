@@ -11,7 +11,7 @@ import pytest
 
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.policies.llm import Llm
-from ego_agent.plan.prompting import LlmPrompt, make_prompt, prompt_maker, read_answer
+from ego_agent.plan.prompting import STYLES, LlmPrompt, make_prompt, prompt_maker, read_answer
 from ego_agent.plan.prompting.paper import MAX_OBJECTS, MAX_ROBOTS, direction, make_paper_prompt
 from ego_agent.settings import EgoSettings
 from swarm.errors import DecisionError
@@ -116,7 +116,7 @@ def test_an_ego_asks_with_the_prompt_that_it_is_set_to() -> None:
             return None
 
     found, known = floor(6, knowledge(), 20e6), knowledge()
-    for style in ("table", "paper"):
+    for style in STYLES:
         asked = Asked()
         policy = Llm(asked)  # type: ignore[arg-type]
         policy.prepare(EgoSettings(llm_prompt=style, llm_judge="coverage"))

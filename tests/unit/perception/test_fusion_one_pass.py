@@ -20,6 +20,7 @@ from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError, PerceptionError
 from swarm.geometry import Matrix, Points, invert, pose_of, transform
 from worlds.base import Scan
+from worlds.cooperative.fusing import fuse_frame
 from worlds.cooperative.judging import judge
 from worlds.factory.world import FactoryWorld
 
@@ -158,6 +159,20 @@ def test_each_robot_in_its_own_form(
 
     single = Mixed(forms).fuse(own.points, own.pose.matrix(), [])
     assert certainty(mixed.boxes) > certainty(single.boxes) + 0.2
+
+
+def test_a_frame_of_several_forms_is_fused_again_by_a_function_call(
+    world: FactoryWorld, scans: dict[str, Scan], forms: dict[str, Fusion]
+) -> None:
+    sends = {"R2": "early", "R3": "late"}
+    own = scans["R1"]
+    given = [sent(forms[form], scans, robot, form) for robot, form in sends.items()]
+    mixed = Mixed({form: forms[form] for form in ("early", "late")})
+    expected = mixed.fuse(own.points, own.pose.matrix(), given).boxes
+    again = fuse_frame(world, FRAME, "R1", ["R2", "R3"], "mixed", forms=sends)
+    assert same(again.found, expected)
+    assert set(again.bytes) == {"R2", "R3"}
+    assert 0 < len(again.boxes) <= len(expected)
 
 
 def test_what_cannot_be_read_costs_its_sender_only(

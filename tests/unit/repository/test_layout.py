@@ -119,7 +119,7 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.opencood", {"swarm", "perception"}),
         ("options.pictures", {"swarm", "perception"}),
         ("options.recordings", SENSES | {"deploy", "options.bags", "options.ros"}),
-        ("research.training", SENSES),
+        ("research.training", SENSES | {"sensing", "ego_agent", "llm_gateway"}),
         (
             "research.chaos",
             SENSES | {"deploy", "ego_agent", "research.benchmarks", "research.evaluation"},

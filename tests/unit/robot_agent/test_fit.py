@@ -8,7 +8,7 @@ import structlog.testing
 
 from robot_agent.fit import AGAIN_S, MOVED_WORDS, UNHEARD_S, Fit
 from swarm.messages import NetDemand
-from swarm.tcp_stuck import LOOK_S
+from swarm.tcp.stuck import LOOK_S
 from tests.support.message_samples import SAMPLES
 
 MARK = "factory seed=1"

@@ -12,7 +12,7 @@ import llm_gateway.settings
 import network_controller.settings
 import options.console.settings
 from swarm.errors import SettingError
-from swarm.http_access import Access
+from swarm.http.access import Access
 
 TOKEN = "t0ken-of-a-test"
 Load = Callable[[dict[str, str]], msgspec.Struct]

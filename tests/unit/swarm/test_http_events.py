@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from swarm.http_events import EventStream
+from swarm.http.events import EventStream
 
 Send = Callable[[Any], Awaitable[None]]
 
@@ -62,7 +62,7 @@ def test_a_client_that_leaves_ends_the_events() -> None:
 
 
 def test_a_client_that_takes_nothing_is_left_and_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("swarm.http_events.STALLED_S", 0.05)
+    monkeypatch.setattr("swarm.http.events.STALLED_S", 0.05)
     events, told = Events(), []
 
     async def send(message: Any) -> None:

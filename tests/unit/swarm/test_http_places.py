@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from swarm.http_places import may_stay, origin
+from swarm.http.places import may_stay, origin
 
 
 def fill(origins: list[str], places: int) -> list[str]:

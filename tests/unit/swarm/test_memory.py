@@ -1,4 +1,4 @@
-"""Freed memory stays with the process."""
+"""Freed memory stays with the process, and the collector keeps off a control cycle."""
 
 from __future__ import annotations
 
@@ -41,3 +41,25 @@ def test_pages_are_asked_for_once(work: str) -> None:
 
 def test_without_it_pages_are_asked_for_again_and_again() -> None:
     assert faults("", "frames") > PAGES / 5
+
+
+def test_a_cycles_messages_start_no_collection() -> None:
+    code = """
+import gc
+from swarm.memory import collect_rarely
+{before}
+begun = sum(stat["collections"] for stat in gc.get_stats())
+kept = [[number] for number in range(40_000)]
+print(sum(stat["collections"] for stat in gc.get_stats()) - begun)
+rings = []
+for _ in range(200_000):
+    ring = []
+    ring.append(ring)
+print(gc.get_stats()[0]["collected"] > 100_000)
+"""
+    told = [
+        subprocess.check_output([sys.executable, "-c", code.format(before=before)], text=True)
+        for before in ("collect_rarely()", "")
+    ]
+    assert told[0].split() == ["0", "True"]
+    assert int(told[1].split()[0]) > 10

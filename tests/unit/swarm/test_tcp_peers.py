@@ -5,7 +5,7 @@ from __future__ import annotations
 from prometheus_client import CollectorRegistry, generate_latest
 
 from swarm.messages import Backlog
-from swarm.tcp_peers import MAX_PEERS, PeerTraffic
+from swarm.tcp.peers import MAX_PEERS, PeerTraffic
 
 
 def shown(traffic: PeerTraffic, metric: str, peer: str) -> float | None:

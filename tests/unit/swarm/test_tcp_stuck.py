@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from swarm.tcp import TcpInfo
-from swarm.tcp_stuck import HEARD_MS, STUCK_BACKOFF, stuck, why
+from swarm.tcp.info import TcpInfo
+from swarm.tcp.stuck import HEARD_MS, STUCK_BACKOFF, stuck, why
 
 
 def info(backoff: int, heard_ms: int) -> TcpInfo:

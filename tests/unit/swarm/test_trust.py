@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 import zenoh
 
-from swarm import keyspace, transport
+from swarm import keyspace, zenoh_config
 from swarm.errors import IdentityError, SettingError
 from swarm.trust.access import UNIX, access_control
 from swarm.trust.rights import Right, rights_of
@@ -66,7 +66,7 @@ def test_every_key_has_one_who_speaks_and_one_who_hears(function: Callable[..., 
 
 def test_there_are_as_many_key_functions_as_keys() -> None:
     keys = {key_of(function) for function in key_functions()}
-    assert len(keys) == len(key_functions()) == 19
+    assert len(keys) == len(key_functions()) == 20
 
 
 @pytest.mark.parametrize("role", EVERYBODY, ids=lambda r: r.common_name)
@@ -145,13 +145,13 @@ def test_each_asks_by_its_own_name_only() -> None:
 
 def test_a_router_address_names_an_identity_where_it_is_secure() -> None:
     router = "tls/10.0.0.1:7447#identity=/keys/R3"
-    identity = transport.identity_of(router)
+    identity = zenoh_config.identity_of(router)
     assert identity is not None
     assert identity.name == "R3"
-    assert transport.expected_links(transport.client_config(router)) == 3
+    assert zenoh_config.expected_links(zenoh_config.client_config(router)) == 3
     local = "unixsock-stream//run/r.sock#identity=/keys/operator-local"
-    assert transport.client_config(local)["connect/endpoints"] == ["unixsock-stream//run/r.sock"]
-    assert transport.identity_of("tcp/10.0.0.1:7447") is None
+    assert zenoh_config.client_config(local)["connect/endpoints"] == ["unixsock-stream//run/r.sock"]
+    assert zenoh_config.identity_of("tcp/10.0.0.1:7447") is None
 
 
 @pytest.mark.parametrize(
@@ -160,9 +160,9 @@ def test_a_router_address_names_an_identity_where_it_is_secure() -> None:
 )
 def test_tls_goes_with_an_identity_and_nothing_else_does(router: str) -> None:
     with pytest.raises(SettingError, match="tls/HOST:PORT#identity=FOLDER"):
-        transport.client_config(router)
+        zenoh_config.client_config(router)
 
 
 def test_a_process_shows_its_own_identity() -> None:
     with pytest.raises(IdentityError, match="names the identity of 'R2', and this process is 'R3'"):
-        transport.check_router("tls/10.0.0.1:7447#identity=/keys/R2", "R3")
+        zenoh_config.check_router("tls/10.0.0.1:7447#identity=/keys/R2", "R3")

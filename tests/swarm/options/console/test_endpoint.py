@@ -18,7 +18,7 @@ from options.console.app import PAGE
 from options.console.settings import ConsoleSettings, load_settings
 from swarm import keyspace
 from swarm.errors import NetworkError, SettingError
-from swarm.http_hosts import Hosts
+from swarm.http.hosts import Hosts
 from swarm.messages import (
     EgoSteered,
     EgoSteering,
@@ -286,7 +286,7 @@ def test_who_never_sends_a_whole_request_keeps_no_place(
     begun: bytes,
     byte: bytes,
 ) -> None:
-    monkeypatch.setattr("swarm.http_serving.REQUEST_S", 0.3)
+    monkeypatch.setattr("swarm.http.serving.REQUEST_S", 0.3)
     with (
         console(shared_router.address, swarm_name, console_token=TOKEN) as port,
         socket.create_connection(("127.0.0.1", port), timeout=WAIT_S) as connection,
@@ -312,8 +312,8 @@ def test_a_viewer_who_takes_nothing_is_let_go_with_all_that_waits_for_him(
     open_session: SessionMaker,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("swarm.http_serving.UNTAKEN_S", 1.0)
-    monkeypatch.setattr("swarm.http_events.STALLED_S", 0.5)
+    monkeypatch.setattr("swarm.http.serving.UNTAKEN_S", 1.0)
+    monkeypatch.setattr("swarm.http.events.STALLED_S", 0.5)
     speakers = Speakers(open_session(shared_router.address))
     with (
         console(shared_router.address, swarm_name) as port,

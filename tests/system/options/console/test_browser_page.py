@@ -13,7 +13,16 @@ import pytest
 from research.benchmarks import browser as chromium
 from swarm import keyspace
 from swarm.arrays import pack
-from swarm.messages import EgoSteered, EgoSteering, EgoWish
+from swarm.messages import (
+    EgoSteered,
+    EgoSteering,
+    EgoWish,
+    Focus,
+    Intent,
+    IntentTold,
+    WishAnswer,
+    WishRequest,
+)
 from tests.support.console_browser import connection, console_page, expect, needs_browser, region
 from tests.support.console_swarm import EGO, Speakers, console, rows
 from tests.support.free_ports import free_port
@@ -162,6 +171,102 @@ def test_only_what_was_changed_is_asked_of_the_ego_and_its_silence_is_seen(
     # What is being changed stays; what is in force is not known any more.
     expect(q_min).to_have_value("")
     expect(policy).to_have_value("b")
+
+
+def test_why_shows_what_the_ego_tells_of_its_decision(
+    page: Page, shared_router: RouterProcess, open_session: SessionMaker, swarm_name: str
+) -> None:
+    told = ("Cycle 3: R1 with R2, early fusion at 10 Hz.", "R2 is in: it adds 0.1 and costs 0.01.")
+
+    def steered(request: EgoSteering) -> EgoSteered:
+        why = told if request.why else ()
+        return EgoSteered(request=0, ego=EGO, policy="a", q_min=0.7, policies=("a",), why=why)
+
+    ego = open_session(shared_router.address)
+    ego.serve(keyspace.ego_steering(swarm_name, EGO), EgoSteering, steered)
+    button = page.get_by_role("button", name="Why?")
+    expect(button).to_be_enabled()
+    button.click()
+    expect(page.locator("#why-told li")).to_have_text(list(told))
+    button.click()
+    expect(page.locator("#why-told")).to_be_hidden()
+
+
+def test_a_wish_is_read_back_confirmed_shown_and_ended(
+    page: Page,
+    shared_router: RouterProcess,
+    open_session: SessionMaker,
+    swarm_name: str,
+    speakers: Speakers,
+) -> None:
+    heard: Inbox[EgoSteering] = Inbox()
+    meant = Intent(exclude=("R3",), focus=(Focus("docks"),), unclear=("soonish",))
+
+    def steered(request: EgoSteering) -> EgoSteered:
+        if request.act:
+            heard.put(request)
+        return EgoSteered(
+            request=0,
+            ego=EGO,
+            policy="a",
+            q_min=0.7,
+            policies=("a",),
+            number=4,
+            says=("leave R3 out; docks counts more", "2.0 -> 1.0 participants"),
+        )
+
+    session = open_session(shared_router.address)
+    session.serve(keyspace.ego_steering(swarm_name, EGO), EgoSteering, steered)
+    expect(page.locator("#ego-policy")).to_have_value("a")
+    wishes = region(page, "Wishes")
+    wishes.get_by_label("in words").fill("leave R3 alone <b>and</b> watch the docks, soonish")
+    read = wishes.get_by_role("button", name="Read").first
+    # Nobody understands words here yet: the fields say the same.
+    read.click()
+    expect(wishes.get_by_role("status")).to_contain_text("the fields below say the same")
+    expect(wishes.get_by_label("leave out")).to_be_visible()
+    asked: Inbox[WishRequest] = Inbox()
+
+    def understood(request: WishRequest) -> WishAnswer:
+        asked.put(request)
+        return WishAnswer(request=request.request, understood=meant)
+
+    session.serve(keyspace.llm_wish(swarm_name), WishRequest, understood)
+    said = wishes.locator("#wish-says")
+    for _ in range(PATIENCE):  # Until the router knows who answers now.
+        read.click()
+        expect(wishes.get_by_role("status")).not_to_contain_text("asking")
+        if said.get_by_role("listitem").count():
+            break
+    expect(said).to_contain_text("leave R3 out; docks counts more")
+    expect(said).to_contain_text("not clear: “soonish”")
+    assert "docks" in asked.next().site.places
+    wishes.get_by_role("button", name="Obey it").click()
+    expect(wishes.get_by_role("status")).to_contain_text("R1 obeys wish 4")
+    tried, confirmed = heard.next(), heard.next()
+    assert (tried.act, confirmed.act) == ("try", "confirm")
+    assert confirmed.intent == meant
+    assert {place.name for place in confirmed.places} == {"docks"}
+    assert confirmed.operator == "console"
+
+    told = IntentTold(
+        number=4,
+        operator="ann",
+        since_ns=0,
+        until=None,
+        says="leave <i>R3</i> out",
+        bound=("R3 left out",),
+    )
+    row = wishes.get_by_role("list", name="Wishes in force").get_by_role("listitem")
+    for cycle in range(PATIENCE):
+        speakers.decision(7 + cycle, EGO, intents=(told,))
+        page.wait_for_timeout(50)
+        if row.count():
+            break
+    expect(row).to_contain_text("leave <i>R3</i> out (R3 left out)")
+    row.get_by_role("button", name="End wish 4").click()
+    expect(wishes.get_by_role("status")).to_contain_text("wish 4 has ended")
+    assert heard.next().act == "withdraw"
 
 
 def test_robots_far_apart_are_shown_where_no_floor_plan_bounds_them(

@@ -11,9 +11,11 @@ import pytest
 import yaml
 
 from deploy.docker import compose
+from deploy.environments import inherited
 from deploy.ports import check_free
+from deploy.roster import INFRA, Service
 from deploy.runtimes.netns import NetnsRuntime
-from deploy.services import INFRA, Service, inherited, services
+from deploy.services import services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
 from options.console.settings import load_settings

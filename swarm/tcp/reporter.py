@@ -11,7 +11,7 @@ import zenoh
 
 from swarm import keyspace
 from swarm.messages import Backlog, TcpState, encode
-from swarm.tcp_watch import TcpWatch
+from swarm.tcp.watch import TcpWatch
 from swarm.traffic import TrafficClass
 
 NEWS_BYTES = 5_000

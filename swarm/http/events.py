@@ -10,7 +10,7 @@ from starlette.types import Receive, Scope, Send
 
 STALLED_S = 30.0
 """A client that takes no event for so long is left. Shorter than `UNTAKEN_S` of
-`swarm.http_serving`, after which the socket goes, too."""
+`swarm.http.serving`, after which the socket goes, too."""
 
 
 class EventStream(Response):

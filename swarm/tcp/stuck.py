@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from swarm.log import Logger
-from swarm.tcp import TcpInfo, connections, tcp_info
+from swarm.tcp.info import TcpInfo, connections, tcp_info
 from swarm.traffic import TrafficClass
 
 STUCK_BACKOFF = 4

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from typing import Literal
 
 from swarm.errors import SettingError
-from swarm.http_hosts import Hosts, is_loopback
+from swarm.http.hosts import Hosts, is_loopback
 from swarm.secret_files import secret_of
 
 # RFC 6750: what may stand behind "Bearer".

@@ -13,8 +13,8 @@ from typing import Any
 
 from prometheus_client import CollectorRegistry, MetricsHandler
 
-from swarm.http_hosts import OWN, is_loopback
-from swarm.http_places import may_stay, origin
+from swarm.http.hosts import OWN, is_loopback
+from swarm.http.places import may_stay, origin
 from swarm.trust.identity import Identity
 from swarm.trust.serving import ServerTls
 

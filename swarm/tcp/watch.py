@@ -11,7 +11,7 @@ import msgspec
 
 from swarm.backlog import BacklogMeter
 from swarm.messages import Backlog
-from swarm.tcp import Connection, TcpInfo, connections, tcp_info
+from swarm.tcp.info import Connection, TcpInfo, connections, tcp_info
 from swarm.traffic import TrafficClass
 
 IDLE_S = 0.05

@@ -14,8 +14,8 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from swarm.errors import SettingError
-from swarm.http_hosts import is_loopback
-from swarm.http_places import may_stay, origin
+from swarm.http.hosts import is_loopback
+from swarm.http.places import may_stay, origin
 
 REQUEST_S = 20.0
 """How long a client may take to send a whole request, from when he may begin it."""

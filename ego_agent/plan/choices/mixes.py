@@ -1,0 +1,324 @@
+"""Who sends what, and how often: choices in which robots differ in algorithm and rate.
+
+An option of a robot is an algorithm and a rate. At a lower rate it counts as one that arrives less
+often, by what is left of its worth; each arrives or not on its own, so a place that several show in
+turn is fresher than what one of them shows. With one algorithm at the usual rate that is the
+quality of `Scorer` (docs/decision.md).
+
+The search is greedy: a robot joins with an option, or goes on to one that is more, whichever brings
+most for its bytes, or most, while all budgets last. Quality is a sum of expected coverages, so it
+is monotone and submodular in such steps; the better of the two orders reaches what is stated in
+greedy.py of the best steps, where no budget but the link's binds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ego_agent.knowledge.answers import UNTRIED
+from ego_agent.knowledge.pace import in_turn
+from ego_agent.plan.choices.scoring import Score, Scorer
+from swarm.messages import MIXED, Algorithm, Assignment
+
+Floats = NDArray[np.float64]
+
+SMALLEST_GAIN = 1e-6
+"""Less is a rounding error, not quality."""
+NOBODY = -1
+CALMER = 0.8
+"""Of the budget, where the largest frame would not come in time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """What a robot may send."""
+
+    algorithm: Algorithm
+    rate_hz: float
+    gain: float
+    """Quality of showing everything with the algorithm, in every frame, to an ego that sees
+    nothing."""
+    kept: float
+    """What is left of that at the rate."""
+
+
+@dataclass(slots=True)
+class _Growing:
+    """A choice on its way. Rows are candidates, a level is what an algorithm gains."""
+
+    chosen: NDArray[np.intp]
+    """(n,): number of each candidate's option, or NOBODY."""
+    shown: Floats
+    """(n, level): probability that what the candidate shows counts, by what algorithms gain."""
+    missed: NDArray[np.float32]
+    """(level, columns): probability that nobody shows it with an algorithm that gains so much."""
+    share: Floats
+    """(level,): part of all that is seen, the ego's included."""
+    bytes: float = 0.0
+    """Mean of a fused frame."""
+    busy_s: float = 0.0
+    """The ego's processor time for contributions, a second."""
+    barred: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
+
+
+class Mixes:
+    """The options in a scene, at a pace."""
+
+    def __init__(self, scorer: Scorer) -> None:
+        """`scorer`: of the scene at the pace."""
+        self.scorer = scorer
+        self.options = _options(scorer)
+        candidates = scorer.scene.candidates
+        rates = np.array([option.rate_hz for option in self.options]) / scorer.pace.rate_hz
+        self._rate = rates
+        """(options,): of fused frames."""
+        gains = np.array([option.gain for option in self.options])
+        kept = np.array([option.kept for option in self.options])
+        self._steps = np.unique(gains[gains > 0.0])
+        self._rise = np.diff(self._steps, prepend=0.0)
+        """(level,): gain from each algorithm's to the next."""
+        shape = (len(candidates), len(self.options))
+        sizes, prices, adds, arrives = (np.zeros(shape) for _ in range(4))
+        self.able = np.zeros(shape, dtype=np.bool_)
+        """(n, options): whether the candidate can, for itself."""
+        for o, option in enumerate(self.options):
+            name = option.algorithm
+            arrival = scorer.arrival(name)[1:]
+            for i, candidate in enumerate(candidates):
+                if name not in candidate.sizes:
+                    continue
+                sizes[i, o] = candidate.sizes[name]
+                prices[i, o] = scorer.price(i + 1, name) * rates[o]
+                adds[i, o] = scorer.knowledge.add_s(name) * option.rate_hz
+                arrives[i, o] = arrival[i]
+                self.able[i, o] = _able(scorer, i, option)
+        self._sizes, self._prices, self._adds = sizes, prices, adds
+        reaches = gains[:, None] >= self._steps - 1e-12
+        self._shown = (arrives * kept)[:, :, None] * reaches
+        """(n, options, level)."""
+        self._seen, self._weights = scorer.views.patterns
+        self._spare_s = 1.0 - scorer.knowledge.fixed_s() * scorer.pace.rate_hz
+
+    def grow(self, *, by_byte: bool) -> Score:
+        """The choice that the greedy order finds: until nothing is worth its price, and Q_min is
+        reached or nothing adds to it."""
+        budget = float(self.scorer.budget_bytes)
+        while True:
+            found = self._grown(self._nobody(), budget, by_byte=by_byte)
+            score = self.score_of(found)
+            if not score.participants or self.carries(score):
+                return score
+            budget *= CALMER
+
+    def rated(self, participants: Sequence[str], algorithm: Algorithm) -> Score:
+        """These robots with that algorithm, each at its best rate."""
+        growing = self._nobody()
+        allowed = np.zeros_like(self.able)
+        same = [o for o, option in enumerate(self.options) if option.algorithm == algorithm]
+        for robot in participants:
+            i = self.scorer.row_of[robot] - 1
+            allowed[i, same] = self.able[i, same]
+            rarest = [o for o in same if self.able[i, o]]
+            if not rarest:
+                return self.scorer.score(participants, algorithm)
+            self._take(growing, i, min(rarest, key=lambda o: self._rate[o]))
+        growing.barred = ~allowed
+        found = self._grown(growing, float(self.scorer.budget_bytes), by_byte=False)
+        return self.score_of(found)
+
+    def score(self, assignments: Sequence[Assignment]) -> Score | None:
+        """The score of a choice; None where a robot cannot send what is assigned to it."""
+        growing = self._nobody()
+        for one in assignments:
+            o = self.option(one.algorithm, one.rate_hz)
+            if o is None or not self.can(one):
+                return None
+            self._take(growing, self.scorer.row_of[one.robot] - 1, o)
+        return self.score_of(growing)
+
+    def can(self, one: Assignment) -> bool:
+        """Whether a robot is a candidate that can send what is assigned to it."""
+        o = self.option(one.algorithm, one.rate_hz)
+        i = self.scorer.row_of.get(one.robot, 0) - 1
+        return o is not None and i >= 0 and bool(self.able[i, o])
+
+    def options_of(self, robot: str) -> list[Assignment]:
+        """What a candidate can send."""
+        able = np.flatnonzero(self.able[self.scorer.row_of[robot] - 1])
+        return [
+            Assignment(robot=robot, algorithm=option.algorithm, rate_hz=option.rate_hz)
+            for option in (self.options[o] for o in able)
+        ]
+
+    def option(self, algorithm: str, rate_hz: float) -> int | None:
+        """The number of an option; None where there is no such one."""
+        for o, option in enumerate(self.options):
+            if (option.algorithm, option.rate_hz) == (algorithm, rate_hz):
+                return o
+        return None
+
+    def score_of(self, growing: _Growing) -> Score:
+        """What the choice brings and costs."""
+        scorer = self.scorer
+        rows = np.flatnonzero(growing.chosen != NOBODY)
+        taken = {int(i): self.options[growing.chosen[i]] for i in rows}
+        names = tuple(scorer.scene.candidates[i].robot for i in taken)
+        kinds = {option.algorithm for option in taken.values()}
+        usual = all(option.rate_hz == scorer.pace.rate_hz for option in taken.values())
+        if len(kinds) <= 1 and usual:
+            return scorer.score(names, next(iter(kinds), scorer.knowledge.best_algorithm()))
+        price = float(self._prices[rows, growing.chosen[rows]].sum())
+        a_frame = round(sum(option.rate_hz for option in taken.values()) / scorer.pace.rate_hz)
+        fresh = min(scorer.freshness(kind, a_frame) for kind in kinds)
+        quality = self._quality(growing) * fresh
+        return Score(
+            participants=names,
+            algorithm=next(iter(kinds)) if len(kinds) == 1 else MIXED,
+            quality=quality,
+            cost_bytes=math.ceil(growing.bytes - 1e-6),
+            value=quality - price,
+            pace=scorer.pace,
+            assignments=tuple(
+                Assignment(robot=name, algorithm=option.algorithm, rate_hz=option.rate_hz)
+                for name, option in zip(names, taken.values(), strict=True)
+            ),
+        )
+
+    def carries(self, score: Score) -> bool:
+        """Whether the link carries a choice, its largest frame within the deadline, and the ego
+        takes it up."""
+        if not self.scorer.fits(score):
+            return False
+        if not score.assignments:
+            return True
+        known = self.scorer.knowledge
+        busy_s = sum(known.add_s(one.algorithm) * one.rate_hz for one in score.assignments)
+        return busy_s <= self._spare_s and self._bursts_fit(score)
+
+    def _bursts_fit(self, score: Score) -> bool:
+        scorer = self.scorer
+        sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
+        largest = burst(score.assignments, scorer.pace.rate_hz, sizes)
+        return largest <= scorer.budget_bytes * _frames(scorer)
+
+    def _nobody(self) -> _Growing:
+        n, levels = len(self.able), len(self._steps)
+        return _Growing(
+            chosen=np.full(n, NOBODY, dtype=np.intp),
+            shown=np.zeros((n, levels)),
+            missed=np.ones((levels, len(self._weights)), dtype=np.float32),
+            share=np.full(levels, self.scorer.own_share),
+            barred=np.zeros_like(self.able),
+        )
+
+    def _grown(self, growing: _Growing, budget: float, *, by_byte: bool) -> _Growing:
+        enough = self.scorer.knowledge.quality.enough
+        q_min = self.scorer.objective.q_min
+        rows = np.arange(len(self.able))
+        while len(rows):
+            more, gain = self._gains(growing, enough)
+            now = growing.chosen
+            joined = now != NOBODY
+            price = np.where(joined, self._prices[rows, now], 0.0)
+            size = np.where(joined, (self._sizes * self._rate)[rows, now], 0.0)
+            busy = np.where(joined, self._adds[rows, now], 0.0)
+            further = self._sizes * self._rate - size[:, None]
+            can = self.able & more & ~growing.barred & (growing.bytes + further <= budget + 1e-6)
+            can &= growing.busy_s + self._adds - busy[:, None] <= self._spare_s
+            net = gain - (self._prices - price[:, None])
+            worth = np.where(can, net / np.maximum(further, 1.0) if by_byte else net, -np.inf)
+            if worth.max(initial=-np.inf) <= SMALLEST_GAIN * (1e-3 if by_byte else 1.0):
+                if self._quality(growing) >= q_min:
+                    break
+                # What Q_min takes goes before what it costs.
+                worth = np.where(can & (gain > SMALLEST_GAIN), gain / np.maximum(further, 1.0), 0.0)
+                if worth.max(initial=0.0) <= 0.0:
+                    break
+            i, o = np.unravel_index(int(np.argmax(worth)), worth.shape)
+            self._take(growing, int(i), int(o))
+        return growing
+
+    def _gains(self, growing: _Growing, enough: float) -> tuple[NDArray[np.bool_], Floats]:
+        """(n, options): whether each option is more than what its candidate does, and the quality
+        that it adds."""
+        adds = (self._seen @ (growing.missed * self._weights).T).astype(np.float64)
+        left = 1.0 - growing.shown
+        rest = np.divide(1.0, left, out=np.zeros_like(left), where=left > 1e-9)
+        extra = (self._shown - growing.shown[:, None, :]) * rest[:, None, :]
+        more: NDArray[np.bool_] = (extra.min(axis=2) >= -1e-9) & (extra.max(axis=2) > 1e-9)
+        room = np.maximum(0.0, enough - growing.share)
+        gain: Floats = np.minimum(adds[:, None, :] * extra, room) @ self._rise
+        return more, gain
+
+    def _take(self, growing: _Growing, i: int, o: int) -> None:
+        """The candidate goes on with the option."""
+        before = growing.chosen[i]
+        now = np.maximum(growing.shown[i], self._shown[i, o])
+        # What it has shown so far is taken out first; of what is certain nothing is left to add.
+        rises = (now > growing.shown[i]) & (growing.shown[i] < 1.0)
+        seen = self._seen[i]
+        was = 1.0 - growing.shown[i, rises].astype(np.float32)[:, None] * seen
+        left = growing.missed[rises] * ((1.0 - now[rises].astype(np.float32)[:, None] * seen) / was)
+        growing.share[rises] += (growing.missed[rises] - left) @ self._weights
+        growing.missed[rises] = left
+        growing.shown[i] = now
+        growing.bytes += self._sizes[i, o] * self._rate[o]
+        growing.busy_s += self._adds[i, o]
+        if before != NOBODY:
+            growing.bytes -= self._sizes[i, before] * self._rate[before]
+            growing.busy_s -= self._adds[i, before]
+        growing.chosen[i] = o
+
+    def _quality(self, growing: _Growing) -> float:
+        model, own = self.scorer.knowledge.quality, self.scorer.own_share
+        alone = model.quality(self.options[0].algorithm, own, own, self.scorer.known_part)
+        shown = np.minimum(growing.share, model.enough) - min(own, model.enough)
+        return min(1.0, alone + float(np.maximum(0.0, shown) @ self._rise))
+
+
+def burst(assignments: Sequence[Assignment], frames_hz: float, sizes: dict[str, int]) -> int:
+    """Bytes of the largest of the fused frames, of robots that take turns."""
+    rates = {one.robot: one.rate_hz for one in assignments}
+    cycle = math.lcm(*(max(1, round(frames_hz / hz)) for hz in rates.values()))
+    return max(
+        sum(sizes[robot] for robot in in_turn(rates, frames_hz, number)) for number in range(cycle)
+    )
+
+
+def _options(scorer: Scorer) -> tuple[Option, ...]:
+    """What robots may send at the pace, most often first."""
+    known, usual_hz = scorer.knowledge, scorer.pace.rate_hz
+    rates = [usual_hz, *(hz for hz in scorer.objective.rarer_hz if hz < usual_hz)]
+    return tuple(
+        Option(name, hz, known.quality.gain(name), known.rates.kept(name, hz, usual_hz))
+        for name in known.algorithms
+        if name in known.mixable
+        for hz in sorted(rates, reverse=True)
+    )
+
+
+def _frames(scorer: Scorer) -> float:
+    """Frames in whose time the largest one must be through."""
+    return max(1.0, scorer.pace.deadline_s * scorer.pace.rate_hz)
+
+
+def _able(scorer: Scorer, i: int, option: Option) -> bool:
+    """Whether a candidate's own link and processor carry an option, and the cell one contribution
+    within the deadline."""
+    candidate, name = scorer.scene.candidates[i], option.algorithm
+    usual = option.rate_hz >= scorer.pace.rate_hz
+    bits = 8.0 * candidate.sizes[name]
+    share = option.rate_hz / scorer.pace.rate_hz
+    # At a lower rate the robot is asked on its own, not heard with others.
+    needs_bps = scorer.needs_bps(candidate.robot, name) if usual else bits * option.rate_hz
+    if needs_bps > scorer.allowed_bps(candidate.robot):
+        return False
+    if candidate.sizes[name] > scorer.budget_bytes * _frames(scorer):
+        return False
+    encode_s = scorer.knowledge.encode_s(name, candidate.answers.get(name, UNTRIED).encode_s)
+    return encode_s * scorer.pace.rate_hz * share <= 1.0 or name in candidate.shared

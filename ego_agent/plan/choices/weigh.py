@@ -1,0 +1,130 @@
+"""What a decision was weighed against, for the journal: each robot, and the best other choice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.weighed import MAX_WEIGHED, Other, Verdict, Weighed, Weighing
+from ego_agent.plan.choices.hysteresis import best_option
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.options import all_options
+from ego_agent.plan.choices.scoring import Score, Scorer
+from swarm.messages import Assignment, Decision
+
+DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A robot's part of a decision in which robots differ in what they send, or how often."""
+
+    without: Score
+    with_it: Score
+    sends: Assignment
+    """What it sends, or would send: the option that gains most."""
+
+
+def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weighed:
+    """How the decision stands in the scene that it was made in; quality to four digits."""
+    fastest = Scorer(scene, knowledge)
+    scorer = fastest.at_rate(decision.rate_hz)
+    if decision.assignments:
+        mixes = Mixes(scorer)
+        chosen = mixes.score([one for one in decision.assignments if mixes.can(one)])
+        assert chosen is not None, "only what robots can send is scored"
+        robots = {c.robot: _assigned(mixes, c.robot, decision) for c in scene.candidates}
+    else:
+        able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
+        chosen = scorer.score(able, decision.algorithm)
+        robots = {c.robot: weighing(scorer, c.robot, decision, chosen) for c in scene.candidates}
+    order = sorted(
+        robots, key=lambda r: (r not in decision.participants, -(robots[r].adds or 0.0), r)
+    )
+    objective = knowledge.objective
+    return Weighed(
+        value=round(chosen.value, DIGITS),
+        budget_bytes=scorer.budget_bytes,
+        q_min=objective.q_min,
+        switch_gain=objective.switch_gain,
+        dwell_s=objective.dwell_s,
+        upgrade_reserve=objective.upgrade_reserve,
+        robots={robot: robots[robot] for robot in order[:MAX_WEIGHED]},
+        left_out=max(0, len(order) - MAX_WEIGHED),
+        other=_other(fastest, decision),
+    )
+
+
+def weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> Weighing:
+    """One candidate, by a scorer at the decision's pace; `chosen` is the decision's own score."""
+    algorithm = decision.algorithm
+    if not scorer.known(robot, algorithm):
+        return Weighing(adds=None, costs=None, why="size")
+    if not scorer.can(robot, algorithm):
+        return Weighing(adds=None, costs=None, why="link")
+    taken = robot in decision.participants
+    others = [r for r in chosen.participants if r != robot]
+    without = scorer.score(others, algorithm) if taken else chosen
+    with_it = chosen if taken else scorer.score([*others, robot], algorithm)
+    adds, costs = with_it.quality - without.quality, with_it.cost - without.cost
+    why: Verdict = "pays" if adds >= costs else "kept"
+    if taken and adds < costs:
+        if scorer.good_enough(with_it) and not scorer.good_enough(without):
+            why = "q_min"
+    elif not taken and not scorer.fits(with_it):
+        why = "fit"
+    elif not taken:
+        why = "kept" if adds > costs else "costs"
+    return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
+
+
+def part_of(mixes: Mixes, robot: str, decision: Decision) -> Part | None:
+    """One candidate's part beside the decision's other assignments; None where it can send
+    nothing."""
+    sends = {one.robot: one for one in decision.assignments if mixes.can(one)}
+    tried = [sends[robot]] if robot in sends else mixes.options_of(robot)
+    others = [one for name, one in sends.items() if name != robot]
+    without = mixes.score(others)
+    found = [(score, one) for one in tried if (score := mixes.score([*others, one])) is not None]
+    if without is None or not found:
+        return None
+    with_it, one = max(found, key=lambda pair: pair[0].value)
+    return Part(without, with_it, one)
+
+
+def _assigned(mixes: Mixes, robot: str, decision: Decision) -> Weighing:
+    part = part_of(mixes, robot, decision)
+    if part is None:
+        return Weighing(adds=None, costs=None, why="link")
+    adds = part.with_it.quality - part.without.quality
+    costs = part.with_it.cost - part.without.cost
+    why: Verdict = "pays" if adds >= costs else "kept"
+    if robot not in decision.participants:
+        why = "kept" if adds > costs else "costs"
+        if not mixes.carries(part.with_it):
+            why = "fit"
+    return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
+
+
+def _other(scorer: Scorer, decision: Decision) -> Other | None:
+    """The best of what `coverage` compares that has other participants or another algorithm."""
+    same = (frozenset(decision.participants[1:]), decision.algorithm)
+    options = [
+        option
+        for option in all_options(scorer)
+        if (frozenset(option.participants), option.algorithm) != same
+        and (option.participants or same[0])
+    ]
+    if not options:
+        return None
+    best = best_option(scorer, options)
+    return Other(
+        participants=(scorer.scene.ego.robot, *best.participants),
+        algorithm=best.algorithm,
+        rate_hz=best.pace.rate_hz,
+        quality=round(best.quality, DIGITS),
+        cost_bytes=best.cost_bytes,
+        budget_bytes=scorer.at(best.pace).budget_bytes,
+        value=round(best.value, DIGITS),
+    )

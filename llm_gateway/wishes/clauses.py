@@ -1,0 +1,118 @@
+"""Cuts a wish into sentences and clauses, and writes what is named in them in capitals."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from llm_gateway.wishes.cues import KNOWN, SPELLING
+from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.words import alike
+
+_ENDS = {".", ";", "!", "?", "\n"}
+_BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "doch", "then", "dann",
+           "because", "while", "so", "denn", "weil", "though", "although", "as", "damit", "whereas",
+           "also", "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
+_CAPITALS = {
+    "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
+    "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
+}  # fmt: skip
+_WHOLE = (
+    (r"(?:\b(?:use|take|nimm|ask) )?\b(?:all|every\w*|any\w*|alle[sn]?)(?: of)?(?: the)?"
+     r"(?: others?| robots?| roboter| ones?| anderen)? (?:but|except|besides|apart|excluding|"
+     r"ausser|bis auf)"
+     r"(?: for| from)?", "ALLBUT"),
+    (r"\b(?:nobody|no ?one|none|nothing|no robot)(?: else| other)? (?:but|except|than|besides|"
+    r"other than|apart from)"
+     r"(?: for)?", "NOBODYBUT"),
+    (r"\b(?:niemand\w*|nichts|keine[rn]?)(?: ander\w+| sonst)? (?:ausser|als|bis auf)",
+    "NOBODYBUT"),
+)  # fmt: skip
+"""What says "all but" belongs to what follows, whatever else its words say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """A part of a wish that says one thing of what it names."""
+
+    text: str
+    mentions: tuple[int, ...]
+    """Numbers of those that stand in it."""
+    sentence: int
+    asked: bool
+    """Whether its sentence ends in a question mark."""
+    opens: bool
+    """Whether its sentence begins with it."""
+    first: int
+    last: int
+    """Its words."""
+
+
+def clauses(text: Text) -> list[Clause]:
+    """The clauses of a wish, in order."""
+    starts = {mention.first: number for number, mention in enumerate(text.mentions)}
+    found: list[Clause] = []
+    pieces: list[str] = []
+    numbers: list[int] = []
+    begin, sentence, opens = 0, 0, True
+    at = 0
+    while at <= len(text.words):
+        word = text.words[at].text if at < len(text.words) else "\n"
+        number = starts.get(at)
+        if number is not None:
+            mention = text.mentions[number]
+            pieces.append(_capital(mention))
+            numbers.append(number)
+            at = mention.last
+            continue
+        ends = word in _ENDS
+        if ends or (word in _BREAKS and not _belongs(text, at, pieces)):
+            if pieces:
+                clause = _whole(" ".join(pieces))
+                found.append(
+                    Clause(clause, tuple(numbers), sentence, word == "?", opens, begin, at)
+                )
+                opens = False
+            if ends:
+                sentence += 1
+                opens = True
+            pieces, numbers, begin = [], [], at + 1
+        else:
+            pieces.append(_spelt(word))
+        at += 1
+    asked = {clause.sentence for clause in found if clause.asked}
+    return [
+        Clause(c.text, c.mentions, c.sentence, c.sentence in asked, c.opens, c.first, c.last)
+        for c in found
+    ]
+
+
+def _capital(mention: Mention) -> str:
+    return _CAPITALS[mention.kind]
+
+
+def _spelt(word: str) -> str:
+    """A word without a slip, where it plainly is one of those that count."""
+    if word in SPELLING or word in KNOWN:
+        return word
+    meant = [known for known in SPELLING if alike(word, known)]
+    return meant[0] if len(meant) == 1 else word
+
+
+def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
+    """Whether a word that parts clauses belongs to "all but", "as little", "low-priority"."""
+    word = text.words[at].text
+    before = " ".join(pieces[-3:])
+    if word == "but":
+        return bool(re.search(r"\b(?:all|every\w*|any\w*|nobody|no ?one|none|nothing|ones|robots?|"
+                              r"others?|else)$", before))  # fmt: skip
+    if word == "-" and 0 < at < len(text.words) - 1:
+        touches = text.words[at - 1].end == text.words[at].start
+        return touches or text.words[at].end == text.words[at + 1].start
+    return word == "as"
+
+
+def _whole(text: str) -> str:
+    for pattern, capital in _WHOLE:
+        text = re.sub(pattern, capital, text)
+    return text

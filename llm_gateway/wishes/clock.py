@@ -1,0 +1,273 @@
+"""Reads points in time as people say them: "six", "half past ten tonight", "morgen früh".
+
+An hour from 1 to 12 that says neither half of the day is the next time that a clock face shows it:
+"until six" at 14:00 is 18:00, at 19:00 it is 06:00 of the next day. Hours above 12, a leading zero
+("06:00") and "am" or "pm" leave no choice. On a named later day it is the first such hour from
+06:00 on. Parts of a day begin at fixed hours, see PARTS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime, timedelta
+
+from llm_gateway.wishes.numbers import whole
+from llm_gateway.wishes.words import Word
+
+PARTS = {
+    "morning": 6, "frueh": 6, "morgens": 6, "noon": 12, "midday": 12, "mittag": 12, "mittags": 12,
+    "lunch": 12, "lunchtime": 12, "afternoon": 12, "nachmittag": 12, "nachmittags": 12,
+    "evening": 18, "abend": 18, "abends": 18, "tonight": 18, "night": 18, "nacht": 18, "nachts": 0,
+    "midnight": 24, "mitternacht": 24,
+}  # fmt: skip
+"""The hour at which a part of the day begins."""
+_EXACT = {"noon", "midday", "mittag", "midnight", "mitternacht", "lunch", "lunchtime"}
+_DAYS = {"today": 0, "heute": 0, "tonight": 0, "tomorrow": 1, "morgen": 1, "uebermorgen": 2}
+_WEEKDAYS = (
+    ("monday", "montag"), ("tuesday", "dienstag"), ("wednesday", "mittwoch"),
+    ("thursday", "donnerstag"), ("friday", "freitag"), ("saturday", "samstag"),
+    ("sunday", "sonntag"),
+)  # fmt: skip
+_PAST = {"yesterday", "gestern", "vorgestern"}
+_NOISE = {"at", "um", "the", "in", "am", "on", "this", "ca", "circa", "about", "around", "etwa",
+          "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
+          "punkt", "next"}  # fmt: skip
+_UHR = {"uhr", "oclock", "h"}
+_HALVES = {"am": 0, "pm": 12, "a.m": 0, "p.m": 12}
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """What was said about a point in time; a part that was not said is None."""
+
+    hour: int | None = None
+    minute: int = 0
+    exact: bool = False
+    """Whether the hour is one of 24."""
+    part: str = ""
+    """Of the day: a key of PARTS."""
+    days: int | None = None
+    """After today."""
+    weekday: int | None = None
+    date: date | None = None
+    impossible: bool = False
+    """Past, or no time that a clock shows."""
+
+
+def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
+    """The point in time that is written from word `at` on, and the word behind it."""
+    found = Point()
+    end = at
+    here = at
+    while here < len(words):
+        step = _day(words, here, found) or _hour(words, here, found) or _part(words, here, found)
+        if step is not None:
+            found, here = step
+            end = here
+        elif words[here].text in _NOISE or (words[here].text == "." and _short(words, here)):
+            here += 1
+        else:
+            break
+    return None if end == at else (found, end)
+
+
+def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
+    """The time that is meant, later than `after`; None where there is none, or several.
+
+    `now` says what today is, and the time zone.
+    """
+    if point.impossible or (point.hour is None and not point.part):
+        return None
+    hours = _hours(point)
+    today = datetime(now.year, now.month, now.day, tzinfo=now.tzinfo)
+    if point.date is not None:
+        day = datetime(point.date.year, point.date.month, point.date.day, tzinfo=now.tzinfo)
+        return _first(_on(day, hours, point.minute), after)
+    if point.weekday is not None:
+        day = today + timedelta(days=(point.weekday - today.weekday()) % 7)
+        best = _first(_morning_first(_on(day, hours, point.minute)), after)
+        later = _on(day + timedelta(days=7), hours, point.minute)
+        return best or _first(_morning_first(later), after)
+    if point.days:
+        day = today + timedelta(days=point.days)
+        return _first(_morning_first(_on(day, hours, point.minute)), after)
+    if point.days == 0:
+        # The night goes on after midnight: "tonight at one", "until midnight".
+        night = _on(today, hours, point.minute)
+        if point.part in {"tonight", "night", "nacht"} and hours[0] < 6:
+            night = _on(today + timedelta(days=1), hours, point.minute)
+        return _first(night, after)
+    days = (today + timedelta(days=n) for n in range(3))
+    return _first([time for day in days for time in _on(day, hours, point.minute)], after)
+
+
+def _hours(point: Point) -> list[int]:
+    """The hours of 24 that a point may mean."""
+    if point.hour is None:
+        return [PARTS[point.part]]
+    if point.exact or point.hour > 12 or point.hour == 0:
+        return [point.hour]
+    early, late = point.hour % 12, point.hour % 12 + 12
+    match point.part:
+        case "morning" | "frueh" | "morgens" | "nachts":
+            return [early]
+        case "tonight" | "night" | "nacht":
+            return [late] if point.hour in range(5, 12) else [early if early else 24]
+        case "":
+            return [early, late]
+        case _:
+            return [late]
+
+
+def _on(day: datetime, hours: Sequence[int], minute: int) -> list[datetime]:
+    """On the wall clock of a day; 24 is the next day's midnight."""
+    return [
+        (day + timedelta(days=hour // 24)).replace(hour=hour % 24, minute=minute) for hour in hours
+    ]
+
+
+def _morning_first(times: list[datetime]) -> list[datetime]:
+    return sorted(times, key=lambda time: time.hour < 6) if len(times) > 1 else times
+
+
+def _first(times: Sequence[datetime], after: datetime) -> datetime | None:
+    return next((time for time in times if time > after), None)
+
+
+def _text(words: Sequence[Word], at: int) -> str:
+    return words[at].text if 0 <= at < len(words) else ""
+
+
+def _short(words: Sequence[Word], at: int) -> bool:
+    """Whether a full stop only ends a short form."""
+    return _text(words, at - 1) in {"ca", "a.m", "p.m"}
+
+
+def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:
+    """A named day, or a date."""
+    text = words[at].text
+    if text in _PAST:
+        return replace(found, impossible=True, part=found.part or "noon"), at + 1
+    if dated := _date(words, at):
+        return replace(found, date=dated), at + 5
+    for number, names in enumerate(_WEEKDAYS):
+        if text in names:
+            return replace(found, weekday=number), at + 1
+    if text not in _DAYS:
+        return None
+    if text == "morgen" and (_text(words, at - 1) == "am" or found.days is not None):
+        # "am Morgen", "heute Morgen": a part of the day.
+        return replace(found, part="frueh"), at + 1
+    part = "tonight" if text == "tonight" else found.part
+    return replace(found, days=_DAYS[text], part=part), at + 1
+
+
+def _date(words: Sequence[Word], at: int) -> date | None:
+    """2026-11-23: five words."""
+    parts = [_text(words, at + n) for n in range(5)]
+    if parts[1] != "-" or parts[3] != "-" or len(parts[0]) != 4:
+        return None
+    try:
+        return date.fromisoformat("".join(parts))
+    except ValueError:
+        return None
+
+
+def _part(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:
+    """A part of the day; "noon" and "midnight" are hours, too."""
+    text = words[at].text
+    if text == "day" and _text(words, at - 1) in {"mid"}:
+        return None
+    if text not in PARTS or (found.hour is not None and text in _EXACT and found.part):
+        return None
+    if found.hour is not None and text in {"lunch", "lunchtime"}:
+        return found, at + 1
+    return replace(found, part=text), at + 1
+
+
+def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:
+    """An hour, with minutes or without."""
+    if found.hour is not None:
+        return None
+    read = _spoken(words, at) or _digits(words, at)
+    if read is None:
+        return None
+    hour, minute, exact, end = read
+    half = _text(words, end)
+    if half in {"a", "p"} and _text(words, end + 1) in {".m", "m", "."}:
+        marks = [_text(words, end + n) for n in range(1, 4)]
+        end += 1 + next((n for n, mark in enumerate(marks) if mark not in {".", "m"}), 3)
+        half += "m"
+    elif half in _HALVES and not (half == "am" and _text(words, end + 1) in {*PARTS, "morgen"}):
+        end += 1
+    if half in _HALVES and 1 <= hour <= 12:
+        hour, exact = hour % 12 + _HALVES[half], True
+    if hour > 24 or minute > 59 or (hour == 24 and minute):
+        return replace(found, hour=0, impossible=True), end
+    return replace(found, hour=hour, minute=minute, exact=exact), end
+
+
+def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
+    """ "half past ten", "quarter to six", "ten past four", "halb elf", "viertel nach fünf"."""
+    text = words[at].text
+    if text in {"a", "ein"} and _text(words, at + 1) in {"quarter", "viertel"}:
+        at, text = at + 1, _text(words, at + 1)
+    hour = whole(_text(words, at + 1))
+    if text in {"halb", "halber"} and hour is not None and 1 <= hour <= 12:
+        return _back(hour, 30, at + 2)
+    if text == "dreiviertel" and hour is not None and 1 <= hour <= 12:
+        return _back(hour, 15, at + 2)
+    minutes = {"half": 30, "quarter": 15, "viertel": 15}.get(text, whole(text))
+    end = at + 1
+    if _text(words, end) in {"minutes", "minuten"}:
+        end += 1
+    side = _text(words, end)
+    hour = whole(_text(words, end + 1))
+    if minutes is None or hour is None or not 1 <= hour <= 12 or not 0 < minutes < 60:
+        return None
+    if side in {"past", "after", "nach"}:
+        return hour, minutes, False, end + 2
+    if side in {"to", "vor", "before"} and text not in {"half"}:
+        # "5 to 7" is a span, as "from five to seven"; "five to seven" alone is a clock's.
+        if text.isdigit() or _text(words, at - 1) in {"from", "between", "von"}:
+            return None
+        return _back(hour, minutes, end + 2)
+    return None
+
+
+def _back(hour: int, minutes: int, end: int) -> tuple[int, int, bool, int]:
+    """So many minutes before an hour of a clock face."""
+    return (hour - 2) % 12 + 1, 60 - minutes, False, end
+
+
+def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
+    """ "18:00", "9.30", "six", "17 Uhr 30", "5 o'clock"."""
+    text = words[at].text
+    minute = 0
+    exact = False
+    end = at + 1
+    for sign in ":.":
+        head, _, tail = text.partition(sign)
+        tail = tail.removesuffix(":00") if tail.count(":") == 1 else tail
+        if head.isdigit() and len(tail) == 2 and tail.isdigit() and len(head) <= 2:
+            hour, minute = int(head), int(tail)
+            exact = head.startswith("0") or hour > 12
+            break
+    else:
+        number = whole(text)
+        if _text(words, end) in {"%", "percent", "per", "prozent"}:
+            return None
+        if number is None or len(text) > 12 or (text.isdigit() and len(text) > 2):
+            return None
+        hour, exact = number, text.isdigit() and (text.startswith("0") or number > 12)
+    if _text(words, end) in _UHR:
+        end += 1
+        more = whole(_text(words, end))
+        if minute == 0 and more is not None and more < 60 and words[end].start:
+            after = _text(words, end + 1)
+            if after not in {"%", "percent", "prozent", "minuten", "stunden"}:
+                minute, end = more, end + 1
+    elif _text(words, end) == "o" and _text(words, end + 1) == "clock":
+        end += 2
+    return hour, minute, exact, end

@@ -1,0 +1,205 @@
+"""Words by which a wish tells what is to be done with what it names, in English and German.
+
+Patterns read a clause as `clauses` writes it: folded words, and what is named in capitals.
+"""
+
+from __future__ import annotations
+
+import re
+
+
+def _any(*patterns: str) -> re.Pattern[str]:
+    return re.compile(r"\b(?:" + "|".join(patterns) + r")\b")
+
+
+NOT = _any(
+    "dont", "do not", "doesnt", "does not", "never", "not", "no", "cannot", "cant", "must ?nt",
+    "neednt", "shouldnt", "arent", "isnt", "wont", "neither", "nicht", "ned", "net", "nie",
+    "niemals", "kein", "keine", "keinen", "keiner", "keinem", "keinesfalls", "keineswegs",
+    "nichts", "nix", "auf keinen fall", "didnt", "need ?nt",
+)  # fmt: skip
+OUT = _any(
+    r"skip\w*", r"ignor\w*", r"exclud\w*", "drop", "dropping", "omit", "bench", "disable",
+    "deactivate", "avoid", "remove", "without", "except", "besides", "excluding", "out", "off",
+    "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
+    r"stop \w*", "in peace", r"(?:leave|let|leaving|lev|leaf) .*\b(?:alone|be|it|them|him)",
+    "leave ROBOT", "leave it", "alone",
+    "ruhe", "mit ausnahme", "with the exception", "exception", "disregard",
+    r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
+    "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
+    r"verschon\w*",
+    "sit out", "out of bounds", "banned", "verboten", "gesperrt", "stay home", "daheim", "zuhause",
+    "nicht dabei", r"entbehr\w*", "forbidden", "opt out", "hinauslassen", "pass over",
+    r"scheid\w* aus",
+    "ohne", "ausser", "auslassen", "auslass", "lass aus", "weglassen", "weg", "raus", "aus",
+    "rauslassen", r"ausschliess\w*", r"schliess\w* .*", "ausnehmen", r"ignorier\w*", r"verzicht\w*",
+    r"uebergeh\w*", r"pausier\w*", "pausen", r"abschalt\w*", r"sperr\w*", "in ruhe", "aussen vor",
+    "draussen", "nichts hoeren", "vergiss", "vergessen", "meide", "vermeide", r"streich\w*",
+    "rausnehmen", "auszulassen", "lahmlegen", "stilllegen", "beiseite", "fern", "ruhen",
+)  # fmt: skip
+UNUSED = _any(
+    r"us(?:e|ed|ing)", "ask", "asked", "asking", "bother", "touch", "take", "include", "call",
+    "query", "disturb", "count on", "consult", "consulted", "poll", "want", "need", "depend",
+    "listen", "trust", "employ", "bothered", "disturbed", "let", "go", "fragt", r"bemueh\w*",
+    "heranziehen", "hinzuziehen", "nutzen", "nutz", "nutze", "belaestigen", "ranlassen", "dabei",
+    "query", "disturb", "involve", "request", "requests", "part", "participate", "rely", "contact",
+    "benutzen", "benutz", "benutze", "verwenden", "verwende", "nehmen", "nimm", "fragen", "frag",
+    "frage", "mitmachen", "einsetzen", "stoeren", "stoer", "mitnehmen", "anfragen", "brauchen",
+    "brauch", "brauche", "brauchma", "einbeziehen", "beteiligen", "teilnehmen", "anfassen",
+)  # fmt: skip
+"""What is done with a robot; with a negation, it is left out."""
+ONLY = _any(
+    "only", "stick with", "stick to", "keep to", "solely", "exclusively", "exclusive",
+    "NOBODYBUT", "nobody else", "no one else",
+    "none else", "noone else", "nothing else", "no other", "no others", "restrict", "nur",
+    "ausschliesslich", "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner",
+    "sonst keinen", "niemand sonst", "reicht", "reichen", "genuegt", "genuegen", "is enough",
+    "are enough", "suffices", "suffice", "niemand anderes", "allein", "und sonst",
+    "die anderen brauch", "limit yourself to ROBOT", "keine anderen", "keinen anderen",
+)  # fmt: skip
+JUST = _any("just", "bloss", "purely", "merely")
+FIRST = _any(
+    "first", r"prefer\w*", "rather", "priority", "prioriti[sz]e", r"favou?r\w*", "before everyone",
+    "before everybody", "before the others", "before the rest", "before all", "before anyone",
+    "start with", "at the top", "top of", "ideally", "begin with", "as first", "ahead of",
+    "zuerst", r"bevorzug\w*",
+    "vorrang", "vorzug", "am liebsten", "lieber", "erste wahl", "vorzugsweise",
+    "als erstes", "als ersten", "vor allen", r"priorisier\w*", "primarily",
+    "zunaechst",
+    "erster", "als erster", "wann immer moeglich", "go ahead of",
+    "allen voran", "erste",
+)  # fmt: skip
+POSSIBLY = _any("if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
+                "whenever possible", "whenever you can", "wann immer moeglich",
+                "falls moeglich")  # fmt: skip
+"""A preference of what is named, or politeness beside another cue."""
+LAST = _any("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
+HIGH = _any(
+    r"above (?:all|everything|anything)", "more weight", "gewicht", "weight", r"vorrangig\w*",
+    r"ueber alles?", "oefter", "haeufiger", "genau", "genauer", "sicherheit", "pay heed", "heed",
+    "watch", "watching", "watch out", "wacth", "wach", "eye", "eyes", r"focus\w*", "look",
+    "looking",
+    "important", "importance", "matter", "matters", "attention", "attentive", "priority", "high",
+    "higher", "first", "count", "counts", "key", "worry", "worried", "careful", "carefully",
+    "interested", "interesting", "interest", "safety", "concentrate", "dangerous", "monitor",
+    "crucial", "critical", "vital", "care", "see", "beware", "alert", "mind", "closely", "more",
+    "observe", "guard", "cover", "emphasi[sz]e", "emphasis", "essential", "relevant", "vigilant",
+    "track", "keep an eye", "in view", "in sight", "prioriti[sz]e", "caution", "cautious",
+    "protect",
+    "concern", "concerned", "concerns", "keen", "check", "paramount", "precious", "supervise",
+    "achte", "achten", "acht", "achtet", "achtung", "aufpassen", "pass auf", "passt auf", "aufs",
+    "auge", "augen", r"wichtig\w*", "vorrang", "vor allem", "besonders", "vorsicht", "schau",
+    "schaut", "schauts", "schauen", "hoch", "hohe", "hoher", r"gut sehen", "gehen vor", "geht vor",
+    r"beobacht\w*", r"konzentrier\w*", "im blick", "interessant", "interessieren", "interessiert",
+    "zuerst", "aufmerksam", "aufmerksamkeit", "mehr", "kuemmer", "kuemmere", r"ueberwach\w*",
+    "prioritaet", "entscheidend", "zaehlt", "zaehlen", "fokus", r"fokussier\w*", "gefaehrlich",
+    "relevant", "sehen", "sieh", "gucken", "guck", "guckt", "hinschauen", "merk", r"bewach\w*",
+    "pass", "schuetzen", "schuetz", "sorgen", "hauptsache", "kritisch", "schwerpunkt", "blick",
+)  # fmt: skip
+LOW = _any(
+    "lose sight", "lose track", "aus den augen", "aus dem auge", "unimportant", "irrelevant",
+    "uninteresting", r"neglect\w*", r"ignor\w*", "forget",
+    "forget about", "never mind", "less", "low", "lower", "no need", r"skip\w*", "nothing happens",
+    "nothing happening", "disregard", "negligible", "nobody cares", "who cares", "meaningless",
+    "dont bother", "drop", "secondary", "boring", "overlook", "without", "empty", "indifferent",
+    "minor", "least", r"unwichtig\w*", "egal", "vergiss", "vergessen", "weniger",
+    r"vernachlaessig\w*",
+    "niedrig", "niedrige", "nebensaechlich", r"ignorier\w*", "uninteressant", "wurscht", "wurst",
+    "unerheblich", "leer", "belanglos", "schnuppe", "ohne", "ausser acht", "links liegen",
+    "zweitrangig", r"verzicht\w*", "nachrangig", "pfeif", "bedeutungslos",
+)  # fmt: skip
+SAVE = _any(
+    "save", "saving", "saves", "spare", "sparing", r"econom\w*", "thrifty", "thrift", r"conserv\w*",
+    r"reduc\w*", "lower", "less", "little", "easy", "cut", r"minimi[sz]e\w*", "low", "down",
+    "gentle",
+    "gently", "light", "lightly", "frugal", "tight", "stingy", "economise", "relieve", "sparingly",
+    r"spar", "spare", "sparen", "spart", "sparsam", "sparsamer", "einsparen", "schone", "schonen",
+    "schont", "schonend", "weniger", "wenig", "sachte", "niedrig", r"entlast\w*", "runter",
+    r"reduzier\w*", r"verringer\w*", "geizig", "haushalten", "knausrig", "senke", "senken",
+    r"drossel\w*",
+    "throttle", "haushalte",
+)  # fmt: skip
+AT_LEAST = _any(
+    "at least", "no less than", "not less than", "minimum", "min", "minimal", "above", "or better",
+    "or more", "not drop below", "not fall below", "never below", "not below", "not under",
+    "never under", "never go under", "not go under", "drop below", "fall below", "go below",
+    "go under",
+    "below", "under", "floor", "better than", "mindestens", "wenigstens", "minimum", "nicht unter",
+    "zumindest", "ueber", "oder mehr", "oder besser", "nicht weniger", "nie unter", "unter",
+    "not sink below", "not get below", "not less", "least",
+)  # fmt: skip
+AT_MOST = _any(
+    "at most", "no more than", "not more than", "more than", "maximum", "max", "up to", "cap",
+    "limit", "at maximum", "hoechstens", "maximal", "nicht mehr", "mehr als", "bis zu",
+    r"beschraenk\w*",
+    r"begrenz\w*", "ceiling", "not exceed", "exceed", "ueberschreiten", "not above",
+)  # fmt: skip
+FREE = _any("free", "reserve", "reserved", "frei", "freihalten", r"reservier\w*", "freilassen",
+            "leave", "others", "andere", "anderen", "unused", "untouched", "spare")  # fmt: skip
+"""The part is that which is kept for others."""
+WASTE = _any("waste", r"wasting", r"verschwend\w*", r"vergeud\w*", "squander")
+"""With a negation: save."""
+AGAIN = _any("again", "back", "wieder", "undo", "cancel",
+             "revert", "zurueck", "return")  # fmt: skip
+"""Takes back rather than wishes."""
+PRONOUN = _any("it", "them", "him", "they", "ihn", "ihm", "these", "those", "this one")
+PAST = _any("was", "were", "had", "did", "wurde", "wurden", "hatte", "hatten", "used to",
+            "has been", "have been", "been", "yesterday", "war", "waren",
+            "gestern", "went", "took", "didnt", "wasnt", "worden")  # fmt: skip
+QUESTION = re.compile(
+    r"^(?:what(?! (?:matters|counts|is important|i (?:want|need)))|which|who|whom|whose|why|how|"
+    r"when|where|is|are|am|does|did|has|have|should|shall|"
+    r"was|"
+    r"were|do (?:you|we|i|they)|can (?:i|we|r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
+    r"wie|was(?! (?:zaehlt|wichtig))|warum|wer|wen|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|"
+    r"sollen|sollte|ist|sind|"
+    r"wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|koennen wir|bist|weisst)\b"
+)
+DOUBTED = re.compile(
+    r"\b(?:should (?:i|we)|shall (?:i|we)|soll ich|sollen wir|sollte ich|i wonder|frage mich|maybe|"
+    r"perhaps|vielleicht sollte\w*)\b"
+)
+"""Asks, wherever it stands."""
+CONDITION = re.compile(
+    r"\b(?:if|unless|falls|sobald|as soon as|wenn|in case|sofern|when|whenever|once)\b"
+)
+NO_CONDITION = re.compile(
+    r"\b(?:if (?:possible|you can|you could|you please|need be|you dont mind|you would|at all)|"
+    r"when(?:ever)? you can|wenn (?:moeglich|es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|"
+    r"if you like|when possible)\b"
+)
+CONTRAST = re.compile(
+    r"\b(?:not|nicht) (?:the )?ROBOT (?:but|sondern)\b|\bsondern\b|\binstead of\b"
+)
+FOREIGN = re.compile(
+    r"[\"“”„«»{}<>`|\\=]{1}(?!\s*(?:ROBOT|TIME|SHARE))|\b(?:system|assistant|user) ?:|\b(?:"
+    r"says?|said|sagt|sagte|reports?|meldet|nachricht|message|reads|steht|repeat|translate|"
+    r"uebersetz\w*|instructions?|instruktion\w*|prompt|anweisung\w*|you are (?:now|a|an)|du bist|"
+    r"ab jetzt bist|pretend|role ?play|maintenance mode|your rules|all rules|deine regeln|"
+    r"alle regeln|"
+    r"previous|vorherigen|tell me|erzaehl\w*|joke|witz|json|output|print|admin|root|override|"
+    r"jailbreak|"
+    r"stell dir vor|imagine|hypothetically|story|geschichte|poem|gedicht|wrote|schrieb|told|"
+    r"asked me|"
+    r"operators?|obeys?|gehorch\w*|hoerst du|hoer auf|"
+    r"claims?|behauptet|announces?|tells|demands?|verlangt|quote|zitat|schild|sign)\b"
+)
+"""Words of a robot, of a text, to a model: nobody's wish."""
+EVERYBODY_OUT = re.compile(r"\b(?:every ?(?:one|body)|all|alle|jeden)\b")
+
+SPELLING = frozenset(
+    """nicht never without except ignore exclude leave alone prefer nobody niemand watch important
+    quality qualitaet mindestens wenigstens wichtig ausser zuerst bevorzuge benutzen verwenden
+    ignorieren ausschliessen weglassen auslassen hoechstens maximal least shouldnt doesnt matter
+    attention unwichtig achte below under unter nichts keinen keiner fallen drop ausschliesslich
+    exclusively first please reduce sparen avoid should shall""".split()  # noqa: SIM905
+)
+"""Words in which one slip of the keyboard is forgiven, or which one slip makes of another."""
+
+KNOWN = frozenset(
+    word
+    for pattern in tuple(globals().values())
+    if isinstance(pattern, re.Pattern)
+    for word in re.findall(r"[a-z]{3,}", pattern.pattern)
+)
+"""Words that are cues themselves, or parts of one: never slips of another."""

@@ -1,0 +1,40 @@
+"""What each thing that a wish names is meant to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from llm_gateway.wishes.mentions import Kind
+
+Role = Literal[
+    "out", "only", "first", "high", "low", "quality", "link", "free", "save", "when", "policy",
+    "none", "doubt",
+]  # fmt: skip
+"""`none`: named, but nothing is wished of it; `doubt`: nobody knows, ask."""
+Verdict = Literal["all", "part", "nothing"]
+"""How much of a wish is in its roles: all of it; not all; it is no wish."""
+
+ROLES: dict[Kind, tuple[Role, ...]] = {
+    "robot": ("out", "only", "first", "none"),
+    "place": ("high", "low", "none"),
+    "class": ("high", "low", "none"),
+    "share": ("quality", "link", "free", "none"),
+    "time": ("when", "none"),
+    "network": ("save", "none"),
+    "compute": ("save", "none"),
+    "policy": ("policy", "none"),
+    "unknown": ("none",),
+}
+"""What each kind may be."""
+VERDICTS: tuple[Verdict, ...] = ("all", "part", "nothing")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The roles of a wish's mentions, in their order."""
+
+    roles: tuple[Role, ...]
+    verdict: Verdict = "all"
+    unclear: tuple[str, ...] = ()
+    """Words of the wish that these roles leave out."""

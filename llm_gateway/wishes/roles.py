@@ -1,0 +1,110 @@
+"""What one clause says of what it names, by its cue words."""
+
+from __future__ import annotations
+
+import re
+
+from llm_gateway.wishes import cues, lexicon
+from llm_gateway.wishes.reading import Role
+
+_NOBODY_ELSE = re.compile(
+    r"\b(?:ausser|except|besides|apart from|bis auf) ROBOT\b.*"
+    r"\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
+)
+_COMPARED = re.compile(r"\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b")
+_PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
+SHORT = 4
+"""Words of a clause that says one thing only."""
+
+
+def bounds(text: str) -> str:
+    """A clause without "no more than", which negates nothing and takes nothing back."""
+    return re.sub(
+        r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|mehr|weniger)"
+        r"(?: than| als|(?= SHARE))|"
+        r"\bno need\b|\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
+        r"\blike (?:to|ROBOT)\b",
+        "BOUND",
+        text,
+    )
+
+
+def negated(text: str) -> bool:
+    """Whether a clause says no to something."""
+    return bool(cues.NOT.search(bounds(text)))
+
+
+def robot_role(text: str, *, alone: bool = False) -> Role | None:
+    """What a clause says of the robot that it names; `alone`: it names none."""
+    if cues.CONTRAST.search(text):
+        return "doubt"
+    if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
+        return "only"
+    plain = cues.ONLY.sub("ONLYTHESE", text)
+    out = bool(cues.OUT.search(plain))
+    bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let)\b", text)
+    no = negated(plain) if "ALLBUT" not in text else False
+    only = "ONLYTHESE" in plain
+    first = bool(cues.FIRST.search(plain))
+    unused = bool(cues.UNUSED.search(plain))
+    if bare or (no and (out or only or first)) or cues.LAST.search(text):
+        return None if alone else "doubt"
+    hits: set[Role] = set()
+    if out or (no and (unused or not alone)):
+        hits.add("out")
+    if only:
+        hits.add("only")
+    if first:
+        hits.add("first")
+    if alone and hits == {"first"} and not unused and not _PREFERS.search(text):
+        return None
+    if not hits and not alone:
+        if cues.JUST.search(text):
+            return "only"
+        return "first" if cues.POSSIBLY.search(text) else None
+    if hits == {"out"} and alone and not (cues.PRONOUN.search(text) or no or _plain_out(text)):
+        return None
+    return hits.pop() if len(hits) == 1 else ("doubt" if hits else None)
+
+
+def _plain_out(text: str) -> bool:
+    return len(text.split()) <= SHORT
+
+
+def weight_role(text: str) -> Role | None:
+    """What a clause says of the place or the class that it names."""
+    if _COMPARED.search(text) or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):
+        return "doubt"
+    low = bool(cues.LOW.search(text))
+    rest = cues.LOW.sub(" ", text) if low else text
+    high = bool(cues.HIGH.search(rest))
+    no = bool(cues.NOT.search(bounds(rest)))
+    if low and high and no:
+        return "doubt"
+    if low:
+        return "high" if no else "low"
+    if high:
+        return "low" if no else "high"
+    return None
+
+
+def share_role(text: str) -> Role:
+    """What a clause says of the part that it names."""
+    words = set(text.split())
+    quality = bool(words & lexicon.QUALITY)
+    network = "NET" in words
+    least, most = cues.AT_LEAST.search(text), cues.AT_MOST.search(text)
+    falls = re.search(r"\b(?:below|under|unter)\b", text) and not re.search(
+        r"\b(?:not?|never|nie|nicht|dont|doesnt|mustnt|cant|cannot|shouldnt|ned)\b", text
+    )
+    if words & lexicon.BATTERY:
+        return "none"
+    if quality and not network:
+        return "doubt" if (most and not least) or falls else "quality"
+    if network and not quality:
+        if least and not re.search(r"\b(?:under|unter|below|ueber|above|or less)\b", text):
+            return "doubt"
+        return "free" if cues.FREE.search(text) else "link"
+    if not network and least and not most and not falls:
+        return "quality"
+    return "doubt"

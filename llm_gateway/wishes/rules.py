@@ -1,0 +1,304 @@
+"""Reads a wish by cue words alone, clause by clause: what the model says is held against this.
+
+It reads what its words plainly say and doubts the rest; where nothing says anything, it says
+`none`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from llm_gateway.wishes import cues, lexicon
+from llm_gateway.wishes.clauses import Clause, clauses
+from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.reading import Reading, Role, Verdict
+from llm_gateway.wishes.roles import bounds, negated, robot_role, share_role, weight_role
+
+_GREETING = re.compile(
+    r"^(?:(?:(?:hi|hello|hey)(?: there| all)?|hallo|ok|okay|well|so|please|bitte|also|servus|"
+    r"moin|mate|na|uh) )+"
+)
+_STRONG = re.compile(
+    r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte|auge|"
+    r"wichtig\w*|aufpassen|pass auf|keep an eye|look after|ignor\w*|prefer\w*|priority)\b"
+)
+"""Cues that are never mere talk."""
+_ARTICLE = re.compile(
+    r"^(?:the|a|an|den|die|das|dem|der|on the|at the|auf die|zum|zur)(?: [a-z]+){1,2}$"
+)
+_OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
+"""Ends what begins like an article and is none, or names nothing that a site has."""
+_OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
+_THERE = re.compile(r"\b(?:there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
+_FILLERS = frozenset(
+    """PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei in im on an am a
+    around beim about is are do does ist sind auf of especially besonders cant cannot isnt arent
+    ned by um""".split()  # noqa: SIM905
+)
+"""Words beside which something named has the role of the clause before it."""
+
+
+class Rules:
+    """Reads one wish."""
+
+    def __init__(self, text: Text) -> None:
+        self._text = text
+        self._clauses = clauses(text)
+        self._roles: list[Role | None] = [None] * len(text.mentions)
+        self._unclear: list[str] = []
+        self._void = [self._is_void(clause) for clause in self._clauses]
+
+    def read(self) -> Reading:
+        """The roles, and what stays unclear."""
+        if self._foreign():
+            return Reading(
+                tuple(_or_none(None) for _ in self._roles), "nothing", (self._text.wish.strip(),)
+            )
+        for at, clause in enumerate(self._clauses):
+            if self._void[at]:
+                if clause.mentions or _STRONG.search(clause.text):
+                    self._doubt(clause)
+                continue
+            self._robots(at, clause)
+            self._weights(at, clause)
+            self._shares(at, clause)
+            self._resources(at, clause)
+            self._others(clause)
+        for at, clause in enumerate(self._clauses):
+            if not self._void[at]:
+                self._bind(at, clause)
+                self._leftover(clause)
+        roles = tuple(_or_none(role) for role in self._roles)
+        wished = any(role not in ("none", "doubt", "when") for role in roles)
+        verdict: Verdict = "all" if wished else "nothing"
+        if wished and (self._unclear or "doubt" in roles):
+            verdict = "part"
+        return Reading(roles, verdict, tuple(dict.fromkeys(self._unclear)))
+
+    def _foreign(self) -> bool:
+        """Whether these are the words of somebody who only is quoted."""
+        text = " ".join(word.text for word in self._text.words)
+        return bool(cues.FOREIGN.search(text))
+
+    def _is_void(self, clause: Clause) -> bool:
+        """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
+        opening = next(c for c in self._clauses if c.sentence == clause.sentence)
+        asks = cues.QUESTION.match(_GREETING.sub("", opening.text))
+        if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
+            return True
+        if cues.PAST.search(clause.text) or cues.DOUBTED.search(clause.text):
+            return True
+        if cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text)):
+            return not (
+                "reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text)
+            )
+        named = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
+        return bool(cues.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
+
+    def _doubt(self, clause: Clause) -> None:
+        said = self._text.said(clause.first, clause.last).strip(" ,")
+        if said:
+            self._unclear.append(said)
+
+    def _of(self, clause: Clause, *kinds: str) -> list[int]:
+        return [n for n in clause.mentions if self._text.mentions[n].kind in kinds]
+
+    def _set(self, numbers: list[int], role: Role | None) -> None:
+        for number in numbers:
+            self._roles[number] = role
+
+    def _robots(self, at: int, clause: Clause) -> None:
+        numbers = self._of(clause, "robot")
+        if not numbers:
+            return
+        role = robot_role(clause.text)
+        if len(numbers) > 1 and role is not None:
+            role = "doubt"
+        self._set(numbers, role)
+
+    def _weights(self, at: int, clause: Clause) -> None:
+        numbers = self._of(clause, "place", "class")
+        if not numbers:
+            return
+        role = weight_role(clause.text)
+        near = self._clauses[at - 1] if at else None
+        if role is None and near is not None and near.sentence == clause.sentence:
+            role = self._inherited(clause, near)
+        self._set(numbers, role)
+
+    def _inherited(self, clause: Clause, before: Clause) -> Role | None:
+        """The role that a clause without a cue takes from the one before it, or its opposite."""
+        roles = {self._roles[n] for n in self._of(before, "place", "class")}
+        robots = [self._text.mentions[n].kind for n in clause.mentions].count("robot")
+        if robots or len(roles) != 1:
+            return None
+        role = roles.pop()
+        if role not in ("high", "low"):
+            return None
+        bare = set(clause.text.split()) <= _FILLERS
+        other: Role = "low" if role == "high" else "high"
+        if cues.NOT.search(clause.text):
+            return other if bare else None
+        if re.search(r"(?:PLACE|CLASS) (?:do|does|can|are|is|schon|doch)$", clause.text):
+            return other if cues.NOT.search(before.text) else role
+        return role if bare else None
+
+    def _shares(self, at: int, clause: Clause) -> None:
+        numbers = self._of(clause, "share")
+        if not numbers:
+            return
+        role = share_role(clause.text)
+        if len(numbers) > 1:
+            role = "doubt"
+        bounded = cues.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
+        if role == "doubt" and bounded and at and len(numbers) == 1:
+            before = self._clauses[at - 1]
+            if "NET" in before.text.split() and not self._of(before, "share"):
+                role = "link"
+        for number in numbers:
+            share = self._text.mentions[number].share
+            self._roles[number] = role if share is not None and share.possible else "doubt"
+
+    def _resources(self, at: int, clause: Clause) -> None:
+        numbers = self._of(clause, "network", "compute")
+        if not numbers:
+            return
+        role: Role | None = None
+        if self._of(clause, "share"):
+            role = "none"
+        elif cues.WASTE.search(clause.text):
+            role = "save" if negated(clause.text) else "doubt"
+        elif cues.SAVE.search(clause.text):
+            role = "doubt" if negated(clause.text) else "save"
+        self._set(numbers, role)
+
+    def _others(self, clause: Clause) -> None:
+        for number in clause.mentions:
+            mention = self._text.mentions[number]
+            if mention.kind == "policy":
+                self._roles[number] = "doubt" if negated(clause.text) else "policy"
+            elif mention.kind == "time":
+                self._roles[number] = "when" if _is_clear(mention) else "doubt"
+            elif mention.kind == "unknown":
+                self._roles[number] = "doubt"
+
+    def _bind(self, at: int, clause: Clause) -> None:
+        """Gives what a clause says of "it" to what was named before it, or right behind."""
+        others = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
+        named = self._of(clause, "robot", "share", "network", "compute")
+        if not others or (cues.PRONOUN.search(clause.text) and not named):
+            role = robot_role(clause.text, alone=True)
+            if role is not None and not self._give(at, role, "robot"):
+                self._doubt(clause)
+        if not self._of(clause, "place", "class") and not self._of(clause, "robot", "unknown"):
+            weight = weight_role(clause.text)
+            if weight is not None and not self._of(clause, "network", "compute", "share"):
+                self._give(at, weight, "place", "class")
+        elif _THERE.search(clause.text):
+            weight = weight_role(clause.text)
+            if weight == "high":
+                self._give(at, weight, "place")
+        if cues.SAVE.search(clause.text) and not clause.mentions:
+            self._give(at, "save", "network", "compute")
+        if not clause.text.split() or not clause.mentions:
+            return
+        numbers = self._of(clause, "place", "class")
+        if numbers and all(self._roles[n] is None for n in numbers) and at + 1 < len(self._clauses):
+            after = self._clauses[at + 1]
+            roles = {self._roles[n] for n in self._of(after, "place", "class")}
+            bare = set(clause.text.split()) <= _FILLERS and after.sentence == clause.sentence
+            if bare and len(roles) == 1 and not self._void[at + 1] and weight_role(after.text):
+                self._set(numbers, roles.pop())
+
+    def _give(self, at: int, role: Role, *kinds: str) -> bool:
+        """Whether something of a kind was named near that has no other role."""
+        for near in (*range(at - 1, max(-1, at - 4), -1), at + 1):
+            if not 0 <= near < len(self._clauses):
+                continue
+            clause = self._clauses[near]
+            numbers = self._of(clause, *kinds)
+            if not numbers:
+                continue
+            if any(self._roles[n] not in (None, role) for n in numbers):
+                return False
+            if near > at and clause.sentence != self._clauses[at].sentence:
+                return False
+            pointed = cues.PRONOUN.search(self._clauses[at].text)
+            if self._void[near] and not (clause.asked or pointed):
+                return False
+            self._set(numbers, role)
+            return True
+        return False
+
+    def _leftover(self, clause: Clause) -> None:
+        """Doubts what a clause wishes of something that nobody knows."""
+        named = self._of(clause, "robot", "place", "class", "unknown", "policy")
+        everybody = set(clause.text.split()) & lexicon.EVERYBODY
+        acts = cues.OUT.search(clause.text) or cues.UNUSED.search(clause.text)
+        lonely = not named and not self._of(clause, "network", "compute", "share")
+        if (
+            lonely
+            and everybody
+            and "out" not in self._roles
+            and (acts or cues.ONLY.search(clause.text))
+        ):
+            self._doubt(clause)
+        elif lonely and _STRONG.search(clause.text) and not _THERE.search(clause.text):
+            if not self._bound(clause):
+                self._doubt(clause)
+        elif _is_stranger(clause) or (
+            lonely and re.search(r"\b(?:policy|strategy|strategie)\b", clause.text)
+        ):
+            self._doubt(clause)
+
+    def _bound(self, clause: Clause) -> bool:
+        """Whether what a clause says went to something beside it."""
+        at = self._clauses.index(clause)
+        role = weight_role(clause.text) or robot_role(clause.text, alone=True)
+        near = self._clauses[max(0, at - 1) : at + 2]
+        return any(
+            self._roles[n] == role for c in near for n in self._of(c, "place", "class", "robot")
+        )
+
+
+def _is_stranger(clause: Clause) -> bool:
+    """Whether a clause is but something that nobody knows: "the cafeteria"."""
+    if clause.mentions or not _ARTICLE.match(clause.text):
+        return False
+    return not (_OTHERS.search(clause.text) or re.match(r"(?:das|der|die) \w+ ", clause.text))
+
+
+def _or_none(role: Role | None) -> Role:
+    return role or "none"
+
+
+def read(text: Text) -> Reading:
+    """The rules' reading of a wish; `settle` it before anything is made of it."""
+    return Rules(text).read()
+
+
+def settle(text: Text, reading: Reading) -> Reading:
+    """A reading in which whatever must be accounted for and is not is unclear."""
+    unclear = list(reading.unclear)
+    for mention, role in zip(text.mentions, reading.roles, strict=True):
+        told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
+        if told and mention.kind == "share" and _is_told(text, mention):
+            continue
+        if role == "doubt" or told:
+            unclear.append(text.said(mention.first, mention.last))
+    return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
+
+
+def _is_told(text: Text, mention: Mention) -> bool:
+    """Whether a part is a battery's."""
+    near = text.words[max(0, mention.first - 6) : mention.last + 4]
+    return bool({word.text for word in near} & lexicon.BATTERY)
+
+
+def _is_clear(mention: Mention) -> bool:
+    return mention.when is not None and mention.when.clear
+
+
+def _reaches(text: str) -> bool:
+    return bool(re.search(r"\b(?:mitmach\w*|dabei)\b", text))

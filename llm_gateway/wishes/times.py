@@ -1,0 +1,215 @@
+"""Reads when a wish begins and ends: "until six", "for three hours", "ab morgen früh".
+
+Code does the arithmetic, in the time zone of `now`: the model never sees a clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from llm_gateway.wishes import clock
+from llm_gateway.wishes.numbers import decimal, whole
+from llm_gateway.wishes.words import Word
+
+_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through"}
+_FROM = {"from", "starting", "beginning", "ab", "von", "since", "as", "effective", "starts"}
+_TO = {"to", "until", "till", "til", "bis", "-", "–"}
+_UNITS = {
+    "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
+    "minute": 60, "minutes": 60, "min": 60, "mins": 60, "minuten": 60,
+    "hour": 3600, "hours": 3600, "hr": 3600, "hrs": 3600, "h": 3600, "stunde": 3600,
+    "stunden": 3600, "std": 3600, "stuendchen": 3600, "viertelstunde": 900,
+    "dreiviertelstunde": 2700,
+    "day": 86400, "days": 86400, "tag": 86400, "tage": 86400, "tagen": 86400,
+}  # fmt: skip
+_OPEN = (
+    ("until", "further", "notice"), ("bis", "auf", "weiteres"), ("from", "now", "on"),
+    ("ab", "sofort"), ("ab", "jetzt"), ("for", "now"), ("right", "now"), ("effective",
+    "immediately"),
+    ("as", "of", "now"), ("von", "jetzt", "an"), ("for", "the", "moment"), ("at", "the", "moment"),
+)  # fmt: skip
+"""Say nothing about a time."""
+_ONES = {"a", "an", "one", "ein", "eine", "einen", "einer", "einem", "the", "die", "der", "next",
+         "naechste", "naechsten", "naechster"}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class When:
+    """A time as written from word `first` up to, not including, word `last`."""
+
+    first: int
+    last: int
+    start: datetime | None = None
+    until: datetime | None = None
+    lasts: timedelta | None = None
+    """For so long, from the start on."""
+    clear: bool = True
+    """Whether it is known which time is meant, and it is to come."""
+
+
+def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """The time that is written from word `at` on."""
+    for phrase in _OPEN:
+        if tuple(word.text for word in words[at : at + len(phrase)]) == phrase:
+            return When(at, at + len(phrase))
+    return (
+        _between(words, at, now)
+        or _from(words, at, now)
+        or _until(words, at, now)
+        or _lasting(words, at, now)
+        or _loose(words, at)
+    )
+
+
+def _text(words: Sequence[Word], at: int) -> str:
+    return words[at].text if 0 <= at < len(words) else ""
+
+
+def _span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When | None:
+    """ "X to Y", of which X is written from word `begin` on."""
+    one = clock.point_at(words, begin)
+    if one is None or _text(words, one[1]) not in _TO | {"and", "und"}:
+        return None
+    two = clock.point_at(words, one[1] + 1)
+    if two is None:
+        return None
+    start = clock.resolve(_shared(one[0], two[0]), now, now)
+    until = None if start is None else clock.resolve(_shared(two[0], one[0]), now, start)
+    return When(first, two[1], start, until, clear=until is not None)
+
+
+def _shared(point: clock.Point, other: clock.Point) -> clock.Point:
+    """A point with the day, and the part of the day, that were said of the other end."""
+    days = other.days if point.days is None else point.days
+    weekday = other.weekday if point.weekday is None else point.weekday
+    part = point.part or ("" if other.part in {"midnight", "noon", "mitternacht"} else other.part)
+    return clock.Point(
+        point.hour, point.minute, point.exact, part, days, weekday, point.date or other.date,
+        point.impossible,
+    )  # fmt: skip
+
+
+def _between(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    if _text(words, at) not in {"between", "zwischen"}:
+        return None
+    return _span(words, at, at + 1, now)
+
+
+def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "from five to seven", "ab 17 Uhr", "starting at three", "in ten minutes"."""
+    text = _text(words, at)
+    if text == "in" and (long := _length(words, at + 1)) is not None:
+        return When(at, long[1], start=now + long[0])
+    day = clock.point_at(words, at)
+    if day is not None and day[0].hour is None and _text(words, day[1]) in {"from", "von", "ab"}:
+        # "tomorrow from 8 am"
+        late = _from(words, day[1], now)
+        if late is not None:
+            point = clock.point_at(words, day[1] + 1)
+            start = clock.resolve(_shared(point[0], day[0]), now, now) if point else None
+            clear = late.until is None and start is not None
+            return When(at, late.last, start, None, clear=clear)
+    if text not in _FROM:
+        return None
+    begin = at + 1
+    if _text(words, begin) in {"from", "of", "at", "with"}:
+        begin += 1
+    if (span := _span(words, at, begin, now)) is not None:
+        return span
+    point = clock.point_at(words, begin)
+    if point is None:
+        return None
+    last = point[1] + (1 if _text(words, point[1]) in {"on", "onwards", "an"} else 0)
+    start = clock.resolve(point[0], now, now)
+    return When(at, last, start, clear=start is not None)
+
+
+def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    if _text(words, at) not in _UNTIL:
+        return None
+    point = clock.point_at(words, at + 1)
+    if point is None:
+        return None
+    until = clock.resolve(point[0], now, now)
+    return When(at, point[1], until=until, clear=until is not None)
+
+
+def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "for three hours", "die nächsten 20 Minuten", "drei Stunden lang", "one hour"."""
+    here = at
+    while _text(words, here) in {"for", "during", "fuer", "another", "about", "so", "the", "die",
+                                 "naechsten", "naechste", "next", "noch", "waehrend", "der",
+                                 "circa", "ca", "etwa", "within"}:  # fmt: skip
+        here += 1
+    long = _length(words, here)
+    next_one = _text(words, here - 1) in {"next", "naechste", "naechsten"} and here > at
+    if long is None and next_one and _text(words, here) in _UNITS:
+        long = timedelta(seconds=_UNITS[_text(words, here)]), here + 1
+    if long is None:
+        return None
+    last = long[1] + (1 if _text(words, long[1]) in {"lang", "long"} else 0)
+    return When(at, last, lasts=long[0])
+
+
+def _loose(words: Sequence[Word], at: int) -> When | None:
+    """A time that stands alone says neither beginning nor end: "today", "at five", "um 17 Uhr"."""
+    text = _text(words, at)
+    if _text(words, at - 1) in {"good", "guten", "gute", "schoenen", "happy"}:
+        return None
+    begin = at + 1 if text in {"at", "um", "am", "on", "by", "this", "gegen", "after", "nach",
+                               "before", "vor"} else at  # fmt: skip
+    point = clock.point_at(words, begin)
+    if point is None:
+        return None
+    named = point[0].part or point[0].days is not None or point[0].weekday is not None
+    clocked = point[0].exact or any(
+        word.text in {"uhr", "oclock", "am", "pm"} for word in words[begin : point[1]]
+    )
+    timed = ":" in _text(words, begin) or (text in {"at", "um"} and point[0].hour is not None)
+    if not (named or timed or (clocked and begin < point[1] - 1)):
+        return None
+    return When(at, point[1], clear=False)
+
+
+def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
+    """A length of time, and the word behind it."""
+    text = _text(words, at)
+    if text in {"half", "halbe", "halben"}:
+        skip = 2 if _text(words, at + 1) in _ONES else 1
+        return _times(0.5, words, at + skip)
+    if text in _ONES and _text(words, at + 1) in {"half", "halbe", "halben"}:
+        return _times(0.5, words, at + 2)
+    quarter = 1 if text in _ONES else 0
+    if _text(words, at + quarter) == "quarter" and _text(words, at + quarter + 1) == "of":
+        return _times(0.25, words, at + quarter + 3)
+    if text in {"anderthalb", "eineinhalb"}:
+        return _times(1.5, words, at + 1)
+    if text.endswith("einhalb") and (number := whole(text.removesuffix("einhalb"))) is not None:
+        return _times(number + 0.5, words, at + 1)
+    if text in _ONES:
+        found = _times(1, words, at + 1)
+        if found and [word.text for word in words[found[1] : found[1] + 3]] == ["and", "a", "half"]:
+            return found[0] * 1.5, found[1] + 3
+        return found
+    amount = decimal(text)
+    if amount is None and (spoken := whole(text)) is not None:
+        amount = float(spoken)
+    if amount is None:
+        return None
+    if [word.text for word in words[at + 1 : at + 4]] == ["and", "a", "half"]:
+        return _times(amount + 0.5, words, at + 4)
+    end = at + 1
+    if _text(words, end) == "-":
+        end += 1
+    if _text(words, end) == "ganze":
+        end += 1
+    return _times(amount, words, end)
+
+
+def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
+    seconds = _UNITS.get(_text(words, at))
+    if seconds is None or not 0 < amount <= 10_000:
+        return None
+    return timedelta(seconds=amount * seconds), at + 1

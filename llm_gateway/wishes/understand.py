@@ -1,0 +1,88 @@
+"""From a person's words to an intent."""
+
+from __future__ import annotations
+
+import time
+from datetime import datetime
+from typing import Protocol
+
+import msgspec
+
+from llm_gateway.model import Prompt
+from llm_gateway.wishes import form, rules
+from llm_gateway.wishes.check import agreed
+from llm_gateway.wishes.compose import compose
+from llm_gateway.wishes.mentions import Text, find
+from llm_gateway.wishes.reading import Reading
+from swarm.errors import GatewayError
+from swarm.messages import ChatMessage
+from swarm.messages.intent import MAX_WISH_CHARS, Intent, Site
+
+RULES = "rules"
+"""What an intent names as its model where no model was asked."""
+_UNREAD = 200
+"""Characters of an unread wish that are told."""
+
+
+class Reader(Protocol):
+    """A model that can be asked."""
+
+    @property
+    def model(self) -> str:
+        """Its name."""
+
+    @property
+    def trained(self) -> bool:
+        """Whether it was trained on the form and needs no instruction."""
+
+    def read(self, prompt: Prompt) -> str:
+        """Its answer. Raises GatewayError."""
+
+
+def understand(wish: str, site: Site, now: datetime, reader: Reader | None) -> Intent:
+    """The intent of a wish on a site; what is not understood stands in its `unclear`.
+
+    `now`: with a time zone, in which times are meant. Without a reader only what the words plainly
+    say is understood. Raises GatewayError where the model does not answer; an answer that does not
+    follow the form is none.
+    """
+    began = time.monotonic()
+    intent = _understood(wish, site, now, reader)
+    took = round(1000 * (time.monotonic() - began), 1)
+    model = RULES if reader is None else reader.model
+    return _with(intent, model, took)
+
+
+def prompt(text: Text, *, trained: bool) -> Prompt:
+    """What a model is asked about a wish."""
+    asked = ChatMessage(role="user", content=form.marked(text))
+    schema = form.schema(text, wrapped=not trained)
+    if trained:
+        return Prompt((asked,), schema, max_tokens=2 * len(text.mentions) + 6)
+    told = ChatMessage(role="system", content=form.instruction())
+    return Prompt((told, asked), schema, max_tokens=16 * len(text.mentions) + 64)
+
+
+def _understood(wish: str, site: Site, now: datetime, reader: Reader | None) -> Intent:
+    if not wish.strip() or len(wish) > MAX_WISH_CHARS:
+        return Intent(unclear=(wish.strip()[:_UNREAD],))
+    text = find(wish, site, now)
+    if len(text.mentions) > form.MAX_MENTIONS:
+        return Intent(unclear=(wish.strip()[:_UNREAD],))
+    reading = rules.read(text)
+    if reader is not None and text.mentions:
+        reading = agreed(text, reading, _asked(text, reader))
+    return compose(text, rules.settle(text, reading), now)
+
+
+def _asked(text: Text, reader: Reader) -> Reading:
+    said = reader.read(prompt(text, trained=reader.trained))
+    try:
+        return form.parse(text, said)
+    except ValueError as error:
+        why = f"{reader.model} gave no reading of the wish: {error}"
+        raise GatewayError("invalid", why) from error
+
+
+def _with(intent: Intent, model: str, took_ms: float) -> Intent:
+    return msgspec.structs.replace(intent, model=model, elapsed_ms=took_ms)

@@ -1,0 +1,66 @@
+"""Cuts a wish into words that compare equal however they are written."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+_WORD = re.compile(r"\d+(?:[.,:]\d+)*|[^\W\d_]+(?:['’][^\W\d_]+)*|\S")
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "’": "", "'": ""})
+_LEAST_FUZZY = 5
+"""Letters of a word in which one slip of the keyboard is forgiven."""
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """One word, number or sign; letters and digits that touch ("R3", "5pm") are two words."""
+
+    text: str
+    """Folded: see `fold`."""
+    start: int
+    end: int
+    """Characters of the wish."""
+
+
+def fold(text: str) -> str:
+    """In small letters, compatible forms made equal, without umlauts and apostrophes.
+
+    >>> fold("Don’t drück")
+    'dont drueck'
+    """
+    plain = unicodedata.normalize("NFKC", text).casefold().translate(_UMLAUTS)
+    return plain or text
+
+
+def words(text: str) -> list[Word]:
+    """The words of a wish, in order."""
+    return [Word(fold(m.group()), m.start(), m.end()) for m in _WORD.finditer(text)]
+
+
+def key(name: str) -> tuple[str, ...]:
+    """A name's words without the signs that people leave out."""
+    return tuple(word.text for word in words(name) if word.text not in "-_./")
+
+
+def alike(said: str, meant: str) -> bool:
+    """Whether a word is another one with at most one slip: a letter more, less, wrong, or two
+    exchanged; never the first one.
+
+    >>> alike("dokcs", "docks"), alike("tracks", "racks"), alike("aisle", "isles")
+    (True, False, False)
+    """
+    if said == meant:
+        return True
+    if len(meant) < _LEAST_FUZZY or len(said) < _LEAST_FUZZY - 1 or said[0] != meant[0]:
+        return False
+    if not (said.isalpha() and meant.isalpha()) or abs(len(said) - len(meant)) > 1:
+        return False
+    at = next((i for i, (a, b) in enumerate(zip(said, meant, strict=False)) if a != b), None)
+    if at is None:
+        return True
+    swapped = said[at : at + 2] == meant[at : at + 2][::-1] and said[at + 2 :] == meant[at + 2 :]
+    wrong = said[at + 1 :] == meant[at + 1 :]
+    more = said[at + 1 :] == meant[at:]
+    less = said[at:] == meant[at + 1 :]
+    return swapped or wrong or more or less

@@ -1,0 +1,137 @@
+"""Ways that are decided: once a second, by a policy, from what robots have told until then."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from msgspec.structs import replace
+
+from ego_agent.analyze.scene import analyze
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
+from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import RARER_HZ, algorithm_of, due, stride
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.decision import plan
+from ego_agent.plan.policies.base import Policy
+from ego_agent.plan.policies.registry import make_policy
+from perception.fusion.base import Fusion
+from research.evaluation.windows.announcements import EPOCH_NS, heard, snapshot
+from swarm.messages import MIXED, Assignment, Decision
+from worlds.base import World
+
+ALGORITHMS = ("early", "late")
+"""What is decided among: whole maps of features fit none of the links."""
+DECIDED_S = 1.0
+RANDOM = "random-assignments"
+
+
+class Drivable(Protocol):
+    """What is known of a drive."""
+
+    @property
+    def world(self) -> World:
+        """Where it is."""
+        ...
+
+    @property
+    def ego(self) -> str:
+        """Who decides."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of chance."""
+        ...
+
+    def fusion(self, name: str) -> Fusion:
+        """An algorithm."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """How it is decided who sends what."""
+
+    policy: str
+    """Of the product's, or RANDOM."""
+    capacity_bps: float
+    """C(t), as the ego knows it."""
+    rarer: bool = False
+    """Whether each robot may have an algorithm and a rate of its own."""
+    free: bool = False
+    """Whether bytes and processors cost nothing: as good as the link carries."""
+
+
+class Deciding:
+    """The decisions of one drive."""
+
+    def __init__(self, drive: Drivable, how: Decided) -> None:
+        self._drive = drive
+        self._how = how
+        objective = Objective(rarer_hz=RARER_HZ if how.rarer else ())
+        if how.free:
+            objective = replace(objective, lambda_link=0.0, lambda_compute=0.0)
+        self._knowledge = Knowledge.of_detector(
+            drive.world.detector, objective, ALGORITHMS, learns=False
+        )
+        self._fusions = {name: drive.fusion(name) for name in ALGORITHMS}
+        chance = how.policy == RANDOM
+        self._policy: Policy = (
+            AnyAssignments(drive.seed) if chance else make_policy(how.policy, ALGORITHMS)
+        )
+        self._every = max(1, round(DECIDED_S * drive.world.rate_hz))
+        self._decision: Decision | None = None
+
+    def asked(self, number: int, frame: int) -> Mapping[str, str]:
+        """The robots that send in the frame, the drive's so many-th, and what."""
+        if number % self._every == 0 or self._decision is None:
+            self._decision = self._decide(number, frame)
+        decision = self._decision
+        step = stride(decision, self._drive.world.rate_hz, self._drive.world.rate_hz)
+        if number % step:
+            return {}
+        return {
+            robot: algorithm_of(decision, robot)
+            for robot in decision.participants[1:]
+            if due(decision, robot, number // step)
+        }
+
+    def _decide(self, number: int, frame: int) -> Decision:
+        drive, known = self._drive, self._knowledge
+        messages = heard(
+            drive.world, frame, drive.ego, self._fusions, reach_m=known.objective.comm_range_m
+        )
+        seen = snapshot(drive.ego, messages, self._how.capacity_bps)
+        now_ns = EPOCH_NS + round(number / drive.world.rate_hz * 1e9)
+        scene = analyze(seen, known)
+        return plan(seen, scene, self._policy, known, self._decision, number, now_ns)
+
+
+class AnyAssignments:
+    """Any robots, any algorithms, any rates, as many as the link carries: what a choice of
+    assignments must beat."""
+
+    name = RANDOM
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        """Robots join in any order with any option, while all budgets last."""
+        mixes = Mixes(Scorer(scene, knowledge))
+        chosen: list[Assignment] = []
+        for place in self._rng.permutation(len(scene.candidates)):
+            options = mixes.options_of(scene.candidates[place].robot)
+            for number in self._rng.permutation(len(options))[:1]:
+                score = mixes.score([*chosen, options[number]])
+                if score is not None and mixes.carries(score):
+                    chosen.append(options[number])
+        names: Sequence[str] = [scene.ego.robot, *(one.robot for one in chosen)]
+        return Proposal(tuple(names), MIXED, "chance", "policy", assignments=tuple(chosen))

@@ -1,0 +1,1 @@
+"""Measures how well wishes are understood, beside what understands nothing."""

@@ -1,0 +1,1 @@
+"""Decisions of `coverage` in simulated scenes: what a small model learns to decide from."""

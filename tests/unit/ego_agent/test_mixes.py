@@ -1,0 +1,289 @@
+"""Who sends what, and how often: one algorithm is what it was, budgets hold, the best is found."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ego_agent.analyze.scene_file import read_scene
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.compute import Work
+from ego_agent.knowledge.journal import CycleRecord
+from ego_agent.knowledge.model import Proposal, UnifiedScene, Weights
+from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import RARER_HZ, in_turn
+from ego_agent.knowledge.record import cycle_record
+from ego_agent.knowledge.tally import Tally
+from ego_agent.plan.choices.explain import explain
+from ego_agent.plan.choices.greedy import grow
+from ego_agent.plan.choices.hysteresis import best_option
+from ego_agent.plan.choices.mixes import Mixes, burst
+from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.validation import Unusable, validate
+from ego_agent.plan.decision import plan
+from ego_agent.plan.demand import ROUNDING, DemandMeter, need
+from ego_agent.plan.policies.coverage import Coverage
+from swarm.messages import ALGORITHMS, MIXED, Assignment, Decision
+from tests.support.ego_scenes import BOTH, NOW_NS, candidate, scene, snapshot, view
+
+EXAMPLE = Path(__file__).parents[3] / "docs" / "example-scene.json"
+SIZES = {"early": 3_000, "intermediate": 40_000, "late": 500}
+
+
+def knowing(algorithms: tuple[str, ...] = BOTH, **objective: Any) -> Knowledge:
+    wanted = Objective(**{"q_min": 0.7, "rarer_hz": RARER_HZ, **objective})
+    return Knowledge.of_detector("factory", wanted, algorithms)
+
+
+def a_floor(seed: int, robots: int = 6, capacity_bps: float = 20e6) -> UnifiedScene:
+    """Robots that see overlapping parts of 64 cells and of four objects."""
+    rng = np.random.default_rng(seed)
+
+    def seen() -> dict[str, Any]:
+        first, count = int(rng.integers(0, 50)), int(rng.integers(5, 30))
+        return {
+            "cells": range(first, min(64, first + count)),
+            "evidence": (rng.random(4) * (rng.random(4) < 0.5)).tolist(),
+            "sizes": {name: int(size * rng.uniform(0.5, 2.0)) for name, size in SIZES.items()},
+        }
+
+    others = [candidate(f"R{i}", **seen(), distance_m=float(i)) for i in range(2, 2 + robots)]
+    return scene(candidate("R1", **seen()), *others, capacity_bps=capacity_bps)
+
+
+def decide(found: UnifiedScene, known: Knowledge, previous: Decision | None = None) -> Decision:
+    return plan(snapshot(ego="R1"), found, Coverage(), known, previous, 7, NOW_NS)
+
+
+def assignments(*wanted: tuple[str, str, float]) -> tuple[Assignment, ...]:
+    return tuple(Assignment(robot=r, algorithm=a, rate_hz=hz) for r, a, hz in wanted)
+
+
+def weighed(found: UnifiedScene, seed: int) -> UnifiedScene:
+    """The scene with places and objects that count more, and less."""
+    rng = np.random.default_rng(seed)
+    cells = rng.choice([0.25, 1.0, 4.0], found.ego.area.shape).astype(np.float32)
+    objects = rng.choice([0.25, 1.0, 4.0], len(found.objects)).astype(np.float32)
+    return replace(found, weights=Weights(cells, objects))
+
+
+@pytest.mark.parametrize("counts_alike", [True, False])
+@pytest.mark.parametrize("algorithm", BOTH)
+@pytest.mark.parametrize("seed", range(8))
+def test_one_algorithm_in_every_frame_is_what_the_scorer_says(
+    seed: int, algorithm: str, counts_alike: bool
+) -> None:
+    floor = a_floor(seed)
+    scorer = Scorer(floor if counts_alike else weighed(floor, seed), knowing())
+    mixes = Mixes(scorer)
+    for count in range(1, 6):
+        robots = [c.robot for c in scorer.scene.candidates[:count]]
+        expected = scorer.score(robots, algorithm)
+        found = mixes.score(assignments(*((robot, algorithm, 10.0) for robot in robots)))
+        assert found == expected
+        # And so it counts on the way: less only by steps of evidence.
+        growing = mixes._nobody()
+        for i in range(count):
+            option = mixes.option(algorithm, 10.0)
+            assert option is not None
+            mixes._take(growing, i, option)
+        assert mixes._quality(growing) == pytest.approx(expected.quality, abs=0.02)
+
+
+def best_of_all(mixes: Mixes) -> Score:
+    """By trying everything."""
+    robots = [c.robot for c in mixes.scorer.scene.candidates]
+    choices = [[None, *mixes.options_of(robot)] for robot in robots]
+    scores = [mixes.score([one for one in some if one]) for some in itertools.product(*choices)]
+    able = [s for s in scores if s is not None and mixes.carries(s)]
+    good = [s for s in able if mixes.scorer.good_enough(s)]
+    return max(good, key=lambda s: s.value) if good else max(able, key=lambda s: s.quality)
+
+
+@pytest.mark.parametrize("capacity_bps", [2e5, 1e6, 20e6])
+def test_the_greedy_orders_are_nearly_as_good_as_trying_everything(capacity_bps: float) -> None:
+    missed = []
+    for seed in range(12):
+        found = a_floor(seed, robots=3, capacity_bps=capacity_bps)
+        mixes = Mixes(Scorer(found, knowing(rarer_hz=(5.0, 2.0))))
+        grown = [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
+        assert all(mixes.carries(score) for score in grown)
+        best, ours = best_of_all(mixes), best_option(mixes.scorer, grown)
+        assert mixes.scorer.good_enough(ours) or not mixes.scorer.good_enough(best)
+        what = "value" if mixes.scorer.good_enough(best) else "quality"
+        missed.append(getattr(best, what) - getattr(ours, what))
+    assert max(missed) <= 0.05
+    assert np.mean(missed) <= 0.01
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_on_a_narrow_link_robots_send_less_and_less_often(seed: int) -> None:
+    known = knowing()
+    wide, narrow = (decide(a_floor(seed, capacity_bps=bps), known) for bps in (20e6, 2e5))
+    assert wide.cost_bytes >= narrow.cost_bytes
+    assert narrow.cost_bytes * 8 * narrow.rate_hz <= 0.8 * 2e5
+    scorer = Scorer(a_floor(seed, capacity_bps=2e5), known)
+    uniform = [
+        score
+        for algorithm in BOTH
+        for score in grow(scorer, scorer.scene.candidates, algorithm, by_byte=True)
+    ]
+    assert narrow.quality >= max((score.quality for score in uniform), default=0.0) - 0.02
+
+
+def test_the_near_send_points_and_the_far_boxes_where_all_points_do_not_fit() -> None:
+    found = scene(
+        candidate("R1", range(10), sizes=SIZES),
+        candidate("R2", range(10, 45), sizes=SIZES),
+        candidate("R3", range(45, 64), sizes={**SIZES, "early": 60_000}),
+        capacity_bps=8e5,
+    )
+    decision = decide(found, knowing(lambda_compute=0.0))
+    forms = {one.robot: one.algorithm for one in decision.assignments}
+    assert forms == {"R2": "early", "R3": "late"}
+    assert decision.algorithm == MIXED
+    assert decision.participants == ("R1", "R2", "R3")
+    assert "mixed (1 early, 1 late)" in decision.reason
+    told = {one["robot"]: one["why"] for one in explain(found, knowing(), decision)["candidates"]}
+    assert told["R2"].startswith("in: early")
+    assert told["R3"].startswith("in: late")
+
+
+def test_a_decision_in_force_stays_while_the_link_wavers() -> None:
+    known = knowing()
+    decision = decide(a_floor(3, capacity_bps=1e6), known)
+    first = decision.assignments
+    assert first
+    for capacity_bps in (1.01e6, 0.99e6, 1.02e6, 0.98e6):
+        decision = decide(a_floor(3, capacity_bps=capacity_bps), known, decision)
+        assert decision.assignments == first
+
+
+def test_who_leaves_is_missing_and_the_others_go_on() -> None:
+    found, known = a_floor(3, capacity_bps=1e6), knowing()
+    decision = decide(found, known)
+    gone = decision.participants[-1]
+    left = tuple(c for c in found.candidates if c.robot != gone)
+    after = decide(replace(found, candidates=left), known, decision)
+    assert gone not in after.participants
+    assert {one.robot for one in after.assignments} <= {c.robot for c in left}
+
+
+names = st.sampled_from(["R1", "R2", "R3", "R4", "R9", "", "R2"])
+wishes = st.lists(
+    st.builds(
+        Assignment,
+        robot=names,
+        algorithm=st.sampled_from([*ALGORITHMS, MIXED, "nothing"]),
+        rate_hz=st.sampled_from([10.0, 5.0, 3.0, 2.0, 0.5, 0.1, 100.0]),
+    ),
+    max_size=6,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(wishes, st.integers(0, 20), st.sampled_from([1e3, 1e5, 1e6, 20e6]), st.lists(names))
+def test_whatever_is_assigned_what_is_decided_fits(
+    wanted: list[Assignment], seed: int, capacity_bps: float, who: list[str]
+) -> None:
+    found, known = a_floor(seed, robots=3, capacity_bps=capacity_bps), knowing()
+    proposal = Proposal(tuple(who), MIXED, "", "policy", assignments=tuple(wanted))
+    decision = validate(proposal, found, known, policy="test", cycle=1, now_ns=NOW_NS)
+    if isinstance(decision, Unusable):
+        return
+    sizes = {c.robot: c.sizes for c in found.candidates}
+    others = decision.participants[1:]
+    sent = {one.robot: (one.algorithm, one.rate_hz) for one in decision.assignments}
+    sent = sent or dict.fromkeys(others, (decision.algorithm, decision.rate_hz))
+    assert [*sent] == [*others]
+    bits = sum(8.0 * sizes[robot][name] * hz for robot, (name, hz) in sent.items())
+    assert bits <= 0.8 * capacity_bps + 1e-6
+    assert {name for name, _ in sent.values()} <= {*known.algorithms}
+    assert {hz for _, hz in sent.values()} <= {decision.rate_hz, *RARER_HZ}
+    assert (len({name for name, _ in sent.values()}) > 1) == (decision.algorithm == MIXED)
+
+
+def test_the_egos_processor_and_a_robots_bound_what_is_sent() -> None:
+    known = knowing()
+    found = a_floor(4, capacity_bps=1e9)
+    known._works = {
+        "early": Work(encode_ms=1.0, fixed_ms=20.0, add_ms=60.0),
+        "late": Work(encode_ms=1e4, fixed_ms=20.0, add_ms=1.0),
+        "single": Work(encode_ms=0.0, fixed_ms=20.0, add_ms=0.0),
+    }
+    known.objective = msgspec.structs.replace(known.objective, lambda_compute=0.0)
+    decision = decide(found, known)
+    busy_s = sum(known.add_s(one.algorithm) * one.rate_hz for one in decision.assignments)
+    assert busy_s <= 0.8 + 1e-9
+    # Ten seconds of encoding cannot be done once a second, nor every two.
+    assert {one.algorithm for one in decision.assignments} == {"early"}
+
+
+@given(st.dictionaries(st.sampled_from([f"R{i}" for i in range(9)]), st.sampled_from(RARER_HZ)))
+def test_the_largest_frame_is_told(rates: dict[str, float]) -> None:
+    sizes = {robot: 100 + i for i, robot in enumerate(sorted(rates))}
+    given_ = assignments(*((robot, "early", hz) for robot, hz in rates.items()))
+    if not given_:
+        return
+    frames = [sum(sizes[r] for r in in_turn(rates, 10.0, n)) for n in range(200)]
+    assert burst(given_, 10.0, sizes) == max(frames)
+    assert np.mean(frames) == pytest.approx(sum(sizes[r] * hz / 10.0 for r, hz in rates.items()))
+
+
+def test_an_algorithm_that_cannot_be_mixed_is_left_out() -> None:
+    known = knowing()
+    known.mixable = frozenset({"late"})
+    decision = decide(a_floor(3, capacity_bps=1e6), known)
+    assert {one.algorithm for one in decision.assignments} <= {"late"}
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_what_q_min_takes_is_less_where_robots_may_send_less_often(seed: int) -> None:
+    found = a_floor(seed, capacity_bps=1e6)
+    whole, rarer = need(found, knowing(rarer_hz=())), need(found, knowing())
+    assert rarer.possible == whole.possible
+    assert rarer.bytes_s <= whole.bytes_s
+    if rarer.possible and rarer.bytes_s:
+        # On a cell of that width coverage reaches Q_min.
+        narrow = replace(found, capacity_bps=8.0 * rarer.bytes_s)
+        assert decide(narrow, knowing()).quality >= 0.7 - ROUNDING
+
+
+def test_the_demand_tells_mean_and_burst() -> None:
+    found, known = a_floor(3, capacity_bps=1e6), knowing()
+    decision = decide(found, known)
+    said = DemandMeter().take(found, known, decision, sent_ns=1, now_s=0.0)
+    assert decision.assignments
+    sizes = {c.robot: c.sizes for c in found.candidates}
+    sent = {one.robot: sizes[one.robot][one.algorithm] for one in decision.assignments}
+    mean = sum(sent[one.robot] * one.rate_hz for one in decision.assignments)
+    assert said.mean_bytes_s == pytest.approx(mean, abs=10)
+    assert max(sent.values()) <= said.burst_bytes <= sum(sent.values())
+
+
+def test_a_line_of_the_journal_holds_the_assignments() -> None:
+    found = a_floor(3, capacity_bps=1e6)
+    decision = decide(found, knowing())
+    seen = snapshot(view("R1"), ego="R1")
+    line = cycle_record(seen, found, decision, Tally(), published=True, cycle_ms=1.0)
+    again = msgspec.json.decode(msgspec.json.encode(line), type=CycleRecord)
+    assert again.decision.assignments == decision.assignments != ()
+
+
+def test_a_scene_file_may_tell_assignments_of_the_decision_in_force() -> None:
+    example = json.loads(EXAMPLE.read_text())
+    sends = {"robot": "R3", "algorithm": "late", "rate_hz": 2.0}
+    example["previous"] = {"participants": ["R1", "R3"], "algorithm": "late"}
+    example["previous"]["assignments"] = [sends]
+    previous = read_scene(json.dumps(example).encode(), NOW_NS).previous
+    assert previous is not None
+    assert previous.assignments == (Assignment(robot="R3", algorithm="late", rate_hz=2.0),)

@@ -1,0 +1,60 @@
+"""What rarer contributions are worth: falls with the time between two, by algorithm."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ego_agent.knowledge.rates import RateModel, packaged_rates, rates_of, read_rates
+from swarm.errors import DecisionError
+
+TABLE = {"10": 1.0, "5": 0.9, "1": 0.5}
+
+
+def test_worth_is_that_of_the_table_and_linear_in_the_time_between() -> None:
+    model = RateModel({"intermediate": TABLE})
+    assert model.worth("intermediate", 5.0) == pytest.approx(0.9)
+    assert model.worth("intermediate", 1 / 0.6) == pytest.approx(0.7)
+    assert model.worth("intermediate", 20.0) == 1.0
+    assert model.worth("intermediate", 0.5) == 0.0
+    assert model.worth("unmeasured", 1.0) == pytest.approx(0.5)
+    assert model.kept("intermediate", 1.0, 5.0) == pytest.approx(0.5 / 0.9)
+    assert model.kept("intermediate", 5.0, 1.0) == 1.0
+
+
+@pytest.mark.parametrize("detector", ["factory", "road"])
+def test_the_packaged_law_falls_with_the_rate(detector: str) -> None:
+    model = rates_of(detector)
+    for algorithm in ("early", "intermediate", "late"):
+        worth = [model.worth(algorithm, hz) for hz in (10.0, 5.0, 2.0, 1.0, 0.5)]
+        assert worth[0] == 1.0
+        assert worth == sorted(worth, reverse=True)
+        assert worth[-1] < 0.7
+
+
+def test_a_detector_that_was_not_measured_counts_as_the_factory() -> None:
+    assert rates_of("elsewhere") is packaged_rates()["factory"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "nonsense",
+        "{}",
+        json.dumps({"factory": {}}),
+        json.dumps({"factory": {"intermediate": {"10": 2.0}}}),
+        json.dumps({"factory": {"intermediate": TABLE}, "road": {"early": TABLE}}),
+    ],
+)
+def test_what_is_no_law_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rates.json"
+    path.write_text(text)
+    with pytest.raises(DecisionError, match="rates"):
+        read_rates(path)
+
+
+def test_a_law_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DecisionError, match="no model of rates"):
+        read_rates(tmp_path / "none.json")

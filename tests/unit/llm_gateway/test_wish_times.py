@@ -1,0 +1,131 @@
+"""Times of wishes: code does the arithmetic."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+import pytest
+
+from llm_gateway.wishes.times import When, when_at
+from llm_gateway.wishes.words import words
+
+NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
+"""A Monday."""
+
+
+def when(text: str, now: datetime = NOW) -> When:
+    found = when_at(words(text), 0, now)
+    assert found is not None, text
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "until"),
+    [
+        ("until six", "2026-11-23T18:00"),
+        ("until 6 pm", "2026-11-23T18:00"),
+        ("until 06:00", "2026-11-24T06:00"),
+        ("until 2 a.m.", "2026-11-24T02:00"),
+        ("until half past ten tonight", "2026-11-23T22:30"),
+        ("till quarter to eleven", "2026-11-23T22:45"),
+        ("until six in the morning", "2026-11-24T06:00"),
+        ("until midnight", "2026-11-24T00:00"),
+        ("until tomorrow noon", "2026-11-24T12:00"),
+        ("until Friday 12:00", "2026-11-27T12:00"),
+        ("until 2026-12-01 08:00", "2026-12-01T08:00"),
+        ("bis halb elf", "2026-11-23T22:30"),
+        ("bis dreiviertel sechs", "2026-11-23T17:45"),
+        ("bis viertel nach fünf", "2026-11-23T17:15"),
+        ("bis 18 Uhr 30", "2026-11-23T18:30"),
+        ("bis ca. 17 Uhr", "2026-11-23T17:00"),
+        ("bis heute Abend", "2026-11-23T18:00"),
+        ("bis heute Abend um acht", "2026-11-23T20:00"),
+        ("bis morgen früh", "2026-11-24T06:00"),
+    ],
+)
+def test_an_end_is_the_next_time_that_is_meant(text: str, until: str) -> None:
+    found = when(text)
+    assert found.clear
+    assert found.until is not None
+    assert found.until.isoformat(timespec="minutes") == f"{until}+01:00"
+
+
+@pytest.mark.parametrize(
+    ("text", "minutes"),
+    [
+        ("for three hours", 180),
+        ("for the next hour", 60),
+        ("for an hour and a half", 90),
+        ("for a quarter of an hour", 15),
+        ("for 2.5 hours", 150),
+        ("during the next 45 minutes", 45),
+        ("eine halbe Stunde lang", 30),
+        ("anderthalb Stunden", 90),
+        ("für die nächsten 20 Minuten", 20),
+    ],
+)
+def test_a_length_is_read(text: str, minutes: int) -> None:
+    lasts = when(text).lasts
+    assert lasts is not None
+    assert lasts.total_seconds() == 60 * minutes
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "until"),
+    [
+        ("from 15:00 to 17:00", "15:00", "17:00"),
+        ("from five to seven", "17:00", "19:00"),
+        ("between 10 and 12 o'clock", "22:00", "00:00"),
+        ("von 17 bis 19 Uhr", "17:00", "19:00"),
+        ("zwischen 15 und 16 Uhr", "15:00", "16:00"),
+        ("in ten minutes", "14:15", None),
+        ("ab morgen früh", "06:00", None),
+        ("tomorrow from 8 am", "08:00", None),
+    ],
+)
+def test_a_beginning_is_read(text: str, start: str, until: str | None) -> None:
+    found = when(text)
+    assert found.start is not None
+    assert f"{found.start:%H:%M}" == start
+    assert (f"{found.until:%H:%M}" if found.until else None) == until
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "until 14:00 today",
+        "until yesterday evening",
+        "until 25:00",
+        "until 2026-11-22 18:00",
+        "bis heute um 14 Uhr",
+        "bis gestern",
+        "until Friday",
+        "today",
+        "heute Abend",
+    ],
+)
+def test_what_is_past_or_says_no_time_is_not_clear(text: str) -> None:
+    assert not when(text).clear
+
+
+@pytest.mark.parametrize("text", ["until further notice", "ab sofort", "for now"])
+def test_words_for_no_time_are_clear(text: str) -> None:
+    found = when(text)
+    assert found.clear
+    assert (found.start, found.until, found.lasts) == (None, None, None)
+
+
+def test_six_is_the_next_six() -> None:
+    evening = NOW.replace(hour=19)
+    assert when("until six", evening).until == datetime.fromisoformat("2026-11-24T06:00+01:00")
+    # A clock that shows six already means the one after.
+    exactly = NOW.replace(hour=18, minute=0)
+    assert when("until six", exactly).until == datetime.fromisoformat("2026-11-24T06:00+01:00")
+
+
+@pytest.mark.parametrize(
+    "text", ["R1 bis R4", "at the docks", "two robots", "90 percent", "good morning"]
+)
+def test_other_words_are_no_times(text: str) -> None:
+    cut = words(text)
+    assert all(when_at(cut, at, NOW) is None for at in range(len(cut)))
