@@ -132,8 +132,9 @@ train-llm: setup ## Train the small model to read wishes (ARGS='--device cuda'):
 	@$(PYTHON_ENV) -m research.training.wishes.train $(ARGS)
 
 eval-llm: EXTRA = llm
-eval-llm: setup ## Measure how wishes are understood (MODEL=name@http://host:port/v1): build/eval/wishes.json
+eval-llm: setup ## Measure how wishes are understood and decisions made (MODEL=name@http://host:port/v1): build/eval/wishes.json, llm.json
 	@$(PYTHON_ENV) -m research.evaluation.wishes $(if $(MODEL),--model $(MODEL)) $(ARGS)
+	@$(PYTHON_ENV) -m research.evaluation.decisions.run $(or $(MODEL),smollm2-135m)
 
 chaos: setup ## Play faults on a real swarm (ARGS='--seed 7 --minutes 60'): build/chaos.json
 	@$(PYTHON_ENV) -m research.chaos $(ARGS)

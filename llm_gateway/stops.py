@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 
 def before_stop(text: str, stops: Sequence[str]) -> tuple[str, bool]:
-    """What stands before the first stop sequence, and whether there is one."""
-    found = [at for at in (text.find(stop) for stop in stops) if at >= 0]
-    return (text[: min(found)], True) if found else (text, False)
+    """What stands before the stop sequence that is complete first, at which a model would have been
+    stopped, and whether there is one."""
+    begins = ((text.find(stop), len(stop)) for stop in stops)
+    ends = [(begin + length, begin) for begin, length in begins if begin >= 0]
+    return (text[: min(ends)[1]], True) if ends else (text, False)
 
 
 class Telling:

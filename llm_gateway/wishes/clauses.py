@@ -77,7 +77,7 @@ def clauses(text: Text) -> list[Clause]:
                 sentence += 1
                 opens = True
             pieces, numbers, begin = [], [], at + 1
-        else:
+        elif word != ",":
             pieces.append(_spelt(word))
         at += 1
     asked = {clause.sentence for clause in found if clause.asked}
@@ -109,6 +109,10 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     if word == "-" and 0 < at < len(text.words) - 1:
         touches = text.words[at - 1].end == text.words[at].start
         return touches or text.words[at].end == text.words[at + 1].start
+    if word == ",":
+        # What is wished of "that R3 is asked" stands before it.
+        following = text.words[at + 1].text if at + 1 < len(text.words) else ""
+        return following in {"dass", "that"} or (following == "wenn" and "waere" in pieces)
     return word == "as"
 
 

@@ -33,6 +33,9 @@ _PAST = {"yesterday", "gestern", "vorgestern"}
 _NOISE = {"at", "um", "the", "in", "am", "on", "this", "ca", "circa", "about", "around", "etwa",
           "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
           "punkt", "next"}  # fmt: skip
+_NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
+             "stunde", "minuten", "robots", "roboter", "days", "tage", "tagen"}  # fmt: skip
+"""Behind a number they say that it is no hour."""
 _UHR = {"uhr", "oclock", "h"}
 _HALVES = {"am": 0, "pm": 12, "a.m": 0, "p.m": 12}
 
@@ -256,7 +259,7 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
             break
     else:
         number = whole(text)
-        if _text(words, end) in {"%", "percent", "per", "prozent"}:
+        if _text(words, end) in _NO_HOURS:
             return None
         if number is None or len(text) > 12 or (text.isdigit() and len(text) > 2):
             return None

@@ -61,8 +61,11 @@ def compose(text: Text, reading: Reading, now: datetime) -> Intent:
         until=None if until is None else until.isoformat(),
         unclear=tuple(dict.fromkeys(unclear)),
     )
-    if intent.is_empty() and not intent.unclear:
-        return Intent(start=intent.start, until=intent.until, unclear=(text.wish.strip()[:200],))
+    if intent.is_empty():
+        unclear = unclear or [text.wish.strip()[:200]]
+        strange = any(mention.kind == "unknown" for mention in text.mentions)
+        kept = intent if strange else Intent()
+        return Intent(start=kept.start, until=kept.until, unclear=tuple(dict.fromkeys(unclear)))
     return intent
 
 

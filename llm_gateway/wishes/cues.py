@@ -24,7 +24,9 @@ OUT = _any(
     "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
     r"stop \w*", "in peace", r"(?:leave|let|leaving|lev|leaf) .*\b(?:alone|be|it|them|him)",
     "leave ROBOT", "leave it", "alone",
-    "ruhe", "mit ausnahme", "with the exception", "exception", "disregard",
+    r"left (?:alone|out|in peace|off|aside)", "ruhe gelassen", "nothing from", "nichts von",
+    "zufrieden", "ruhe", "mit ausnahme", "with the exception",
+    "exception", "disregard",
     r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
     "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
     r"verschon\w*",
@@ -43,13 +45,16 @@ UNUSED = _any(
     "listen", "trust", "employ", "bothered", "disturbed", "let", "go", "fragt", r"bemueh\w*",
     "heranziehen", "hinzuziehen", "nutzen", "nutz", "nutze", "belaestigen", "ranlassen", "dabei",
     "query", "disturb", "involve", "request", "requests", "part", "participate", "rely", "contact",
-    "benutzen", "benutz", "benutze", "verwenden", "verwende", "nehmen", "nimm", "fragen", "frag",
+    "gefragt", "gestoert", "benutzt", "genommen", "verwendet", "eingesetzt", "angefragt",
+    "einbezogen", "bothered", "queried", "contacted", "benutzen", "benutz", "benutze",
+    "verwenden", "verwende", "nehmen", "nimm", "fragen", "frag",
     "frage", "mitmachen", "einsetzen", "stoeren", "stoer", "mitnehmen", "anfragen", "brauchen",
     "brauch", "brauche", "brauchma", "einbeziehen", "beteiligen", "teilnehmen", "anfassen",
 )  # fmt: skip
 """What is done with a robot; with a negation, it is left out."""
 ONLY = _any(
-    "only", "stick with", "stick to", "keep to", "solely", "exclusively", "exclusive",
+    "only", r"(?:limit|restrict|confine|reduce)\w* .*\bto ROBOT", "stick with", "stick to",
+    "keep to", "solely", "exclusively", "exclusive",
     "NOBODYBUT", "nobody else", "no one else",
     "none else", "noone else", "nothing else", "no other", "no others", "restrict", "nur",
     "ausschliesslich", "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner",
@@ -75,7 +80,8 @@ POSSIBLY = _any("if possible", "if you can", "wenn moeglich", "moeglichst", "wen
 """A preference of what is named, or politeness beside another cue."""
 LAST = _any("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
 HIGH = _any(
-    r"above (?:all|everything|anything)", "more weight", "gewicht", "weight", r"vorrangig\w*",
+    "ruecksicht", r"above (?:all|everything|anything)", "more weight", "gewicht", "weight",
+    r"vorrangig\w*",
     r"ueber alles?", "oefter", "haeufiger", "genau", "genauer", "sicherheit", "pay heed", "heed",
     "watch", "watching", "watch out", "wacth", "wach", "eye", "eyes", r"focus\w*", "look",
     "looking",
@@ -97,7 +103,8 @@ HIGH = _any(
     "pass", "schuetzen", "schuetz", "sorgen", "hauptsache", "kritisch", "schwerpunkt", "blick",
 )  # fmt: skip
 LOW = _any(
-    "lose sight", "lose track", "aus den augen", "aus dem auge", "unimportant", "irrelevant",
+    "fewer", "lose sight", "lose track", "aus den augen", "aus dem auge", "unimportant",
+    "irrelevant",
     "uninteresting", r"neglect\w*", r"ignor\w*", "forget",
     "forget about", "never mind", "less", "low", "lower", "no need", r"skip\w*", "nothing happens",
     "nothing happening", "disregard", "negligible", "nobody cares", "who cares", "meaningless",
@@ -109,7 +116,8 @@ LOW = _any(
     "zweitrangig", r"verzicht\w*", "nachrangig", "pfeif", "bedeutungslos",
 )  # fmt: skip
 SAVE = _any(
-    "save", "saving", "saves", "spare", "sparing", r"econom\w*", "thrifty", "thrift", r"conserv\w*",
+    "minimum", "minimal", "save", "saving", "saves", "spare", "sparing", r"econom\w*", "thrifty",
+    "thrift", r"conserv\w*",
     r"reduc\w*", "lower", "less", "little", "easy", "cut", r"minimi[sz]e\w*", "low", "down",
     "gentle",
     "gently", "light", "lightly", "frugal", "tight", "stingy", "economise", "relieve", "sparingly",
@@ -120,7 +128,8 @@ SAVE = _any(
     "throttle", "haushalte",
 )  # fmt: skip
 AT_LEAST = _any(
-    "at least", "no less than", "not less than", "minimum", "min", "minimal", "above", "or better",
+    "no lower", "not lower", "or higher", "at least", "no less than", "not less than", "minimum",
+    "min", "minimal", "above", "or better",
     "or more", "not drop below", "not fall below", "never below", "not below", "not under",
     "never under", "never go under", "not go under", "drop below", "fall below", "go below",
     "go under",
@@ -165,7 +174,8 @@ CONDITION = re.compile(
 )
 NO_CONDITION = re.compile(
     r"\b(?:if (?:possible|you can|you could|you please|need be|you dont mind|you would|at all)|"
-    r"when(?:ever)? you can|wenn (?:moeglich|es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|"
+    r"when(?:ever)? you can|(?:would|waere|wuerde) (?:\w+ ){0,3}(?:if|wenn)|wenn (?:moeglich|"
+    r"es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|"
     r"if you like|when possible)\b"
 )
 CONTRAST = re.compile(
@@ -181,7 +191,7 @@ FOREIGN = re.compile(
     r"jailbreak|"
     r"stell dir vor|imagine|hypothetically|story|geschichte|poem|gedicht|wrote|schrieb|told|"
     r"asked me|"
-    r"operators?|obeys?|gehorch\w*|hoerst du|hoer auf|"
+    r"the following|a test|ein test|operators?|obeys?|gehorch\w*|hoerst du|hoer auf|"
     r"claims?|behauptet|announces?|tells|demands?|verlangt|quote|zitat|schild|sign)\b"
 )
 """Words of a robot, of a text, to a model: nobody's wish."""

@@ -17,7 +17,22 @@ from swarm.messages.intent import Site
 Kind = Literal[
     "robot", "place", "class", "share", "time", "network", "compute", "policy", "unknown"
 ]
-_LIST = {",", "and", "or", "und", "oder", "&", "/", "+", "sowie", "plus", "nor", "noch"}
+_LIST = {
+    ",",
+    "and",
+    "or",
+    "und",
+    "oder",
+    "&",
+    "/",
+    "+",
+    "sowie",
+    "plus",
+    "nor",
+    "noch",
+    "as",
+    "well",
+}
 _ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _RANGE = {"to", "through", "thru", "bis", "-", "–", ".."}
 _PLURALS = ("s", "es", "n", "en", "e", "er", "ern", "r")

@@ -13,6 +13,10 @@ _NOBODY_ELSE = re.compile(
 )
 _COMPARED = re.compile(r"\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b")
 _PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
+_NOT_AT_ALL = re.compile(
+    r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
+    r"auf keinen fall|no)(?: bitte| please)?"
+)
 SHORT = 4
 """Words of a clause that says one thing only."""
 
@@ -49,6 +53,8 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
     unused = bool(cues.UNUSED.search(plain))
     if bare or (no and (out or only or first)) or cues.LAST.search(text):
         return None if alone else "doubt"
+    if alone and _NOT_AT_ALL.fullmatch(text):
+        return "out"
     hits: set[Role] = set()
     if out or (no and (unused or not alone)):
         hits.add("out")

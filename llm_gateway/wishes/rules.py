@@ -14,6 +14,7 @@ from llm_gateway.wishes.clauses import Clause, clauses
 from llm_gateway.wishes.mentions import Mention, Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 from llm_gateway.wishes.roles import bounds, negated, robot_role, share_role, weight_role
+from llm_gateway.wishes.times import LEFT
 
 _GREETING = re.compile(
     r"^(?:(?:(?:hi|hello|hey)(?: there| all)?|hallo|ok|okay|well|so|please|bitte|also|servus|"
@@ -27,6 +28,7 @@ _STRONG = re.compile(
 _ARTICLE = re.compile(
     r"^(?:the|a|an|den|die|das|dem|der|on the|at the|auf die|zum|zur)(?: [a-z]+){1,2}$"
 )
+_TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "ebenso", "TIME"})
 _OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
 """Ends what begins like an article and is none, or names nothing that a site has."""
 _OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
@@ -113,6 +115,9 @@ class Rules:
         if not numbers:
             return
         role = robot_role(clause.text)
+        if role is None and at and set(clause.text.split()) <= _TOO:
+            before = {self._roles[n] for n in self._of(self._clauses[at - 1], "robot")}
+            role = before.pop() if len(before) == 1 else None
         if len(numbers) > 1 and role is not None:
             role = "doubt"
         self._set(numbers, role)
@@ -280,7 +285,7 @@ def read(text: Text) -> Reading:
 
 def settle(text: Text, reading: Reading) -> Reading:
     """A reading in which whatever must be accounted for and is not is unclear."""
-    unclear = list(reading.unclear)
+    unclear = [*reading.unclear, *_unread(text)]
     for mention, role in zip(text.mentions, reading.roles, strict=True):
         told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
         if told and mention.kind == "share" and _is_told(text, mention):
@@ -288,6 +293,25 @@ def settle(text: Text, reading: Reading) -> Reading:
         if role == "doubt" or told:
             unclear.append(text.said(mention.first, mention.last))
     return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
+
+
+def _unread(text: Text) -> list[str]:
+    """Words of times and numbers that belong to nothing that was found; and what is to come only
+    after something else."""
+    inside = {at for m in text.mentions for at in range(m.first, m.last)}
+    timed = any(m.when is not None and (m.when.until or m.when.lasts) for m in text.mentions)
+    found = []
+    for at, word in enumerate(text.words):
+        if at in inside:
+            continue
+        later = timed and word.text in {"then", "dann", "danach", "afterwards", "anschliessend"}
+        until = word.text == "bis" and text.words[min(at + 1, len(text.words) - 1)].text not in {
+            "auf",
+            "zu",
+        }
+        if word.text in LEFT or word.text.isdigit() or until or later:
+            found.append(text.said(at, min(at + 4, len(text.words))))
+    return found
 
 
 def _is_told(text: Text, mention: Mention) -> bool:

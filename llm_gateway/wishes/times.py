@@ -141,7 +141,8 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
     here = at
     while _text(words, here) in {"for", "during", "fuer", "another", "about", "so", "the", "die",
                                  "naechsten", "naechste", "next", "noch", "waehrend", "der",
-                                 "circa", "ca", "etwa", "within"}:  # fmt: skip
+                                 "circa", "ca", "etwa", "within", "dauer",
+                                 "von", "duration", "of"}:  # fmt: skip
         here += 1
     long = _length(words, here)
     next_one = _text(words, here - 1) in {"next", "naechste", "naechsten"} and here > at
@@ -213,3 +214,10 @@ def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, in
     if seconds is None or not 0 < amount <= 10_000:
         return None
     return timedelta(seconds=amount * seconds), at + 1
+
+
+LEFT = frozenset(
+    """until till til hour hours minute minutes stunde stunden minuten uhr oclock tomorrow tonight
+    today week weeks month woche wochen monat heute feierabend weekend wochenende""".split()  # noqa: SIM905
+)
+"""Words that tell a time: where none of it was read, it is unclear."""

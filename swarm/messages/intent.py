@@ -21,9 +21,9 @@ MAX_NAMES = 256
 MAX_WISH_CHARS = 2_000
 """Longer wishes are not read: nobody checks such a read-back."""
 
-Name = Annotated[
-    str, msgspec.Meta(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f\x7f]+(?!\n)$")
-]
+_UNSEEN = r"\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069"
+"""Controls, also of terminals and of the direction of writing."""
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=64, pattern=rf"^[^{_UNSEEN}]+(?!\n)$")]
 """Of a place or a class, in any alphabet."""
 Weight = Literal["low", "high"]
 Resource = Literal["bandwidth", "compute"]

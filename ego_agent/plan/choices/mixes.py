@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.pace import in_turn
-from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.scoring import PREFERRED, Score, Scorer
 from swarm.messages import MIXED, Algorithm, Assignment
 
 Floats = NDArray[np.float64]
@@ -45,6 +45,19 @@ class Option:
     nothing."""
     kept: float
     """What is left of that at the rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """What a candidate brings to a choice, or would bring."""
+
+    sends: Assignment
+    adds: float
+    """Quality."""
+    costs: float
+    """lambda C of it, in quality."""
+    fits: bool
+    """Whether the link carries it on average."""
 
 
 @dataclass(slots=True)
@@ -94,6 +107,7 @@ class Mixes:
                     continue
                 sizes[i, o] = candidate.sizes[name]
                 prices[i, o] = scorer.price(i + 1, name) * rates[o]
+                prices[i, o] -= PREFERRED if candidate.robot in scorer.scene.preferred else 0.0
                 adds[i, o] = scorer.knowledge.add_s(name) * option.rate_hz
                 arrives[i, o] = arrival[i]
                 self.able[i, o] = _able(scorer, i, option)
@@ -133,13 +147,45 @@ class Mixes:
 
     def score(self, assignments: Sequence[Assignment]) -> Score | None:
         """The score of a choice; None where a robot cannot send what is assigned to it."""
+        if not all(self.can(one) for one in assignments):
+            return None
+        return self.score_of(self._grow_to(assignments))
+
+    def _grow_to(self, assignments: Sequence[Assignment]) -> _Growing:
         growing = self._nobody()
         for one in assignments:
             o = self.option(one.algorithm, one.rate_hz)
-            if o is None or not self.can(one):
-                return None
-            self._take(growing, self.scorer.row_of[one.robot] - 1, o)
-        return self.score_of(growing)
+            if o is not None:
+                self._take(growing, self.scorer.row_of[one.robot] - 1, o)
+        return growing
+
+    def brought(self, assignments: Sequence[Assignment]) -> dict[str, Brought]:
+        """What each candidate brings to a choice beside the others, or would bring with the option
+        that is worth most beyond its price; without those that can send nothing."""
+        sends = {one.robot: one for one in assignments if self.can(one)}
+        growing = self._grow_to([*sends.values()])
+        _, gains = self._gains(growing, self.scorer.knowledge.quality.enough)
+        net = np.where(self.able, gains - self._prices, -np.inf)
+        quality, found = self._quality(growing), {}
+        for i, candidate in enumerate(self.scorer.scene.candidates):
+            one = sends.get(candidate.robot)
+            if one is not None:
+                o = growing.chosen[i]
+                others = [other for other in sends.values() if other is not one]
+                adds, fits = quality - self._quality(self._grow_to(others)), True
+            elif self.able[i].any():
+                o = int(net[i].argmax())
+                option = self.options[o]
+                one = Assignment(
+                    robot=candidate.robot, algorithm=option.algorithm, rate_hz=option.rate_hz
+                )
+                more = self._sizes[i, o] * self._rate[o]
+                adds = float(gains[i, o])
+                fits = growing.bytes + more <= self.scorer.budget_bytes + 1e-6
+            else:
+                continue
+            found[candidate.robot] = Brought(one, adds, float(self._prices[i, o]), bool(fits))
+        return found
 
     def can(self, one: Assignment) -> bool:
         """Whether a robot is a candidate that can send what is assigned to it."""

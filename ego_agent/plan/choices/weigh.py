@@ -8,7 +8,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.weighed import MAX_WEIGHED, Other, Verdict, Weighed, Weighing
 from ego_agent.plan.choices.hysteresis import best_option
-from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.mixes import Brought, Mixes
 from ego_agent.plan.choices.options import all_options
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import Assignment, Decision
@@ -34,7 +34,11 @@ def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weig
         mixes = Mixes(scorer)
         chosen = mixes.score([one for one in decision.assignments if mixes.can(one)])
         assert chosen is not None, "only what robots can send is scored"
-        robots = {c.robot: _assigned(mixes, c.robot, decision) for c in scene.candidates}
+        brought = mixes.brought(decision.assignments)
+        robots = {
+            c.robot: _assigned(brought.get(c.robot), c.robot in decision.participants)
+            for c in scene.candidates
+        }
     else:
         able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
         chosen = scorer.score(able, decision.algorithm)
@@ -93,18 +97,14 @@ def part_of(mixes: Mixes, robot: str, decision: Decision) -> Part | None:
     return Part(without, with_it, one)
 
 
-def _assigned(mixes: Mixes, robot: str, decision: Decision) -> Weighing:
-    part = part_of(mixes, robot, decision)
-    if part is None:
+def _assigned(one: Brought | None, taken: bool) -> Weighing:
+    """A candidate by what it brings to assignments; `taken`: it is among them."""
+    if one is None:
         return Weighing(adds=None, costs=None, why="link")
-    adds = part.with_it.quality - part.without.quality
-    costs = part.with_it.cost - part.without.cost
-    why: Verdict = "pays" if adds >= costs else "kept"
-    if robot not in decision.participants:
-        why = "kept" if adds > costs else "costs"
-        if not mixes.carries(part.with_it):
-            why = "fit"
-    return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
+    why: Verdict = "pays" if one.adds >= one.costs else "kept"
+    if not taken:
+        why = "fit" if not one.fits else "kept" if one.adds > one.costs else "costs"
+    return Weighing(adds=round(one.adds, DIGITS), costs=round(one.costs, DIGITS), why=why)
 
 
 def _other(scorer: Scorer, decision: Decision) -> Other | None:
@@ -112,7 +112,7 @@ def _other(scorer: Scorer, decision: Decision) -> Other | None:
     same = (frozenset(decision.participants[1:]), decision.algorithm)
     options = [
         option
-        for option in all_options(scorer)
+        for option in _options(scorer)
         if (frozenset(option.participants), option.algorithm) != same
         and (option.participants or same[0])
     ]
@@ -128,3 +128,12 @@ def _other(scorer: Scorer, decision: Decision) -> Other | None:
         budget_bytes=scorer.at(best.pace).budget_bytes,
         value=round(best.value, DIGITS),
     )
+
+
+def _options(scorer: Scorer) -> list[Score]:
+    """What `coverage` compares, assignments among it."""
+    options = list(all_options(scorer))
+    if scorer.objective.rarer_hz and scorer.knowledge.mixable:
+        mixes = Mixes(scorer)
+        options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
+    return options

@@ -80,7 +80,7 @@ def inside(scene: UnifiedScene, places: Iterable[Place]) -> NDArray[np.bool_]:
     side = len(scene.ego.area)
     middles = (np.arange(side) + 0.5 - side // 2) * scene.cell_m
     x, y = np.meshgrid(scene.ego.pose.x + middles, scene.ego.pose.y + middles)
-    return _inside(x, y, places)
+    return contains(x, y, places)
 
 
 def _left_out(robot: str, wishes: Standing) -> str:
@@ -102,7 +102,7 @@ def _weights(scene: UnifiedScene, wishes: Standing, known: Known) -> Weights | N
     for name, wished in sorted(wishes.focus.items(), key=lambda item: WEIGHTS[item[1].value]):
         places, weight = placed(name, wished), WEIGHTS[wished.value]
         cells[inside(scene, places)] = weight
-        objects[_inside(scene.objects[:, 0], scene.objects[:, 1], places)] = weight
+        objects[contains(scene.objects[:, 0], scene.objects[:, 1], places)] = weight
     for at, label in _labelled(scene, known):
         if label in wishes.classes:
             objects[at] *= WEIGHTS[wishes.classes[label].value]
@@ -125,7 +125,7 @@ def _labelled(scene: UnifiedScene, known: Known) -> list[tuple[int, str]]:
     return [(int(at), known.labels[nearest[at]]) for at in near]
 
 
-def _inside(
+def contains(
     x: NDArray[np.float64] | NDArray[np.float32],
     y: NDArray[np.float64] | NDArray[np.float32],
     places: Iterable[Place],

@@ -11,6 +11,8 @@ from swarm.messages import Algorithm
 
 STEP = 20
 """Percent: what trembles less changes no prompt."""
+FINE_STEP = 5
+"""The same where the model has little else to go by: arrival counts in such steps."""
 APART = 40
 """Percent by which a robot must differ from most to be named."""
 MOST_NAMED = 4
@@ -33,10 +35,10 @@ def arrival_line(scorer: Scorer, listed: Sequence[Ranked]) -> str:
 
 
 def usual_in_time(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> int:
-    """The percentage of these robots' answers that usually comes in time, in steps; 100 where there
-    is nobody to ask."""
+    """The percentage of these robots' answers that usually comes in time, in steps of FINE_STEP;
+    100 where there is nobody to ask."""
     chances = [scorer.in_time(robot, algorithm) for robot in robots]
-    return _percent(median(chances)) if chances else 100
+    return FINE_STEP * round(100 * median(chances) / FINE_STEP) if chances else 100
 
 
 def mostly_late(scorer: Scorer, algorithm: Algorithm) -> bool:

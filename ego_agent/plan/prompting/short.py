@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 from ego_agent.knowledge.base import CycleResult, Knowledge
 from ego_agent.knowledge.model import UnifiedScene
@@ -41,7 +41,8 @@ class ShortScene:
     robots: tuple[str, ...]
     """In the order of their letters."""
     seen: tuple[int, ...]
-    """Percent of what all see: the ego, the ego and A, and so on."""
+    """Percent of what all see, up to what the quality model counts: the ego, the ego and A, and so
+    on."""
     kilobytes: Mapping[Algorithm, tuple[float, ...]]
     """Of A, of A and B, and so on, up to what the link carries at any rate."""
     price: Mapping[Algorithm, float]
@@ -57,6 +58,11 @@ class ShortScene:
     does. Alone is (the best algorithm, 0)."""
     within_reach: bool
     """Whether any option reaches Q_min."""
+
+    @property
+    def adds(self) -> tuple[int, ...]:
+        """Percent that each robot adds to the ego and those before it."""
+        return tuple(after - before for before, after in pairwise(self.seen))
 
 
 def make_short_prompt(
@@ -106,7 +112,7 @@ def short_scene(scorer: Scorer) -> ShortScene:
     good = tuple(option for option, score in found.items() if scorer.good_enough(score))
     return ShortScene(
         robots=robots,
-        seen=tuple(round(100 * scorer.share([0, *rows[:k]])) for k in range(len(rows) + 1)),
+        seen=tuple(_seen(scorer, [0, *rows[:k]]) for k in range(len(rows) + 1)),
         kilobytes={
             name: tuple(
                 size / 1e3
@@ -121,6 +127,11 @@ def short_scene(scorer: Scorer) -> ShortScene:
         options=good or tuple(found),
         within_reach=bool(good),
     )
+
+
+def _seen(scorer: Scorer, rows: list[int]) -> int:
+    """Percent, up to what the quality model counts."""
+    return round(100 * min(scorer.knowledge.quality.enough, scorer.share(rows)))
 
 
 def _order(scorer: Scorer) -> tuple[str, ...]:
@@ -194,7 +205,7 @@ def short_text(short: ShortScene) -> str:
         f"price{' time' if late else ''} kB fit" + ("" if short.within_reach else " too little"),
     ]
     for name, (fast, slow) in short.fits.items():
-        cells = [name, str(min(MOST_PRICE, round(short.price[name])))]
+        cells = [name, _price_shown(short.price[name])]
         if late:
             cells.append(str(short.in_time[name]))
         cells.append(shown(at_most(short.kilobytes[name][-1])) if slow else "-")
@@ -203,7 +214,12 @@ def short_text(short: ShortScene) -> str:
     return "\n".join(lines) + f"\nlink {shown(at_most(short.budget_kb))}"
 
 
+def _price_shown(percent: float) -> str:
+    """One digit more where it decides most."""
+    return f"{percent:.1f}" if percent < 9.95 else f"{min(MOST_PRICE, percent):.0f}"
+
+
 def _letters(short: ShortScene) -> Iterator[str]:
     """For each robot what is seen with it, and what it adds to that."""
-    for at, (before, seen) in enumerate(zip(short.seen, short.seen[1:], strict=False)):
-        yield f" {letter(at)}{seen}+{seen - before}"
+    for at, (seen, adds) in enumerate(zip(short.seen[1:], short.adds, strict=True)):
+        yield f" {letter(at)}{seen}+{adds}"

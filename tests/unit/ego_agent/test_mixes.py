@@ -287,3 +287,34 @@ def test_a_scene_file_may_tell_assignments_of_the_decision_in_force() -> None:
     previous = read_scene(json.dumps(example).encode(), NOW_NS).previous
     assert previous is not None
     assert previous.assignments == (Assignment(robot="R3", algorithm="late", rate_hz=2.0),)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_each_brings_is_what_the_choice_loses_without_it(seed: int) -> None:
+    mixes = Mixes(Scorer(a_floor(seed), knowing()))
+    first, *others = mixes.scorer.scene.candidates
+    given_ = [mixes.options_of(c.robot)[0] for c in others]
+    brought = mixes.brought(given_)
+    whole = mixes.score(given_)
+    assert whole is not None
+    assert {*brought} == {c.robot for c in (first, *others)}
+    for one in given_:
+        without = mixes.score([other for other in given_ if other is not one])
+        assert without is not None
+        lost = whole.quality - without.quality
+        assert brought[one.robot].adds == pytest.approx(lost, abs=0.01)
+        assert brought[one.robot].costs == pytest.approx(whole.cost - without.cost)
+    joined = mixes.score([*given_, brought[first.robot].sends])
+    assert joined is not None
+    assert brought[first.robot].adds == pytest.approx(joined.quality - whole.quality, abs=0.01)
+
+
+def test_who_is_preferred_may_cost_more() -> None:
+    found = a_floor(2)
+    liked = found.candidates[0].robot
+    known = knowing(lambda_compute=0.1)
+    plain, asked = (
+        Mixes(Scorer(one, known)).brought(())
+        for one in (found, replace(found, preferred=frozenset({liked})))
+    )
+    assert asked[liked].costs < plain[liked].costs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from llm_gateway.stops import Telling, before_stop
@@ -11,13 +11,16 @@ LETTERS = st.text("ab\n", max_size=12)
 STOPS = st.lists(st.text("ab\n", min_size=1, max_size=4), max_size=4)
 
 
-def test_the_first_of_several_stop_sequences_counts() -> None:
+def test_the_stop_sequence_that_is_complete_first_counts() -> None:
     assert before_stop("one;two\nthree", ("\n", ";")) == ("one", True)
     assert before_stop("one", ("\n",)) == ("one", False)
     assert before_stop("one", ()) == ("one", False)
+    # Whoever writes it letter by letter is stopped at the line's end.
+    assert before_stop("b\nb", ("\n", "b\nb")) == ("b", True)
 
 
 @given(pieces=st.lists(LETTERS), stops=STOPS)
+@example(pieces=["b", "\n", "b"], stops=["\n", "b\nb"])
 def test_what_is_told_is_the_beginning_of_the_answer(pieces: list[str], stops: list[str]) -> None:
     telling = Telling(stops)
     told = "".join(map(telling.take, pieces))

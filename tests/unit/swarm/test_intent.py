@@ -79,6 +79,8 @@ def test_every_wish_is_hard_or_soft(wish: dict[str, Any], hard: bool) -> None:
         ({"only": ["R3\n"]}, "only"),
         ({"focus": [{"place": "docks", "weight": 3}]}, "weight"),
         ({"focus": [{"place": "do\ncks"}]}, "place"),
+        ({"focus": [{"place": "docks\u202e"}]}, "place"),
+        ({"focus": [{"place": "\x9b31mdocks"}]}, "place"),
         ({"classes": {"": "high"}}, "classes"),
         ({"q_min": 1.5}, "q_min"),
         ({"q_min": "0.8"}, "q_min"),
@@ -117,6 +119,13 @@ def test_what_a_site_does_not_have_and_what_contradicts_is_told(intent: Intent, 
     found = problems(intent, SITE, NOW)
     assert len(found) == 1
     assert named in found[0]
+
+
+@pytest.mark.parametrize("name", ["Gang 3", "Süd-Rampe", "倉庫", "склад №2", "1' OR '1'='1", "<b>"])
+def test_a_place_has_a_name_in_any_alphabet(name: str) -> None:
+    intent = intent_from_json({"focus": [{"place": name}]})
+    assert intent.focus == (Focus(name, "high"),)
+    assert problems(intent, Site(places=(name,)), NOW) == ()
 
 
 def test_the_end_counts_in_its_own_time_zone() -> None:

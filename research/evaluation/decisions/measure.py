@@ -1,0 +1,137 @@
+"""How a chooser's decisions stand beside those of `coverage`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, pairwise
+from statistics import median
+from typing import Any
+
+from ego_agent.knowledge.model import Proposal
+from ego_agent.plan.advice.judge import judge
+from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.validation import Unusable, validate
+from ego_agent.plan.policies.coverage import Coverage
+from ego_agent.plan.prompting.short import short_scene
+from ego_agent.settings import EgoSettings
+from research.evaluation.bootstrap import bootstrap_mean
+from research.evaluation.decisions.choosers import Case, Chooser, Said
+from research.training.decisions.scenes import Split, known, scene_groups
+
+Choice = tuple[frozenset[str], str]
+DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of one answer."""
+
+    said: Said
+    lost: float
+    """Value below that of `coverage`, after validation; that of the ego alone where nothing of the
+    answer can be used."""
+    judged: Score
+    """What the ego decides: the advice where it stands the test, else what `coverage` chose."""
+    adopted: bool
+
+
+def cases(split: Split, seed: int, groups: int) -> list[Case]:
+    """The scenes of so many groups, each at all its rates, rising."""
+    knowledge = known()
+    return [
+        Case(scorer, short_scene(scorer), number)
+        for number, group in enumerate(islice(scene_groups(split, seed), groups))
+        for scorer in (Scorer(scene, knowledge) for scene in group)
+    ]
+
+
+def wanted(case: Case) -> Score:
+    """What `coverage` decides where nothing was decided before."""
+    best, _ = Coverage().choose(case.scorer, None)
+    return best
+
+
+def outcome(case: Case, said: Said, best: Score) -> Outcome:
+    """What validation and the judge make of an answer."""
+    scorer = case.scorer
+    scene, knowledge = scorer.scene, scorer.knowledge
+    alone = scorer.score((), knowledge.best_algorithm())
+    if said.participants is None:
+        return Outcome(said, best.value - alone.value, best, adopted=False)
+    named = (scene.ego.robot, *said.participants)
+    proposal = Proposal(named, said.algorithm, "", "llm")
+    found = validate(proposal, scene, knowledge, policy="llm", cycle=0, now_ns=0)
+    score = alone
+    if not isinstance(found, Unusable):
+        score = scorer.at_rate(found.rate_hz).score(found.participants, found.algorithm)
+    margin = EgoSettings().llm_value_margin
+    verdict = judge(named, said.algorithm, scorer, best, margin=margin)
+    judged = verdict.score or best
+    return Outcome(said, best.value - score.value, judged, adopted=verdict.refused is None)
+
+
+def choice(participants: Sequence[str], algorithm: str) -> Choice:
+    """What is compared; the ego's algorithm does not matter when it is alone."""
+    return frozenset(participants), algorithm if participants else ""
+
+
+def row(chooser: Chooser, asked: Sequence[Case]) -> tuple[dict[str, Any], list[Said]]:
+    """The figures of one chooser, shares and values with the interval over scenes; its answers."""
+    best = [wanted(case) for case in asked]
+    found = [
+        outcome(case, chooser.choose(case), one) for case, one in zip(asked, best, strict=True)
+    ]
+    groups = [case.group for case in asked]
+    theirs = [choice(one.participants, one.algorithm) for one in best]
+    ours = [
+        None if o.said.participants is None else choice(o.said.participants, o.said.algorithm)
+        for o in found
+    ]
+    judged = [choice(o.judged.participants, o.judged.algorithm) for o in found]
+    steps = list(_steps(groups, ours, theirs))
+    report: dict[str, Any] = {"chooser": chooser.name, "answers": len(found)}
+    equal = [own == other for own, other in zip(ours, theirs, strict=True)]
+    report |= _mean("equal_to_coverage", equal, groups)
+    report |= _mean("link_steps_followed", [good for _, good in steps], [g for g, _ in steps])
+    report["link_steps"] = len(steps)
+    report |= _mean("value_lost", [o.lost for o in found], groups)
+    report |= _mean("judged_equal", [a == b for a, b in zip(judged, theirs, strict=True)], groups)
+    report |= _mean(
+        "judged_value_lost",
+        [one.value - o.judged.value for one, o in zip(best, found, strict=True)],
+        groups,
+    )
+    report["adopted"] = round(sum(o.adopted for o in found) / len(found), DIGITS)
+    report["readable"] = round(sum(o is not None for o in ours) / len(found), DIGITS)
+    report["ms_p50"] = round(1e3 * median(o.said.took_s for o in found), 2)
+    return report, [o.said for o in found]
+
+
+def _mean(
+    name: str, values: Sequence[float], groups: Sequence[int]
+) -> dict[str, float | list[float]]:
+    interval = bootstrap_mean([float(value) for value in values], groups)
+    ends = [round(interval.low, DIGITS), round(interval.high, DIGITS)]
+    return {name: round(interval.mean, DIGITS), f"{name}_interval": ends}
+
+
+def _steps(
+    groups: Sequence[int], ours: Sequence[Choice | None], theirs: Sequence[Choice]
+) -> Iterator[tuple[int, bool]]:
+    """Of each step of the rate at which `coverage` changes its choice: whether this one changes in
+    the same way: to the same algorithm from the same, or by the same algorithm to more or to fewer
+    helpers."""
+    together = list(zip(groups, ours, theirs, strict=True))
+    for (group, own, other), (next_group, own_next, other_next) in pairwise(together):
+        if group == next_group and other != other_next:
+            yield group, _change(own, own_next) == _change(other, other_next)
+
+
+def _change(low: Choice | None, high: Choice | None) -> tuple[object, ...] | None:
+    if low is None or high is None:
+        return None
+    if low[1] != high[1]:
+        return low[1], high[1]
+    fewer, more = len(low[0]), len(high[0])
+    return ((more > fewer) - (more < fewer),)
