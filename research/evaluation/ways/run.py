@@ -14,6 +14,7 @@ from research.evaluation.bootstrap import Interval, bootstrap_mean
 from research.evaluation.machine import machine_facts
 from research.evaluation.ways import narrow
 from research.evaluation.ways.drive import Drive, Driven
+from research.evaluation.ways.etsi import EtsiDriven
 from research.evaluation.ways.measure import Measured, measure
 from research.evaluation.ways.way import Way
 from research.evaluation.workers import each
@@ -30,6 +31,8 @@ OURS = "early-2hz-in-turn"
 at the lowest one."""
 EVERYONE = "early-10hz-no-memory"
 """What others are compared with: everybody's points in every frame, each frame by itself."""
+RULED = ETSI, MITIGATED = ("etsi", "etsi-mitigated")
+"""The standard's messages, by its generation rules; without and with redundancy mitigation."""
 TRACKING = ("mota", "idf1", "gospa_m", "identity_switches_per_track_minute")
 RATES_HZ = (10.0, 5.0, 2.0, 1.0)
 FORMS = ("early", "intermediate-codebook", "late")
@@ -66,11 +69,12 @@ def ways() -> tuple[Way, ...]:
             ("early", 2.0, 3, "early", 1.0),
         )
     ]
+    ruled = [Way(name, (("cpm", 10.0),)) for name in RULED]
     silent = [
         Way("silence", (("early", 10.0),), silent=(25, 10)),
         Way("silence-no-memory", (("early", 10.0),), memory=False, silent=(25, 10)),
     ]
-    return (*alone, *static, *coarse, *turns, *mixed, *silent)
+    return (*alone, *static, *coarse, *turns, *mixed, *ruled, *silent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +112,14 @@ def recorded(folder: Path, frames: int) -> list[Drive]:
 def drive_all(item: _Item) -> list[Measured]:
     """What each way brings on a drive."""
     driven = Driven(item.drive)
-    return [measure(driven, way) for way in item.ways]
+    return [measure(_driven(driven, way), way) for way in item.ways]
+
+
+def _driven(driven: Driven, way: Way) -> Driven:
+    """The drive as a way has it: what stations of the standard tell depends on what they told."""
+    if way.name not in RULED:
+        return driven
+    return EtsiDriven(driven.drive, mitigates=way.name == MITIGATED)
 
 
 def links(count: int, frames: int, workers: int) -> dict[str, Any]:
@@ -185,7 +196,9 @@ def _row(
         "forms": [list(form) for form in way.forms],
         "memory": way.memory,
         "max_error_m": way.max_error_m,
-        "static": way.memory and len(way.forms) == 1 and not (way.in_turn or way.silent),
+        "static": way.memory
+        and len(way.forms) == 1
+        and not (way.in_turn or way.silent or way.name in RULED),
         **{name: round(value, 4) for name, value in figures.items()},
         "delivered_interval": _ends(more),
         "frames": whole.tally.frames,
@@ -204,7 +217,7 @@ def run(count: int, frames: int, data: Path | None, workers: int, path: Path) ->
 
     Raises as `compare` does, and WorldError for data that cannot be read.
     """
-    few = [way for way in ways() if way.name in (EVERYONE, OURS, "early-10hz", "early-2hz")]
+    few = [way for way in ways() if way.name in (EVERYONE, OURS, ETSI, "early-10hz", "early-2hz")]
     compared = compare(floors(count, frames), ways(), workers)
     few_floors = max(1, count // 2)
     more = {

@@ -115,6 +115,7 @@ SENSES = {"swarm", "perception", "worlds"}
         ("options.ros", {"swarm"}),
         ("options.bags", SENSES | {"options.ros"}),
         ("options.ros2", SENSES | {"options.ros"}),
+        ("options.etsi", {"swarm", "perception", "worlds"}),
         ("options.opencood", {"swarm", "perception"}),
         ("options.pictures", {"swarm", "perception"}),
         ("options.recordings", SENSES | {"deploy", "options.bags", "options.ros"}),

@@ -12,6 +12,7 @@ import pytest
 from perception.detector.weight_files import has_weights
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven
+from research.evaluation.ways.etsi import EtsiDriven, message_bytes
 from research.evaluation.ways.measure import SETTLED_FRAMES, Measured, Silence, measure
 from research.evaluation.ways.run import EVERYONE, OURS, best_static, compare, floors, report, ways
 from research.evaluation.ways.tracking import CUT_OFF_M, Following
@@ -187,3 +188,22 @@ def test_the_report_tells_figures_beside_their_controls(tmp_path: Path) -> None:
 def test_ways_are_compared_with_everyone() -> None:
     with pytest.raises(EvaluationError, match=EVERYONE):
         compare(floors(1, 20), [Way("alone")], 1)
+
+
+@needs_weights
+def test_stations_tell_by_the_rules_and_the_ego_holds_what_it_heard() -> None:
+    (drive,) = floors(1, 3)
+    told, less = EtsiDriven(drive), EtsiDriven(drive, mitigates=True)
+    asked = dict.fromkeys(told.nearest, "cpm")
+    frames = [told.fused(frame, asked, 0.1) for frame in told.frames]
+    # Everybody begins with a message; what was told is held while less is told.
+    assert all(size >= message_bytes([]) for size in frames[0].bytes.values())
+    assert frames[0].helpers
+    assert all(frame.helpers >= frames[0].helpers for frame in frames)
+    sizes = [sum(frame.bytes.values()) for frame in frames]
+    assert sizes[2] < sizes[0]
+    fewer = [sum(less.fused(frame, asked, 0.1).bytes.values()) for frame in less.frames]
+    assert 0 < sum(fewer) < sum(sizes)
+    # Of a message that does not come nothing is held.
+    lonely = EtsiDriven(drive)
+    assert not lonely.fused(drive.first, {}, 0.1).helpers
