@@ -23,6 +23,7 @@ FOUND = next(one for one in SAMPLES if isinstance(one, Detections))
 BEACON = next(one for one in SAMPLES if isinstance(one, Beacon))
 
 
+@pytest.mark.peer
 def test_what_an_ego_found_leaves_as_datagrams(shared_router: RouterProcess) -> None:
     pytest.importorskip("asn1tools")
     if not modules.are_there():

@@ -50,11 +50,13 @@ GOLDEN = bytes.fromhex(
 and encodes it again to the same bytes."""
 
 
+@pytest.mark.peer
 @needs_modules
 def test_a_message_is_the_bytes_that_another_implementation_takes() -> None:
     assert encode(MESSAGE) == GOLDEN
 
 
+@pytest.mark.peer
 @needs_modules
 def test_a_message_is_read_as_it_was_told() -> None:
     read = decode(GOLDEN)
@@ -72,6 +74,7 @@ def test_a_message_is_read_as_it_was_told() -> None:
         assert one.age_s == 0.05
 
 
+@pytest.mark.peer
 @needs_modules
 def test_what_is_beyond_a_field_is_told_as_its_limit() -> None:
     far = Told(70_000, "car", (9999.0, -9999.0, 0.0), (99.0, 0.0, 2.0), 7.0, (999.0, 0.0), 2.0, 9.0)
@@ -83,6 +86,7 @@ def test_what_is_beyond_a_field_is_told_as_its_limit() -> None:
     assert read.heading == pytest.approx(7.0 - math.tau, abs=math.radians(0.05))
 
 
+@pytest.mark.peer
 @needs_modules
 @pytest.mark.parametrize("raw", [b"", b"\0" * 40, GOLDEN[:60], b"\xff" * 300, GOLDEN[:2]])
 def test_what_is_no_message_is_named(raw: bytes) -> None:
@@ -90,6 +94,7 @@ def test_what_is_no_message_is_named(raw: bytes) -> None:
         decode(raw)
 
 
+@pytest.mark.peer
 @needs_modules
 def test_bytes_of_a_message_follow_from_its_labels() -> None:
     for label in ("forklift", "car", "truck", "person", "robot"):
