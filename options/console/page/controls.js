@@ -68,7 +68,7 @@ export class Controls {
     if (open) {
       $("why").disabled = true;
       try {
-        const reply = await this.#wish("ego", { wish: {}, why: true });
+        const reply = await this.wish("ego", { wish: {}, why: true });
         sentences = reply.why.length ? reply.why : ["Nothing has been decided yet."];
       } catch (error) {
         sentences = [error.message];
