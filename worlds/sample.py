@@ -7,7 +7,9 @@ import os
 import shutil
 import tarfile
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from swarm.errors import WorldError
 
@@ -86,12 +88,26 @@ def _unpacked(archive: Path) -> Path:
     return scenario
 
 
+_FILTERED: dict[str, Any] = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+"""Python 3.11.2, which Debian 12 has, knows no filters yet."""
+
+
+def _within(packed: tarfile.TarFile, place: Path) -> Iterator[tarfile.TarInfo]:
+    """Files and folders that lie in the place; an archive of data holds nothing else. Raises
+    WorldError for one that does."""
+    for member in packed:
+        inside = (place / member.name).resolve().is_relative_to(place.resolve())
+        if not inside or not (member.isfile() or member.isdir()):
+            raise WorldError(f"the sample {packed.name!s} holds {member.name!r}, which is no data")
+        yield member
+
+
 def _unpack(archive: Path, place: Path) -> None:
     """Unpacks beside the place and renames at the end, so that the place is whole or not there."""
     partial = Path(tempfile.mkdtemp(prefix=f"{place.name}.partial-", dir=place.parent))
     try:
         with tarfile.open(archive) as packed:
-            packed.extractall(partial, filter="data")
+            packed.extractall(partial, members=_within(packed, partial), **_FILTERED)
         try:
             partial.rename(place)
         except OSError:

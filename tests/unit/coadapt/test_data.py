@@ -288,6 +288,22 @@ def test_half_an_archive_is_named_and_leaves_nothing(home: Path, tmp_path: Path)
     assert list((tmp_path / "checkout" / "var" / "data").iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["../outside", "/tmp/outside", "link"])
+def test_an_archive_that_reaches_out_of_its_place_is_refused(
+    home: Path, tmp_path: Path, name: str
+) -> None:
+    folder = home / "opv2v-sample"
+    folder.mkdir(parents=True)
+    with tarfile.open(folder / "opv2v-sample.tar.xz", "w:xz") as packed:
+        member = tarfile.TarInfo(name)
+        if name == "link":
+            member.type, member.linkname = tarfile.SYMTYPE, "/etc"
+        packed.addfile(member)
+    with pytest.raises(WorldError, match=r"opv2v-sample\.tar\.xz"):
+        opv2v_sample()
+    assert list((tmp_path / "checkout" / "var" / "data").iterdir()) == []
+
+
 def test_other_data_is_found_beside_a_sample_that_was_brought(home: Path, tmp_path: Path) -> None:
     write_scenario(place_in(home))
     traces = tmp_path / "shared" / "data" / "traces"
