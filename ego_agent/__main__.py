@@ -9,10 +9,10 @@ from pathlib import Path
 
 from prometheus_client import CollectorRegistry
 
-from ego_agent.agent import EgoAgent
 from ego_agent.execute.fusion_loop import FrameResult
 from ego_agent.metrics import EgoMetrics
 from ego_agent.settings import EgoSettings, load_settings
+from ego_agent.wiring import ego_of
 from perception.fusion.detectors import detector_backend
 from sensing.opening import open_world_of
 from swarm import zenoh_config
@@ -63,7 +63,7 @@ def run(
     registry = CollectorRegistry()
     if settings.journal:
         show_free_disk(registry, Path(settings.journal))
-    agent = EgoAgent.from_settings(settings, world, EgoMetrics(registry), log, on_result=on_result)
+    agent = ego_of(settings, world, EgoMetrics(registry), log, on_result=on_result)
     try:
         server = serve_metrics(registry, settings)
     except SettingError:

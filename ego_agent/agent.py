@@ -10,37 +10,28 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 
 from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.fit import remarks, told
 from ego_agent.analyze.scene import analyze
-from ego_agent.execute.ask import Asker
 from ego_agent.execute.fusion_loop import (
-    FrameResult,
     FusionLoop,
-    live_memory,
-    live_motion,
 )
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord, Journal
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
-from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.record import cycle_record, cycle_result
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.knowledge.weighed import Weighed
-from ego_agent.leading import Alone, Lead, make_lead
+from ego_agent.leading import Alone, Lead
 from ego_agent.metrics import EgoMetrics
-from ego_agent.monitor.known import KnownRobots
-from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
-from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
 from ego_agent.plan.arrivals import Arrivals
 from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.control_budget import ControlBudget, Wish
@@ -49,28 +40,17 @@ from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.intents.bind import bound_scene, known_objects
 from ego_agent.plan.intents.obey import plan_obeying
 from ego_agent.plan.intents.told import told as told_intents
-from ego_agent.plan.policies.base import Policy, Requiring
-from ego_agent.plan.policies.registry import make_policy
 from ego_agent.plan.probe import Prober
-from ego_agent.settings import EgoSettings
 from ego_agent.steering import Steering
-from perception.detector import configuration
-from perception.detector.calibration import calibration_of
-from perception.fusion.base import Fusion
-from perception.fusion.mixed import mixable
-from perception.fusion.registry import fusion_names, make_fusion
-from sensing.mark import mark_of
 from swarm import keyspace
 from swarm.body import Body
-from swarm.errors import JournalError, SettingError, TransportError
+from swarm.errors import JournalError, TransportError
 from swarm.log import Logger
 from swarm.loop_watch import Loops, unwatched
 from swarm.messages import Decision, NetDemand, Probe
 from swarm.process import Clock
 from swarm.session import Session
-from swarm.settings import PREFIX
 from swarm.version import installed_version
-from worlds.base import World, comm_range_of
 
 LOOK_S = 0.1
 """How often an ego that stands by looks whether it is to lead."""
@@ -92,7 +72,7 @@ class _Running:
 
 
 class EgoAgent:
-    """One ego: its parts, and the loop that drives them."""
+    """One ego: its parts, and the loop that drives them; `ego_agent.wiring.ego_of` makes one."""
 
     def __init__(
         self,
@@ -137,105 +117,6 @@ class EgoAgent:
         self._own_duty = OwnDuty(monitor.ego, monitor.note_own_duty)
         self._ignored: dict[str, int] = defaultdict(int)
         self._detections_lost = 0
-
-    @classmethod
-    def from_settings(
-        cls,
-        settings: EgoSettings,
-        world: World,
-        metrics: EgoMetrics,
-        log: Logger,
-        *,
-        fusions: Mapping[str, Fusion] | None = None,
-        on_result: Callable[[FrameResult], None] | None = None,
-    ) -> EgoAgent:
-        """An ego in a world; `close` it. `metrics` show at once what its journal holds.
-
-        `fusions` by algorithm are those of the world's detector, where no others are given.
-        `on_result` hears of each published frame, on the fusing thread.
-
-        Raises SettingError where no algorithm can be used, DecisionError for a policy that is
-        unknown or cannot decide here, PerceptionError for a calibration that is of other weights,
-        and JournalError for a journal that cannot be written.
-        """
-        calibration_of(world.detector)  # else every frame would fail
-        available = fusion_names(world.detector) if fusions is None else tuple(fusions)
-        policy = make_policy(settings.policy, available)
-        algorithms = _algorithms(settings, available, policy)
-        metrics.decides_among(algorithms)
-        if fusions is None:
-            fusions = {name: make_fusion(name, world.detector) for name in algorithms}
-        knowledge = Knowledge.of_detector(
-            world.detector,
-            settings.objective(comm_range_of(world)),
-            algorithms,
-            learns=settings.learn,
-            shares=settings.share,
-            mixable=mixable(fusions),
-        )
-        clock = Clock()
-        link = LinkEstimate(settings.link_prior_bps)
-        monitor = Monitor(
-            settings.ego,
-            link,
-            clock=clock,
-            max_robots=settings.max_robots,
-            surroundings=_surroundings(settings, knowledge.objective, log),
-            mark=mark_of(settings, world),
-        )
-        tally = TallyKeeper()
-        body = configuration(world.detector).usual_body
-        sensor = OwnSensor(world, settings.ego, settings.epoch_ns, monitor, clock, log)
-        asker = Asker(
-            settings.ego,
-            monitor,
-            link,
-            knowledge,
-            tally,
-            clock,
-            1.0 / world.rate_hz,
-            max_error_m=settings.max_error_m,
-            keep_ground=settings.keep_ground,
-            share=settings.share,
-        )
-        lead = make_lead(settings, log)
-        fusion = FusionLoop(
-            settings.ego,
-            sensor,
-            asker,
-            fusions,
-            live_motion(world.detector, world.rate_hz),
-            tally,
-            log,
-            detector=world.detector,
-            memory=live_memory(world.detector) if settings.memory else None,
-            known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
-            rate_hz=settings.fusion_rate_hz,
-            deadline_s=settings.deadline_s,
-            on_result=on_result,
-            speaks=lead.speaks,
-        )
-        steering = Steering(settings, policy, knowledge, log, clock)
-        journal = Journal(Path(settings.journal)) if settings.journal else None
-        if journal is not None:
-            metrics.restore(journal.totals)
-            if journal.torn_bytes:
-                log.warning("journal_torn", path=str(journal.path), bytes=journal.torn_bytes)
-        return cls(
-            monitor=monitor,
-            knowledge=knowledge,
-            steering=steering,
-            sensor=sensor,
-            fusion=fusion,
-            tally=tally,
-            journal=journal,
-            metrics=metrics,
-            clock=clock,
-            log=log,
-            usual_body=body,
-            lead=lead,
-            stands_in_for=settings.stands_in_for,
-        )
 
     def run(
         self,
@@ -494,26 +375,3 @@ class EgoAgent:
     def _count_ignored(self, reason: str, total: int) -> None:
         self._metrics.messages_ignored.labels(reason).inc(total - self._ignored[reason])
         self._ignored[reason] = total
-
-
-def _surroundings(settings: EgoSettings, objective: Objective, log: Logger) -> Surroundings | None:
-    """What the ego listens to; None: to everybody."""
-    if not settings.areas:
-        return None
-    if objective.comm_range_m > MAX_REACH_M:
-        log.warning("listens_to_all", range_m=objective.comm_range_m, most_m=MAX_REACH_M)
-        return None
-    return Surroundings(objective.comm_range_m, objective.area_half_m, log)
-
-
-def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy) -> tuple[str, ...]:
-    """What is decided among: the settings' algorithms, and the one that the policy needs."""
-    wanted = [name for name in settings.algorithms if name in available]
-    if isinstance(policy, Requiring) and policy.requires not in wanted:
-        wanted.append(policy.requires)
-    if not wanted:
-        raise SettingError(
-            f"{PREFIX}ALGORITHMS = {','.join(settings.algorithms)!r} holds none that can be used "
-            f"in world {settings.world!r}; allowed: {', '.join(available)}"
-        )
-    return tuple(wanted)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
-from ego_agent.agent import EgoAgent
 from ego_agent.execute.fusion_loop import FrameResult
 from ego_agent.execute.sense import OwnFrame
 from ego_agent.metrics import EgoMetrics
 from ego_agent.settings import EgoSettings
+from ego_agent.wiring import ego_of
 from perception.codec.points import decode_points, encode_points
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.types import Boxes, clean_points
@@ -103,7 +103,7 @@ class Ego:
         self.epoch_ns = time.time_ns()
         settings = EgoSettings(deadline_s=DEADLINE_S, epoch_ns=self.epoch_ns)
         metrics, log = EgoMetrics(CollectorRegistry()), make_logger("test")
-        agent = EgoAgent.from_settings(settings, world, metrics, log, fusions=crates)
+        agent = ego_of(settings, world, metrics, log, fusions=crates)
         self.monitor, self.loop = agent.monitor, agent.fusion
         self.tally, self.sensor, self.known = agent.tally, agent.sensor, agent.knowledge
         self.link = self.monitor.link
