@@ -6,7 +6,8 @@ import re
 from dataclasses import dataclass
 
 from llm_gateway.wishes.cues import KNOWN, SPELLING
-from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.words import alike
 
 _ENDS = {".", ";", "!", "?", "\n"}

@@ -7,19 +7,15 @@ It reads what its words plainly say and doubts the rest; where nothing says anyt
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 from llm_gateway.wishes import cues, lexicon
 from llm_gateway.wishes.clauses import Clause, clauses
-from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
-from llm_gateway.wishes.roles import bounds, negated, robot_role, share_role, weight_role
-from llm_gateway.wishes.times import LEFT
+from llm_gateway.wishes.roles import negated, robot_role, share_role, weight_role
+from llm_gateway.wishes.voids import foreign, void
 
-_GREETING = re.compile(
-    r"^(?:(?:(?:hi|hello|hey)(?: there| all)?|hallo|ok|okay|well|so|please|bitte|also|servus|"
-    r"moin|mate|na|uh) )+"
-)
 _STRONG = re.compile(
     r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte|auge|"
     r"wichtig\w*|aufpassen|pass auf|keep an eye|look after|ignor\w*|prefer\w*|priority)\b"
@@ -49,11 +45,11 @@ class Rules:
         self._clauses = clauses(text)
         self._roles: list[Role | None] = [None] * len(text.mentions)
         self._unclear: list[str] = []
-        self._void = [self._is_void(clause) for clause in self._clauses]
+        self._void = [void(text, self._clauses, clause) for clause in self._clauses]
 
     def read(self) -> Reading:
         """The roles, and what stays unclear."""
-        if self._foreign():
+        if foreign(self._text):
             return Reading(
                 tuple(_or_none(None) for _ in self._roles), "nothing", (self._text.wish.strip(),)
             )
@@ -77,26 +73,6 @@ class Rules:
         if wished and (self._unclear or "doubt" in roles):
             verdict = "part"
         return Reading(roles, verdict, tuple(dict.fromkeys(self._unclear)))
-
-    def _foreign(self) -> bool:
-        """Whether these are the words of somebody who only is quoted."""
-        text = " ".join(word.text for word in self._text.words)
-        return bool(cues.FOREIGN.search(text))
-
-    def _is_void(self, clause: Clause) -> bool:
-        """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
-        opening = next(c for c in self._clauses if c.sentence == clause.sentence)
-        asks = cues.QUESTION.match(_GREETING.sub("", opening.text))
-        if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
-            return True
-        if cues.PAST.search(clause.text) or cues.DOUBTED.search(clause.text):
-            return True
-        if cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text)):
-            return not (
-                "reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text)
-            )
-        named = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
-        return bool(cues.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
 
     def _doubt(self, clause: Clause) -> None:
         said = self._text.said(clause.first, clause.last).strip(" ,")
@@ -279,50 +255,9 @@ def _or_none(role: Role | None) -> Role:
 
 
 def read(text: Text) -> Reading:
-    """The rules' reading of a wish; `settle` it before anything is made of it."""
+    """The rules' reading of a wish; settle it (`account`) before anything is made of it."""
     return Rules(text).read()
-
-
-def settle(text: Text, reading: Reading) -> Reading:
-    """A reading in which whatever must be accounted for and is not is unclear."""
-    unclear = [*reading.unclear, *_unread(text)]
-    for mention, role in zip(text.mentions, reading.roles, strict=True):
-        told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
-        if told and mention.kind == "share" and _is_told(text, mention):
-            continue
-        if role == "doubt" or told:
-            unclear.append(text.said(mention.first, mention.last))
-    return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
-
-
-def _unread(text: Text) -> list[str]:
-    """Words of times and numbers that belong to nothing that was found; and what is to come only
-    after something else."""
-    inside = {at for m in text.mentions for at in range(m.first, m.last)}
-    timed = any(m.when is not None and (m.when.until or m.when.lasts) for m in text.mentions)
-    found = []
-    for at, word in enumerate(text.words):
-        if at in inside:
-            continue
-        later = timed and word.text in {"then", "dann", "danach", "afterwards", "anschliessend"}
-        until = word.text == "bis" and text.words[min(at + 1, len(text.words) - 1)].text not in {
-            "auf",
-            "zu",
-        }
-        if word.text in LEFT or word.text.isdigit() or until or later:
-            found.append(text.said(at, min(at + 4, len(text.words))))
-    return found
-
-
-def _is_told(text: Text, mention: Mention) -> bool:
-    """Whether a part is a battery's."""
-    near = text.words[max(0, mention.first - 6) : mention.last + 4]
-    return bool({word.text for word in near} & lexicon.BATTERY)
 
 
 def _is_clear(mention: Mention) -> bool:
     return mention.when is not None and mention.when.clear
-
-
-def _reaches(text: str) -> bool:
-    return bool(re.search(r"\b(?:mitmach\w*|dabei)\b", text))

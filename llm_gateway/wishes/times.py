@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from llm_gateway.wishes import clock
+from llm_gateway.wishes.moments import resolve
 from llm_gateway.wishes.numbers import decimal, whole
 from llm_gateway.wishes.words import Word
 
@@ -75,8 +76,8 @@ def _span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When 
     two = clock.point_at(words, one[1] + 1)
     if two is None:
         return None
-    start = clock.resolve(_shared(one[0], two[0]), now, now)
-    until = None if start is None else clock.resolve(_shared(two[0], one[0]), now, start)
+    start = resolve(_shared(one[0], two[0]), now, now)
+    until = None if start is None else resolve(_shared(two[0], one[0]), now, start)
     return When(first, two[1], start, until, clear=until is not None)
 
 
@@ -108,7 +109,7 @@ def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
         late = _from(words, day[1], now)
         if late is not None:
             point = clock.point_at(words, day[1] + 1)
-            start = clock.resolve(_shared(point[0], day[0]), now, now) if point else None
+            start = resolve(_shared(point[0], day[0]), now, now) if point else None
             clear = late.until is None and start is not None
             return When(at, late.last, start, None, clear=clear)
     if text not in _FROM:
@@ -122,7 +123,7 @@ def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if point is None:
         return None
     last = point[1] + (1 if _text(words, point[1]) in {"on", "onwards", "an"} else 0)
-    start = clock.resolve(point[0], now, now)
+    start = resolve(point[0], now, now)
     return When(at, last, start, clear=start is not None)
 
 
@@ -132,7 +133,7 @@ def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
     point = clock.point_at(words, at + 1)
     if point is None:
         return None
-    until = clock.resolve(point[0], now, now)
+    until = resolve(point[0], now, now)
     return When(at, point[1], until=until, clear=until is not None)
 
 
