@@ -23,14 +23,18 @@ PARTS = {
 }  # fmt: skip
 """The hour at which a part of the day begins."""
 _EXACT = {"noon", "midday", "mittag", "midnight", "mitternacht", "lunch", "lunchtime"}
-_DAYS = {"today": 0, "heute": 0, "tonight": 0, "tomorrow": 1, "morgen": 1, "uebermorgen": 2}
+_DAYS = {"today": 0, "heute": 0, "heut": 0, "tonight": 0, "tomorrow": 1, "morgen": 1,
+         "uebermorgen": 2}  # fmt: skip
 _WEEKDAYS = (
     ("monday", "montag"), ("tuesday", "dienstag"), ("wednesday", "mittwoch"),
     ("thursday", "donnerstag"), ("friday", "freitag"), ("saturday", "samstag"),
     ("sunday", "sonntag"),
 )  # fmt: skip
 _PAST = {"yesterday", "gestern", "vorgestern"}
-_NOISE = {"at", "um", "the", "in", "am", "on", "this", "ca", "circa", "about", "around", "etwa",
+_LAST = {"last", "letzte", "letzten", "letzter", "vergangene", "vergangenen"}
+_THIS = {"this", "diesen", "dieser", "diesem"}
+_NOISE = {"at", "um", "the", "in", "am", "on", "this", "diesen", "dieser", "diesem",
+          "ca", "circa", "about", "around", "etwa",
           "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
           "punkt", "next"}  # fmt: skip
 _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
@@ -89,6 +93,9 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
     text = words[at].text
     if text in _PAST:
         return replace(found, impossible=True, part=found.part or "noon"), at + 1
+    following = _text(words, at + 1)
+    if text in _LAST and (following in PARTS or any(following in names for names in _WEEKDAYS)):
+        return replace(found, impossible=True, part=found.part or "noon"), at + 2
     if dated := _date(words, at):
         return replace(found, date=dated), at + 5
     for number, names in enumerate(_WEEKDAYS):
@@ -123,7 +130,8 @@ def _part(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | N
         return None
     if found.hour is not None and text in {"lunch", "lunchtime"}:
         return found, at + 1
-    return replace(found, part=text), at + 1
+    days = 0 if _text(words, at - 1) in _THIS and found.days is None else found.days
+    return replace(found, part=text, days=days), at + 1
 
 
 def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:

@@ -22,7 +22,8 @@ OUT = _any(
     r"skip\w*", r"ignor\w*", r"exclud\w*", "drop", "dropping", "omit", "bench", "disable",
     "deactivate", "avoid", "remove", "without", "except", "besides", "excluding", "out", "off",
     "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
-    r"stop \w*", "in peace", r"(?:leave|let|leaving|lev|leaf) .*\b(?:alone|be|it|them|him)",
+    r"stop \w*", "in peace", r"(?:leave|leaving|lev|leaf|let) .*\b(?:alone|be|rest|sleep)",
+    r"(?:leave|leaving|lev|leaf) (?:it|them|him|her)", "let it", "let them", "let him",
     "leave ROBOT", "leave it", "alone",
     r"left (?:alone|out|in peace|off|aside)", "ruhe gelassen", "nothing from", "nichts von",
     "zufrieden", "ruhe", "mit ausnahme", "with the exception",
@@ -78,6 +79,26 @@ POSSIBLY = _any("if possible", "if you can", "wenn moeglich", "moeglichst", "wen
                 "whenever possible", "whenever you can", "wann immer moeglich",
                 "falls moeglich")  # fmt: skip
 """A preference of what is named, or politeness beside another cue."""
+OTHERS = _any(
+    r"(?:every|any) ?(?:one|body|thing|robot) else",
+    r"(?:all |alle )?(?:the |die |den |der )?(?:rest|others?|other (?:ones|robots|bots)|remaining"
+    r"(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?", "alle andern",
+)  # fmt: skip
+"""All robots but those that are named beside them."""
+BACKUP = _any(
+    r"back ?ups?", "reserve", "fallback", "second", "secondary", "if needed", "if necessary",
+    "as needed", "when needed", "notfalls", "im notfall", "zur not", "ersatz", "danach",
+    "afterwards", "later", "spaeter", "zweite wahl", "second choice", "hinten an", "hintenan",
+    "erst danach", "nachrangig", "last", "zuletzt", "in reserve", "in an emergency", "as a spare",
+    "bei bedarf", "nachher", "erst dann", "next", "after that",
+)  # fmt: skip
+"""Said of the others: who is named comes first."""
+IDLE = _any(
+    "hands off", "stay put", "stay out", "stand by", "stand down", "idle", "quiet", "silent",
+    "keep quiet", "wait", "sleep", "rest", "warten", "schlafen", "still", "sit out", "keep out",
+    "hold still", "go home", "pausieren", "schweigen", "nothing", "nichts", "stumm",
+)  # fmt: skip
+"""Said of the others: only who is named is asked."""
 LAST = _any("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
 HIGH = _any(
     "ruecksicht", r"above (?:all|everything|anything)", "more weight", "gewicht", "weight",
@@ -155,9 +176,14 @@ PRONOUN = _any("it", "them", "him", "they", "ihn", "ihm", "these", "those", "thi
 PAST = _any("was", "were", "had", "did", "wurde", "wurden", "hatte", "hatten", "used to",
             "has been", "have been", "been", "yesterday", "war", "waren",
             "gestern", "went", "took", "didnt", "wasnt", "worden")  # fmt: skip
+TOLD = re.compile(
+    r"\b(?:got|had|broke|fell|failed|lost|hit|crashed|came|started|stopped|hat|"
+    r"haben|hatte|wurde|war|seit|since|kam|fiel|was|were)\b(?! (?:to|zu)\b)"
+)
+"""Tells what happened, beside a time that is over."""
 QUESTION = re.compile(
     r"^(?:what(?! (?:matters|counts|is important|i (?:want|need)))|which|who|whom|whose|why|how|"
-    r"when|where|is|are|am|does|did|has|have|should|shall|"
+    r"when|where|is|are|am i|does|did|has|have|should|shall|"
     r"was|"
     r"were|do (?:you|we|i|they)|can (?:i|we|r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
     r"wie|was(?! (?:zaehlt|wichtig))|warum|wer|wen|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|"

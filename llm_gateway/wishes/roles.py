@@ -77,6 +77,20 @@ def _plain_out(text: str) -> bool:
     return len(text.split()) <= SHORT
 
 
+def others_role(text: str) -> Role | None:
+    """What a clause says of the robots named beside it, by what it says of all the others."""
+    if not cues.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
+        return None
+    plain = cues.OTHERS.sub(" ", text)
+    if cues.BACKUP.search(plain):
+        return "first"
+    out = cues.OUT.search(plain) or cues.IDLE.search(plain)
+    no = negated(plain)
+    if (out and not no) or (no and not out and cues.UNUSED.search(plain)):
+        return "only"
+    return None
+
+
 def weight_role(text: str) -> Role | None:
     """What a clause says of the place or the class that it names."""
     if _COMPARED.search(text) or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):

@@ -13,7 +13,7 @@ from llm_gateway.wishes.clauses import Clause, clauses
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
-from llm_gateway.wishes.roles import negated, robot_role, share_role, weight_role
+from llm_gateway.wishes.roles import negated, others_role, robot_role, share_role, weight_role
 from llm_gateway.wishes.voids import foreign, void
 
 _STRONG = re.compile(
@@ -45,6 +45,9 @@ class Rules:
         self._clauses = clauses(text)
         self._roles: list[Role | None] = [None] * len(text.mentions)
         self._unclear: list[str] = []
+        self._handled: set[int] = set()
+        self._crossed: set[int] = set()
+        """Clauses that go on with the opposite of the one before, and share its verb."""
         self._void = [void(text, self._clauses, clause) for clause in self._clauses]
 
     def read(self) -> Reading:
@@ -94,9 +97,18 @@ class Rules:
         if role is None and at and set(clause.text.split()) <= _TOO:
             before = {self._roles[n] for n in self._of(self._clauses[at - 1], "robot")}
             role = before.pop() if len(before) == 1 else None
-        if len(numbers) > 1 and role is not None:
+        if self._crosses(at, clause):
+            self._crossed |= {at, at + 1}
+        if role is not None and (len(numbers) > 1 or at in self._crossed):
             role = "doubt"
         self._set(numbers, role)
+
+    def _crosses(self, at: int, clause: Clause) -> bool:
+        """Whether "not R3 but R4 should be left out" begins here: no cue tells who is out."""
+        if at + 1 == len(self._clauses) or not re.search(r"\b(?:not|nicht) ROBOT$", clause.text):
+            return False
+        after = self._clauses[at + 1]
+        return after.opener in ("but", "sondern") and bool(self._of(after, "robot"))
 
     def _weights(self, at: int, clause: Clause) -> None:
         numbers = self._of(clause, "place", "class")
@@ -160,12 +172,19 @@ class Rules:
             if mention.kind == "policy":
                 self._roles[number] = "doubt" if negated(clause.text) else "policy"
             elif mention.kind == "time":
-                self._roles[number] = "when" if _is_clear(mention) else "doubt"
+                self._roles[number] = _time_role(mention, clause.text)
             elif mention.kind == "unknown":
                 self._roles[number] = "doubt"
 
     def _bind(self, at: int, clause: Clause) -> None:
         """Gives what a clause says of "it" to what was named before it, or right behind."""
+        if (role := others_role(clause.text)) is not None and not self._of(
+            clause, "robot", "share", "network", "compute", "policy"
+        ):
+            self._handled.add(at)
+            if not self._give(at, role, "robot"):
+                self._doubt(clause)
+            return
         others = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
         named = self._of(clause, "robot", "share", "network", "compute")
         if not others or (cues.PRONOUN.search(clause.text) and not named):
@@ -214,6 +233,8 @@ class Rules:
 
     def _leftover(self, clause: Clause) -> None:
         """Doubts what a clause wishes of something that nobody knows."""
+        if self._clauses.index(clause) in self._handled:
+            return
         named = self._of(clause, "robot", "place", "class", "unknown", "policy")
         everybody = set(clause.text.split()) & lexicon.EVERYBODY
         acts = cues.OUT.search(clause.text) or cues.UNUSED.search(clause.text)
@@ -259,5 +280,8 @@ def read(text: Text) -> Reading:
     return Rules(text).read()
 
 
-def _is_clear(mention: Mention) -> bool:
-    return mention.when is not None and mention.when.clear
+def _time_role(mention: Mention, clause: str) -> Role:
+    """A time that is over belongs to the report that names it, and is unclear elsewhere."""
+    if mention.when is None or mention.when.clear:
+        return "doubt" if mention.when is None else "when"
+    return "none" if mention.when.past and cues.TOLD.search(clause) else "doubt"
