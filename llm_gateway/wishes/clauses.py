@@ -13,7 +13,8 @@ from llm_gateway.wishes.words import alike
 _ENDS = {".", ";", "!", "?", "\n"}
 _BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "doch", "then", "dann",
            "because", "while", "sondern", "so", "denn", "weil", "though", "although", "as",
-           "damit", "whereas", "also", "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
+           "damit", "whereas", "also", "adn", "udn", "since",
+           "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
 _PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however"}
 """Behind a name alone they go on with its clause: "R2 aber nicht"."""
 _ARTICLES = {"the", "den", "die", "der", "dem", "das"}
@@ -120,7 +121,13 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
         # What is wished of "that R3 is asked" stands before it.
         following = text.words[at + 1].text if at + 1 < len(text.words) else ""
         return following in {"dass", "that"} or (following == "wenn" and "waere" in pieces)
-    return word == "as"
+    if word == "so":
+        following = text.words[at + 1].text if at + 1 < len(text.words) else ""
+        measured = {"much", "many", "far", "long", "viel", "viele", "wenig", "lange", "oft", "gut"}
+        return pieces[-1:] in (["not"], ["nicht"], ["dont"]) or following in measured
+    if word == "since":
+        return any(mention.first <= at < mention.last for mention in text.mentions)
+    return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}
 
 
 def _whole(text: str) -> str:

@@ -8,7 +8,7 @@ from datetime import datetime
 
 from llm_gateway.wishes import lexicon
 from llm_gateway.wishes.mention import Kind, Mention
-from llm_gateway.wishes.numbers import share_at, whole
+from llm_gateway.wishes.numbers import NAMED, share_at, whole
 from llm_gateway.wishes.times import when_at
 from llm_gateway.wishes.words import Word, alike, key
 from swarm.messages.intent import Site
@@ -28,6 +28,10 @@ LIST = {
     "noch",
     "as",
     "well",
+    "adn",
+    "nad",
+    "n",
+    "udn",
 }
 _RANGE = {"to", "through", "thru", "bis", "-", "–", ".."}
 _PLURALS = ("s", "es", "n", "en", "e", "er", "ern", "r")
@@ -36,6 +40,8 @@ _NO_NAMES = frozenset(
     stunden""".split()  # noqa: SIM905
 )
 """Behind a number they say that it is no robot's."""
+_INFLECTED = {"achte", "neune", "sechse", "siebene", "fuenfe"}
+"""Rather a verb or an hour than a name's number."""
 _NUMBERED = re.compile(r"\d+")
 
 
@@ -95,8 +101,21 @@ class Finder:
         classes = self._class(at)
         if not exact and classes is not None:
             return Mention("unknown", at, end)
-        kind: Kind = "place" if len(best) == 1 else "unknown"
-        return Mention(kind, at, end, tuple(best) if kind == "place" else ())
+        if len(best) > 1:
+            return Mention("unknown", at, end)
+        return self._more_places(Mention("place", at, end, (best[0],)))
+
+    def _more_places(self, mention: Mention) -> Mention:
+        """Bare numbers that go on with a list: "aisles 1 and 2"."""
+        head, *number = key(mention.names[0])
+        names, last = list(mention.names), mention.last
+        while len(number) == 1 and number[0].isdigit() and self._text(last) in LIST:
+            place = self._places.get((head, self._text(last + 1)))
+            if place is None or self._text(last + 2) in _NO_NAMES:
+                break
+            names.append(place)
+            last += 2
+        return Mention("place", mention.first, last, tuple(dict.fromkeys(names)))
 
     def _spelt(self, place: str, at: int, end: int) -> bool:
         return key(place) == tuple(w.text for w in self._words[at:end] if w.text not in "-_")
@@ -229,6 +248,8 @@ def _same(said: str, meant: str) -> bool:
     """Whether a word is another one, in another form of it, or with a slip."""
     if said == meant or alike(said, meant):
         return True
+    if meant.isdigit() and said in NAMED and said not in _INFLECTED:
+        return NAMED[said] == int(meant[:9])
     if not (said.isalpha() and meant.isalpha()) or min(len(said), len(meant)) < 3:
         return False
     longer, shorter = (said, meant) if len(said) > len(meant) else (meant, said)

@@ -12,7 +12,15 @@ from llm_gateway.wishes.mention import Kind, Mention
 from llm_gateway.wishes.words import Word, words
 from swarm.messages.intent import Site
 
-_ARTICLES = {"the", "den", "die", "der", "dem", "das"}
+_ARTICLES = {"the", "teh", "hte", "den", "die", "der", "dem", "das"}
+_VERBS = frozenset(
+    """i we you is isnt are arent can cant cannot do dont does doesnt should shouldnt may must stays
+    stay needs need not no kann koennen darf duerfen ist sind bleibt bleiben soll sollen muss
+    muessen interessiert interessieren nicht nich ned kein egal ich wir ihr brauchen brauche
+    brauchts gehen geht matter matters dagegen less weniger please bitte""".split()  # noqa: SIM905
+)
+"""Behind a name they begin to say something of it alone."""
+_POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +61,7 @@ def _joined(cut: Sequence[Word], found: Sequence[Mention]) -> Iterator[Mention]:
             and held.kind == mention.kind
             and mention.kind in ("robot", "place", "class")
             and _glued([word.text for word in cut[held.last : mention.first]], mention.kind)
+            and not _parted(cut, held, mention)
         ):
             names = tuple(dict.fromkeys((*held.names, *mention.names)))
             held = Mention(mention.kind, held.first, mention.last, names)
@@ -68,3 +77,15 @@ def _glued(between: Sequence[str], kind: Kind) -> bool:
     """Whether only list signs stand between two names."""
     fillers = lexicon.ROBOT_WORDS if kind == "robot" else _ARTICLES
     return set(between) <= LIST | fillers and (bool(set(between) & LIST) or not between)
+
+
+def _parted(cut: Sequence[Word], held: Mention, mention: Mention) -> bool:
+    """Whether a comma between two names begins another clause: "skip R1, R2 is fine"."""
+    between = {word.text for word in cut[held.last : mention.first]}
+    if between - _ARTICLES != {","} or mention.last == len(cut) or not held.first:
+        return False
+    opens = held.first - 1
+    while opens > 0 and cut[opens].text in _ARTICLES:
+        opens -= 1
+    before, behind = cut[opens].text, cut[mention.last].text
+    return behind in _VERBS and before.isalpha() and before not in {"and", "und", "so", *_POLITE}

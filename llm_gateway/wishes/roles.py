@@ -44,10 +44,10 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         return "doubt"
     if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
         return "only"
-    plain = cues.ONLY.sub("ONLYTHESE", text)
+    plain = cues.ONLY.sub("ONLYTHESE", cues.OVER_OTHERS.sub("first", text))
     out = bool(cues.OUT.search(plain))
-    bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let)\b", text)
-    no = negated(plain) if "ALLBUT" not in text else False
+    bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let|left)\b", text)
+    no = negated(cues.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
     only = "ONLYTHESE" in plain
     first = bool(cues.FIRST.search(plain))
     unused = bool(cues.UNUSED.search(plain))

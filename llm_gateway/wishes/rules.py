@@ -14,7 +14,7 @@ from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 from llm_gateway.wishes.roles import negated, others_role, robot_role, share_role, weight_role
-from llm_gateway.wishes.voids import foreign, void
+from llm_gateway.wishes.voids import foreign, tells, void
 
 _STRONG = re.compile(
     r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte|auge|"
@@ -28,11 +28,12 @@ _TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "eben
 _OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
 """Ends what begins like an article and is none, or names nothing that a site has."""
 _OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
-_THERE = re.compile(r"\b(?:there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
+_THERE = re.compile(r"\b(?:where|wo|there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
 _FILLERS = frozenset(
-    """PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei in im on an am a
-    around beim about is are do does ist sind auf of especially besonders cant cannot isnt arent
-    ned by um""".split()  # noqa: SIM905
+    """please bitte danke thanks thx though halt mal eher rather dont doesnt wont arent much so
+    wirklich really PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei
+    in im on an am a around beim about is are do does ist sind auf of especially besonders cant
+    cannot isnt arent ned by um""".split()  # noqa: SIM905
 )
 """Words beside which something named has the role of the clause before it."""
 
@@ -45,6 +46,8 @@ class Rules:
         self._clauses = clauses(text)
         self._roles: list[Role | None] = [None] * len(text.mentions)
         self._unclear: list[str] = []
+        self._wasted: list[int] = []
+        """Resources of which a report says that they are short."""
         self._handled: set[int] = set()
         self._crossed: set[int] = set()
         """Clauses that go on with the opposite of the one before, and share its verb."""
@@ -58,7 +61,9 @@ class Rules:
             )
         for at, clause in enumerate(self._clauses):
             if self._void[at]:
-                if clause.mentions or _STRONG.search(clause.text):
+                if not tells(self._clauses, clause) and (
+                    clause.mentions or _STRONG.search(clause.text)
+                ):
                     self._doubt(clause)
                 continue
             self._robots(at, clause)
@@ -70,12 +75,43 @@ class Rules:
             if not self._void[at]:
                 self._bind(at, clause)
                 self._leftover(clause)
+        self._repeated()
+        for clause in self._clauses:
+            if tells(self._clauses, clause):
+                self._told(clause)
         roles = tuple(_or_none(role) for role in self._roles)
         wished = any(role not in ("none", "doubt", "when") for role in roles)
         verdict: Verdict = "all" if wished else "nothing"
         if wished and (self._unclear or "doubt" in roles):
             verdict = "part"
         return Reading(roles, verdict, tuple(dict.fromkeys(self._unclear)))
+
+    def _repeated(self) -> None:
+        """What is named twice has the role of where it has one; a short resource is to be saved."""
+        mentions = self._text.mentions
+        for number, mention in enumerate(mentions):
+            if self._roles[number] is not None:
+                continue
+            short = number in self._wasted
+            others = [
+                (role, set(other.names))
+                for role, other in zip(self._roles, mentions, strict=True)
+                if role is not None and other.kind == mention.kind
+            ]
+            names = set(mention.names)
+            roles = {role for role, same in others if short or names & same}
+            covered = short or (names and names <= set().union(*(same for _, same in others)))
+            if len(roles) == 1 and covered:
+                self._roles[number] = roles.pop()
+        for number in self._wasted:
+            self._roles[number] = self._roles[number] or "doubt"
+
+    def _told(self, clause: Clause) -> None:
+        """Doubts a report that names what no wish beside it is about."""
+        named = self._of(clause, "robot", "place", "class", "share", "policy", "unknown")
+        lost = any(self._roles[n] in (None, "doubt") for n in named)
+        if lost or (not named and _STRONG.search(clause.text)):
+            self._doubt(clause)
 
     def _doubt(self, clause: Clause) -> None:
         said = self._text.said(clause.first, clause.last).strip(" ,")
@@ -130,6 +166,8 @@ class Rules:
         if role not in ("high", "low"):
             return None
         bare = set(clause.text.split()) <= _FILLERS
+        if clause.opener in ("but", "aber", "sondern") and not cues.NOT.search(clause.text):
+            return None
         other: Role = "low" if role == "high" else "high"
         if cues.NOT.search(clause.text):
             return other if bare else None
@@ -161,7 +199,10 @@ class Rules:
         if self._of(clause, "share"):
             role = "none"
         elif cues.WASTE.search(clause.text):
-            role = "save" if negated(clause.text) else "doubt"
+            stopped = negated(clause.text) or cues.STOP.search(clause.text)
+            role = "save" if stopped else None
+            if role is None:
+                self._wasted += numbers
         elif cues.SAVE.search(clause.text):
             role = "doubt" if negated(clause.text) else "save"
         self._set(numbers, role)
@@ -185,6 +226,10 @@ class Rules:
             if not self._give(at, role, "robot"):
                 self._doubt(clause)
             return
+        both = cues.BOTH.search(clause.text) and not self._of(clause, "robot")
+        if both and (role := robot_role(clause.text, alone=True)) is not None:
+            for near in self._clauses[max(0, at - 4) : at]:
+                self._set([n for n in self._of(near, "robot") if self._roles[n] is None], role)
         others = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
         named = self._of(clause, "robot", "share", "network", "compute")
         if not others or (cues.PRONOUN.search(clause.text) and not named):

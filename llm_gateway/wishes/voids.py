@@ -66,13 +66,29 @@ def _named(text: Text) -> str:
     return " ".join(pieces)
 
 
+def tells(clauses: Sequence[Clause], clause: Clause) -> bool:
+    """Whether a clause only reports what happened: a reason, at most, for a wish beside it."""
+    opening = next(c for c in clauses if c.sentence == clause.sentence)
+    return bool(
+        cues.PAST.search(_plain(clause))
+        and not clause.asked
+        and not cues.QUESTION.match(_GREETING.sub("", opening.text))
+        and not cues.DOUBTED.search(clause.text)
+        and not cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text))
+    )
+
+
+def _plain(clause: Clause) -> str:
+    return cues.POLITE.sub("", clause.text)
+
+
 def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
     opening = next(c for c in clauses if c.sentence == clause.sentence)
     asks = cues.QUESTION.match(_GREETING.sub("", opening.text))
     if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
         return True
-    if cues.PAST.search(clause.text) or cues.DOUBTED.search(clause.text):
+    if cues.PAST.search(_plain(clause)) or cues.DOUBTED.search(clause.text):
         return True
     if cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text)):
         return not ("reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text))
