@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes import cues, lexicon
+from llm_gateway.wishes.plain import bare, strange
 from llm_gateway.wishes.reading import Role
 
 _NOBODY_ELSE = re.compile(
@@ -16,6 +17,10 @@ _PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\
 _NOT_AT_ALL = re.compile(
     r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
     r"auf keinen fall|no)(?: bitte| please)?"
+)
+_AT = re.compile(
+    r"\b(?:at|in|on|near|around|for|from|im|am|an|bei|beim|auf|fuer|vor|that|which|what|where)"
+    r"(?: \w+){0,2} (?:PLACE|CLASS)\b|\b(?:PLACE|CLASS) (?:that|which|die|das|den)\b"
 )
 SHORT = 4
 """Words of a clause that says one thing only."""
@@ -75,6 +80,20 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
 
 def _plain_out(text: str) -> bool:
     return len(text.split()) <= SHORT
+
+
+def certain(text: str, role: Role) -> bool:
+    """Whether a clause that leaves a robot out, or asks nobody else, says so plainly.
+
+    All its words must be known; a negation alone must negate nothing but the robot; and it must
+    not say so of a place only: "skip R3 at the docks".
+    """
+    there = _AT.search(text) and weight_role(text) != "high"
+    but = re.search(r"\b(?:ALLBUT|NOBODYBUT|except|besides|ausser|apart)\b", text)
+    if strange(text, ailing=role == "out" and not but) or there:
+        return False
+    cue = cues.OUT.search(text) or cues.UNUSED.search(text) or cues.ONLY.search(text)
+    return role == "only" or bool(cue) or "BUT" in text or bare(text)
 
 
 def others_role(text: str) -> Role | None:

@@ -12,8 +12,16 @@ from llm_gateway.wishes import cues, lexicon
 from llm_gateway.wishes.clauses import Clause, clauses
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.plain import strange
 from llm_gateway.wishes.reading import Reading, Role, Verdict
-from llm_gateway.wishes.roles import negated, others_role, robot_role, share_role, weight_role
+from llm_gateway.wishes.roles import (
+    certain,
+    negated,
+    others_role,
+    robot_role,
+    share_role,
+    weight_role,
+)
 from llm_gateway.wishes.voids import foreign, tells, void
 
 _STRONG = re.compile(
@@ -46,6 +54,8 @@ class Rules:
         self._clauses = clauses(text)
         self._roles: list[Role | None] = [None] * len(text.mentions)
         self._unclear: list[str] = []
+        self._doubted: list[int] = []
+        """Robots that may be out, by words that are not plain."""
         self._wasted: list[int] = []
         """Resources of which a report says that they are short."""
         self._handled: set[int] = set()
@@ -101,9 +111,9 @@ class Rules:
             names = set(mention.names)
             roles = {role for role, same in others if short or names & same}
             covered = short or (names and names <= set().union(*(same for _, same in others)))
-            if len(roles) == 1 and covered:
+            if len(roles) == 1 and covered and (number not in self._doubted or "out" in roles):
                 self._roles[number] = roles.pop()
-        for number in self._wasted:
+        for number in (*self._wasted, *self._doubted):
             self._roles[number] = self._roles[number] or "doubt"
 
     def _told(self, clause: Clause) -> None:
@@ -133,6 +143,10 @@ class Rules:
         if role is None and at and set(clause.text.split()) <= _TOO:
             before = {self._roles[n] for n in self._of(self._clauses[at - 1], "robot")}
             role = before.pop() if len(before) == 1 else None
+        if role in ("out", "only") and not certain(clause.text, role):
+            # What is said plainly of "it" beside this may still leave it out.
+            self._doubted += numbers
+            role = None if role == "out" else "doubt"
         if self._crosses(at, clause):
             self._crossed |= {at, at + 1}
         if role is not None and (len(numbers) > 1 or at in self._crossed):
@@ -234,7 +248,8 @@ class Rules:
         named = self._of(clause, "robot", "share", "network", "compute")
         if not others or (cues.PRONOUN.search(clause.text) and not named):
             role = robot_role(clause.text, alone=True)
-            if role is not None and not self._give(at, role, "robot"):
+            sure = role not in ("out", "only") or not strange(clause.text, ailing=role == "out")
+            if role is not None and not (sure and self._give(at, role, "robot")):
                 self._doubt(clause)
         if not self._of(clause, "place", "class") and not self._of(clause, "robot", "unknown"):
             weight = weight_role(clause.text)

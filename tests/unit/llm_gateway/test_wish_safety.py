@@ -148,3 +148,51 @@ def test_a_day_stands_before_its_hours(wish: str, start: str | None, until: str)
     assert (intent.start or "T")[11:16] == (start or "")
     assert intent.until is not None
     assert intent.until[:16] == f"2026-11-23T{until}"
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "tell Anna to leave R3 out",
+        "R3 pretends to be out",
+        "I doubt that only R2 helps",
+        "only R2 has a lidar",
+        "nur R2 hat einen Lidar",
+        "no problem with R3",
+        "R3 is not bad",
+        "R2 kommt nicht durch",
+        "R2 ist aus dem Gang gefahren",
+        "all but R3 are charging",
+        "skip the meeting, R3 works",
+        "nobody wants R2 except Bob",
+        "skip R3 by six",
+        "skip R3 at the docks",
+        "nur R2 an den docks",
+        "ignore what R3 sees at the docks",
+    ],
+)
+def test_nobody_is_left_out_by_a_clause_with_words_that_no_list_knows(wish: str) -> None:
+    intent = understood(wish)
+    assert intent.unclear
+    assert (intent.exclude, intent.only) == ((), None)
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "leave R3 out for maintenance",
+        "leave R3 out because Bob tinkers with it",
+        "don't use R3 its camera is broken",
+        "R3 is out with the cleaning crew, do without it",
+        "ohne R3 wegen der Inventur",
+        "R3 bitte weglassen, weil Bob daran schraubt",
+    ],
+)
+def test_a_reason_may_have_any_words(wish: str) -> None:
+    intent = understood(wish)
+    assert (intent.exclude, intent.only, intent.unclear) == (("R3",), None, ())
+
+
+def test_long_wishes_of_cues_alone_are_read_at_once() -> None:
+    for word in ("leave ", "rest of the others ", "for ", "was wondering ", "schliess ", "over "):
+        assert understood((word * 2000)[:1990] + "R3").unclear
