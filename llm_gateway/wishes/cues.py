@@ -197,6 +197,7 @@ HIGH = _any(
     "pass", "schuetzen", "schuetz", "sorgen", "hauptsache", "kritisch", "schwerpunkt", "blick",
 )  # fmt: skip
 LOW = _any(
+    r"brauch\w* (?:keiner|niemand)", r"interessier\w* (?:keinen|niemanden)", "nobody needs",
     "dont care", "do not care", "couldnt care less", "not so much", "not that much",
     "not as much", "not really", "not a priority", "doesnt count", "can wait", "could wait",
     "may wait", "warten", "kann warten", "koennen warten", "not worth", "not interested",

@@ -12,42 +12,45 @@ from functools import lru_cache
 from llm_gateway.wishes import cues
 
 _PLAIN = frozenset(
-    """u ur ya em s m limits limit order bounds reach hands fingers answer answers speak talk join
-    contribute respond reply cooperate feel feels well mine ours yours further till til line side
-    sight mind planen plane plant machs gehts machts hats ists ma mer net bissl bisschen soviel
-    antworten antwortet reden melden mitreden zaehlt gilt gelten stehen steht liegen liegt
-    a an the this that these those it its he she him her them they his their i im id ill ive we
-    wed weve us our you your youre yours me my of to in on at by be been being is are am do does
-    and or nor as so then also too just still please pls plz kindly thanks thank thx cheers mate
-    ok okay alright right hi hey hello there here now today ahead all whole entirely completely
-    totally altogether really simply better best rather maybe would could can may might must should
-    shall will lets let want wants wish need needs needed like love prefer have has had get gets got
-    give gives make makes made keep keeps kept put puts leave stay stays remain remains go goes
-    going come take taken set sure certain both each every one ones other others else more anymore
-    any anything some such same only use used using it swarm fleet team robot robots bot bots unit
-    units guy guys machine machines thing things number numbers nr no again game loop picture mix
-    group list round plan plans job work service duty action now for with from until till about up
-    down off over but until eh uh um er hm well yeah yes folks everyone everybody anybody anyone
-    nobody anybody temporarily permanently immediately straight away from moment time being least
-    damn bloody goddamn fucking whatever happens matter what question questions request requests
-    observations observation report reports decision decisions planning sensing perception asked
-    allowed permitted supposed to ought meant available useful able out please gonna gotta wanna
-    ein eine einen einem einer eines der die das den dem des dies diese diesen dieser dieses es er
-    sie ihn ihm ihr ihre ihren ihrem ihnen ich wir uns mir mich du ihr euch man wer was mein unser
-    zu zum zur im in am an auf von vom bei beim mit fuer und oder auch noch nur mal bitte danke
-    merci gern gerne halt eben doch ja ok okay also so dann jetzt nun heute gleich sofort erst
-    erstmal erst einmal ab ganz voellig komplett einfach lieber besser wirklich gar bis aus werden
-    wird werde wurde worden sein ist sind bin bist seid waere soll sollen sollt sollte sollten
-    solls kann kannst koennen koennt koennte koennten darf duerfen muss muessen muesst will wollen
-    wollt wuerde wuerden moechte moechten mag hab habe haben hat hast lass lasse lasst lassen laesst
-    bleibt bleib bleibe bleiben bleibts macht mach machen macht tut tun gibt geben nimmt nehmt
-    nehmen fragt fragen benutzt verwendet nutzt werden gelassen gemacht mehr jeder jede jeden alle
-    alles allen anderen andere anderer uebrigen schwarm flotte team roboter robotern ding kiste
-    nummer hier da dort daran dabei dafuer davon damit herum einsatz spiel runde liste planung
-    frage fragen anfrage anfragen beobachtungen daten vorerst vorlaeufig einstweilen derzeit gerade
-    momentan moment augenblick zeit lange solange unbedingt definitiv sowieso servus moin hallo
-    kannste koennste ned net nicht nich wenn geht moeglich leute jungs ihrs deshalb daher darum
-    deswegen therefore hence thus mind possible okey plus ja aufs ins sowie selbst allein""".split()  # noqa: SIM905
+    """sit sits sitting faellt faellst fallen weitermachen weiter machen arbeiten auskommen u ur ya
+    em s m limits limit order bounds reach hands fingers answer answers speak talk join
+    contribute respond reply cooperate feel feels well mine ours yours further till til line
+    side sight mind planen plane plant machs gehts machts hats ists ma mer net bissl
+    bisschen soviel antworten antwortet reden melden mitreden zaehlt gilt gelten stehen
+    steht liegen liegt a an the this that these those it its he she him her them they his
+    their i im id ill ive we wed weve us our you your youre me my of to in on at by be been
+    being is are am do does and or nor as so then also too just still please pls plz kindly
+    thanks thank thx cheers mate ok okay alright right hi hey hello there here now today
+    ahead all whole entirely completely totally altogether really simply better best rather
+    maybe would could can may might must should shall will lets let want wants wish need
+    needs needed like love prefer have has had get gets got give gives make makes made keep
+    keeps kept put puts leave stay stays remain remains go goes going come take taken set
+    sure certain both each every one ones other others else more anymore any anything some
+    such same only use used using swarm fleet team robot robots bot bots unit units guy guys
+    machine machines thing things number numbers nr no again game loop picture mix group
+    list round plan plans job work service duty action for with from until about up down off
+    over but eh uh um er hm yeah yes folks everyone everybody anybody anyone nobody
+    temporarily permanently immediately straight away moment time least damn bloody goddamn
+    fucking whatever happens matter what question questions request requests observations
+    observation report reports decision decisions planning sensing perception asked allowed
+    permitted supposed ought meant available useful able out gonna gotta wanna ein eine
+    einen einem einer eines der die das den dem des dies diese diesen dieser dieses es sie
+    ihn ihm ihr ihre ihren ihrem ihnen ich wir uns mir mich du euch man wer was mein unser
+    zu zum zur auf von vom bei beim mit fuer und oder auch noch nur mal bitte danke merci
+    gern gerne halt eben doch ja dann jetzt nun heute gleich sofort erst erstmal einmal ab
+    ganz voellig komplett einfach lieber besser wirklich gar bis aus werden wird werde wurde
+    worden sein ist sind bin bist seid waere soll sollen sollt sollte sollten solls kann
+    kannst koennen koennt koennte koennten darf duerfen muss muessen muesst wollen wollt
+    wuerde wuerden moechte moechten mag hab habe haben hat hast lass lasse lasst lassen
+    laesst bleibt bleib bleibe bleiben bleibts macht mach tut tun gibt geben nimmt nehmt
+    nehmen fragt fragen benutzt verwendet nutzt gelassen gemacht mehr jeder jede jeden alle
+    alles allen anderen andere anderer uebrigen schwarm flotte roboter robotern ding kiste
+    nummer hier da dort daran dabei dafuer davon damit herum einsatz spiel runde liste
+    planung frage anfrage anfragen beobachtungen daten vorerst vorlaeufig einstweilen
+    derzeit gerade momentan augenblick zeit lange solange unbedingt definitiv sowieso servus
+    moin hallo kannste koennste ned nicht nich wenn geht moeglich leute jungs ihrs deshalb
+    daher darum deswegen therefore hence thus possible okey plus aufs ins sowie selbst
+    allein""".split()  # noqa: SIM905
 )
 _DEFECTS = frozenset(
     """broken faulty defective damaged dirty blind tired slow hot wet scratch scratched dent dented

@@ -100,7 +100,7 @@ def others_role(text: str) -> Role | None:
     """What a clause says of the robots named beside it, by what it says of all the others."""
     if not cues.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
         return None
-    plain = cues.OTHERS.sub(" ", text)
+    plain = cues.OTHERS.sub(" ", text, count=1)
     if cues.BACKUP.search(plain):
         return "first"
     out = cues.OUT.search(plain) or cues.IDLE.search(plain)

@@ -248,7 +248,15 @@ class Rules:
         named = self._of(clause, "robot", "share", "network", "compute")
         if not others or (cues.PRONOUN.search(clause.text) and not named):
             role = robot_role(clause.text, alone=True)
-            sure = role not in ("out", "only") or not strange(clause.text, ailing=role == "out")
+            if (
+                role == "out"
+                and cues.OTHERS.search(clause.text)
+                and not cues.PRONOUN.search(clause.text)
+            ):
+                # It is the others who are out.
+                role = "doubt"
+            ailing = role == "out"
+            sure = role not in ("out", "only") or not strange(clause.text, ailing=ailing)
             if role is not None and not (sure and self._give(at, role, "robot")):
                 self._doubt(clause)
         if not self._of(clause, "place", "class") and not self._of(clause, "robot", "unknown"):

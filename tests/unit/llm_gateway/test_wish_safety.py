@@ -67,6 +67,7 @@ def test_an_operator_may_say_i(wish: str) -> None:
     ("wish", "only"),
     [
         ("let R1 and R2 do it, everyone else hands off", ("R1", "R2")),
+        ("use R1 and R2 and let the others rest", ("R1", "R2")),
         ("R1 and R2 do it, the others stay out", ("R1", "R2")),
         ("R3 soll ran, die anderen Finger weg", ("R3",)),
         ("R3 macht das, alle anderen bleiben draußen", ("R3",)),
