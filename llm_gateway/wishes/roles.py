@@ -18,6 +18,16 @@ _NOT_AT_ALL = re.compile(
     r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
     r"auf keinen fall|no)(?: bitte| please)?"
 )
+_SAVE_FOR = re.compile(r"\b(?:except|ausser|but|besides|bis auf)\b")
+_TURNED = re.compile(
+    r"\b(?:nobody|no ?one|keiner|niemand)\b(?: \w+){0,3} (?:skip|ignore|exclude|leave|drop|avoid|"
+    r"ROBOT (?:weg|aus|ignor)\w*)|\b(?:skip|ignore|exclude|drop|avoid) (?:nobody|no ?one|none)\b|"
+    r"\b(?:stop|quit|cease) (?:skipp|ignor|exclud|leav|avoid|omitt|dropp|bench)\w*|"
+    r"\b(?:should|could|would) have\b|\b(?:too|so|very) often\b|\bzu oft\b|\balways\b|\bimmer\b|"
+    r"\bthe only (?:one|robot|bot)\b|\b(?:is|are) left\b(?! out)|\bleft is\b|"
+    r"\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|das) einzigen?\b|\bout and about\b"
+)
+"""Words that turn around what is said of a robot, or tell how things are."""
 _AT = re.compile(
     r"\b(?:at|in|on|near|around|for|from|im|am|an|bei|beim|auf|fuer|vor|that|which|what|where)"
     r"(?: \w+){0,2} (?:PLACE|CLASS)\b|\b(?:PLACE|CLASS) (?:that|which|die|das|den)\b"
@@ -31,7 +41,8 @@ def bounds(text: str) -> str:
     return re.sub(
         r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|mehr|weniger)"
         r"(?: than| als|(?= SHARE))|"
-        r"\bno need\b|\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
+        r"\bno (?:need|matter|doubt|worries|rush|hurry|question|offen[cs]e)\b|"
+        r"\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
         r"\blike (?:to|ROBOT)\b",
         "BOUND",
         text,
@@ -46,6 +57,8 @@ def negated(text: str) -> bool:
 def robot_role(text: str, *, alone: bool = False) -> Role | None:
     """What a clause says of the robot that it names; `alone`: it names none."""
     if cues.CONTRAST.search(text):
+        return "doubt"
+    if _turned(text):
         return "doubt"
     if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
         return "only"
@@ -80,6 +93,17 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
 
 def _plain_out(text: str) -> bool:
     return len(text.split()) <= SHORT
+
+
+def _turned(text: str) -> bool:
+    """Whether words turn around what a clause says of a robot, or only report it."""
+    if _TURNED.search(text):
+        return True
+    rest = text.replace("ALLBUT", " ")
+    if rest == text:
+        every = re.search(r"\b(?:all|alle|every\w*)\b", text) and _SAVE_FOR.search(text)
+        rest = _SAVE_FOR.sub(" ", text) if every else ""
+    return bool(cues.OUT.search(rest)) or (rest != "" and negated(rest))
 
 
 def certain(text: str, role: Role) -> bool:
