@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
 
 _SOFT = {"place", "class", "network", "compute"}

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from llm_gateway.wishes.cues import KNOWN, SPELLING
-from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.words import alike
 
 _ENDS = {".", ";", "!", "?", "\n"}
 _BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "doch", "then", "dann",
-           "because", "while", "so", "denn", "weil", "though", "although", "as", "damit", "whereas",
-           "also", "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
+           "because", "while", "sondern", "so", "denn", "weil", "though", "although", "as",
+           "damit", "whereas", "also", "adn", "udn", "since",
+           "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
+_PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however"}
+"""Behind a name alone they go on with its clause: "R2 aber nicht"."""
+_ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _CAPITALS = {
     "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
     "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
@@ -43,6 +48,8 @@ class Clause:
     """Whether its sentence ends in a question mark."""
     opens: bool
     """Whether its sentence begins with it."""
+    opener: str
+    """The word or sign that parts it from what is before."""
     first: int
     last: int
     """Its words."""
@@ -54,7 +61,7 @@ def clauses(text: Text) -> list[Clause]:
     found: list[Clause] = []
     pieces: list[str] = []
     numbers: list[int] = []
-    begin, sentence, opens = 0, 0, True
+    begin, sentence, opens, opener = 0, 0, True, ""
     at = 0
     while at <= len(text.words):
         word = text.words[at].text if at < len(text.words) else "\n"
@@ -70,21 +77,19 @@ def clauses(text: Text) -> list[Clause]:
             if pieces:
                 clause = _whole(" ".join(pieces))
                 found.append(
-                    Clause(clause, tuple(numbers), sentence, word == "?", opens, begin, at)
+                    Clause(clause, tuple(numbers), sentence, word == "?", opens, opener, begin, at)
                 )
-                opens = False
+                opens, opener = False, ""
             if ends:
                 sentence += 1
                 opens = True
+            opener = "" if ends else word if opener in {"", ","} else opener
             pieces, numbers, begin = [], [], at + 1
         elif word != ",":
             pieces.append(_spelt(word))
         at += 1
     asked = {clause.sentence for clause in found if clause.asked}
-    return [
-        Clause(c.text, c.mentions, c.sentence, c.sentence in asked, c.opens, c.first, c.last)
-        for c in found
-    ]
+    return [replace(clause, asked=clause.sentence in asked) for clause in found]
 
 
 def _capital(mention: Mention) -> str:
@@ -103,6 +108,9 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     """Whether a word that parts clauses belongs to "all but", "as little", "low-priority"."""
     word = text.words[at].text
     before = " ".join(pieces[-3:])
+    alone = set(pieces) - _ARTICLES
+    if word in _PARTICLES and len(alone) == 1 and alone <= {"ROBOT", "PLACE", "CLASS"}:
+        return all(mention.first != at + 1 for mention in text.mentions)
     if word == "but":
         return bool(re.search(r"\b(?:all|every\w*|any\w*|nobody|no ?one|none|nothing|ones|robots?|"
                               r"others?|else)$", before))  # fmt: skip
@@ -113,7 +121,13 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
         # What is wished of "that R3 is asked" stands before it.
         following = text.words[at + 1].text if at + 1 < len(text.words) else ""
         return following in {"dass", "that"} or (following == "wenn" and "waere" in pieces)
-    return word == "as"
+    if word == "so":
+        following = text.words[at + 1].text if at + 1 < len(text.words) else ""
+        measured = {"much", "many", "far", "long", "viel", "viele", "wenig", "lange", "oft", "gut"}
+        return pieces[-1:] in (["not"], ["nicht"], ["dont"]) or following in measured
+    if word == "since":
+        return any(mention.first <= at < mention.last for mention in text.mentions)
+    return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}
 
 
 def _whole(text: str) -> str:

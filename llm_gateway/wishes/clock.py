@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import date, datetime, timedelta
+from datetime import date
 
 from llm_gateway.wishes.numbers import whole
 from llm_gateway.wishes.words import Word
@@ -23,14 +23,18 @@ PARTS = {
 }  # fmt: skip
 """The hour at which a part of the day begins."""
 _EXACT = {"noon", "midday", "mittag", "midnight", "mitternacht", "lunch", "lunchtime"}
-_DAYS = {"today": 0, "heute": 0, "tonight": 0, "tomorrow": 1, "morgen": 1, "uebermorgen": 2}
+_DAYS = {"today": 0, "heute": 0, "heut": 0, "tonight": 0, "tomorrow": 1, "morgen": 1,
+         "uebermorgen": 2}  # fmt: skip
 _WEEKDAYS = (
     ("monday", "montag"), ("tuesday", "dienstag"), ("wednesday", "mittwoch"),
     ("thursday", "donnerstag"), ("friday", "freitag"), ("saturday", "samstag"),
     ("sunday", "sonntag"),
 )  # fmt: skip
 _PAST = {"yesterday", "gestern", "vorgestern"}
-_NOISE = {"at", "um", "the", "in", "am", "on", "this", "ca", "circa", "about", "around", "etwa",
+_LAST = {"last", "letzte", "letzten", "letzter", "vergangene", "vergangenen"}
+_THIS = {"this", "diesen", "dieser", "diesem"}
+_NOISE = {"at", "um", "the", "in", "am", "on", "this", "diesen", "dieser", "diesem",
+          "ca", "circa", "about", "around", "etwa",
           "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
           "punkt", "next"}  # fmt: skip
 _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
@@ -75,69 +79,6 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
     return None if end == at else (found, end)
 
 
-def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
-    """The time that is meant, later than `after`; None where there is none, or several.
-
-    `now` says what today is, and the time zone.
-    """
-    if point.impossible or (point.hour is None and not point.part):
-        return None
-    hours = _hours(point)
-    today = datetime(now.year, now.month, now.day, tzinfo=now.tzinfo)
-    if point.date is not None:
-        day = datetime(point.date.year, point.date.month, point.date.day, tzinfo=now.tzinfo)
-        return _first(_on(day, hours, point.minute), after)
-    if point.weekday is not None:
-        day = today + timedelta(days=(point.weekday - today.weekday()) % 7)
-        best = _first(_morning_first(_on(day, hours, point.minute)), after)
-        later = _on(day + timedelta(days=7), hours, point.minute)
-        return best or _first(_morning_first(later), after)
-    if point.days:
-        day = today + timedelta(days=point.days)
-        return _first(_morning_first(_on(day, hours, point.minute)), after)
-    if point.days == 0:
-        # The night goes on after midnight: "tonight at one", "until midnight".
-        night = _on(today, hours, point.minute)
-        if point.part in {"tonight", "night", "nacht"} and hours[0] < 6:
-            night = _on(today + timedelta(days=1), hours, point.minute)
-        return _first(night, after)
-    days = (today + timedelta(days=n) for n in range(3))
-    return _first([time for day in days for time in _on(day, hours, point.minute)], after)
-
-
-def _hours(point: Point) -> list[int]:
-    """The hours of 24 that a point may mean."""
-    if point.hour is None:
-        return [PARTS[point.part]]
-    if point.exact or point.hour > 12 or point.hour == 0:
-        return [point.hour]
-    early, late = point.hour % 12, point.hour % 12 + 12
-    match point.part:
-        case "morning" | "frueh" | "morgens" | "nachts":
-            return [early]
-        case "tonight" | "night" | "nacht":
-            return [late] if point.hour in range(5, 12) else [early if early else 24]
-        case "":
-            return [early, late]
-        case _:
-            return [late]
-
-
-def _on(day: datetime, hours: Sequence[int], minute: int) -> list[datetime]:
-    """On the wall clock of a day; 24 is the next day's midnight."""
-    return [
-        (day + timedelta(days=hour // 24)).replace(hour=hour % 24, minute=minute) for hour in hours
-    ]
-
-
-def _morning_first(times: list[datetime]) -> list[datetime]:
-    return sorted(times, key=lambda time: time.hour < 6) if len(times) > 1 else times
-
-
-def _first(times: Sequence[datetime], after: datetime) -> datetime | None:
-    return next((time for time in times if time > after), None)
-
-
 def _text(words: Sequence[Word], at: int) -> str:
     return words[at].text if 0 <= at < len(words) else ""
 
@@ -152,6 +93,9 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
     text = words[at].text
     if text in _PAST:
         return replace(found, impossible=True, part=found.part or "noon"), at + 1
+    following = _text(words, at + 1)
+    if text in _LAST and (following in PARTS or any(following in names for names in _WEEKDAYS)):
+        return replace(found, impossible=True, part=found.part or "noon"), at + 2
     if dated := _date(words, at):
         return replace(found, date=dated), at + 5
     for number, names in enumerate(_WEEKDAYS):
@@ -186,7 +130,8 @@ def _part(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | N
         return None
     if found.hour is not None and text in {"lunch", "lunchtime"}:
         return found, at + 1
-    return replace(found, part=text), at + 1
+    days = 0 if _text(words, at - 1) in _THIS and found.days is None else found.days
+    return replace(found, part=text, days=days), at + 1
 
 
 def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Literal, TypeVar
 
-from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
 from llm_gateway.wishes.times import When
 from swarm.messages.intent import Focus, Intent

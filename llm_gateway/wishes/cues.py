@@ -13,16 +13,39 @@ def _any(*patterns: str) -> re.Pattern[str]:
 
 
 NOT = _any(
+    "havent", "hasnt", "hardly", "neva", "niemals mehr", "nimmer", "net", "nich", "nee", "nope",
+    "nimma", "keinerlei", "keines", "keinesfalls", "auf gar keinen fall",
+    "under no circumstances", "not at all", "in no case", "unter keinen umstaenden",
     "dont", "do not", "doesnt", "does not", "never", "not", "no", "cannot", "cant", "must ?nt",
     "neednt", "shouldnt", "arent", "isnt", "wont", "neither", "nicht", "ned", "net", "nie",
     "niemals", "kein", "keine", "keinen", "keiner", "keinem", "keinesfalls", "keineswegs",
     "nichts", "nix", "auf keinen fall", "didnt", "need ?nt",
 )  # fmt: skip
 OUT = _any(
+    r"ground\w*", "park", "parked", "parking", r"sideline\w*", r"shelve\w*", "sleep", "sleeps",
+    "sleeping", "stand down", "stands down", "stand by", r"ditch\w*", "axe", r"unplug\w*",
+    r"retire\w*", r"quarantine\w*", r"blacklist\w*", r"suspend\w*", r"withdraw\w*", "day off",
+    "cut out", "rule out", "count out", "take out", "opt out", "make do without", "do without",
+    "get by without", "go without", "manage without", "unavailable", "not available", "inactive",
+    "deactivated", "disabled", "lock out", "locked out", "leave behind", r"stays? home",
+    "at home", "knock off", "scrap", "turn off", "switch off", "standby", r"park\w*t", "geparkt",
+    "parken", "abmelden", "abgemeldet", r"aussortier\w*", "rauswerfen", "rauswirf", "wirf raus",
+    r"rausschmeiss\w*", r"schmeiss\w* raus", r"kick\w*", "wegfallen", "entfaellt",
+    r"ausklammer\w*", r"klammer\w* aus", "abziehen", "abgezogen", "aussetzen", "setzt aus",
+    "aussetzt", "pausiert", "schlafen", "schlaeft", r"kaltstell\w*", "kaltgestellt",
+    r"blockier\w*", r"stillleg\w*", "stillgelegt", r"deaktivier\w*", "ausgeschaltet",
+    "ausschalten", r"schalt\w* ab", "abgeschaltet", "abstellen", "abgestellt", r"abzieh\w*",
+    "herausnehmen", "rausgenommen", "herausgenommen", "weggelassen", "ausgelassen",
+    "ausgeschlossen", "ausgenommen", "ausgespart", "aussparen", "fernbleiben", "wegbleiben",
+    "wegbleibt", "raushalten", "nicht verfuegbar", "ausser dienst", "off duty", "out of service",
+    "out of action", "ausser betrieb", "im urlaub", "haende weg", "fern halten", "liegen lassen",
+    "links liegen", "stehen lassen", "stehenlassen", "zu hause", "nix von", "nichts wissen",
+    "absehen", "verzichten", "verzichtet",
     r"skip\w*", r"ignor\w*", r"exclud\w*", "drop", "dropping", "omit", "bench", "disable",
     "deactivate", "avoid", "remove", "without", "except", "besides", "excluding", "out", "off",
     "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
-    r"stop \w*", "in peace", r"(?:leave|let|leaving|lev|leaf) .*\b(?:alone|be|it|them|him)",
+    r"stop \w*", "in peace", r"(?:leave|leaving|lev|leaf|let) .*\b(?:alone|be|rest|sleep)",
+    r"(?:leave|leaving|lev|leaf) (?:it|them|him|her)", "let it", "let them", "let him",
     "leave ROBOT", "leave it", "alone",
     r"left (?:alone|out|in peace|off|aside)", "ruhe gelassen", "nothing from", "nichts von",
     "zufrieden", "ruhe", "mit ausnahme", "with the exception",
@@ -40,6 +63,13 @@ OUT = _any(
     "rausnehmen", "auszulassen", "lahmlegen", "stilllegen", "beiseite", "fern", "ruhen",
 )  # fmt: skip
 UNUSED = _any(
+    "plan on", "schedule", "scheduled", "assign", "deploy", "pick", "choose", "select", "rely on",
+    "einplanen", "eingeplant", "verplanen", r"beruecksichtig\w*", "einbinden", "eingebunden",
+    "ansprechen", "angesprochen", r"heranzieh\w*", "herangezogen", r"hinzuzieh\w*", "zuziehen",
+    r"beizieh\w*", r"auswaehl\w*", "waehlen", "waehl", "zaehlen auf", "verlassen", "bauen",
+    "setzen", "hoeren", "rufen", "anrufen", r"kontaktier\w*", "abfragen", "befragen",
+    r"behellig\w*", "einspannen", r"beanspruch\w*", "mitwirken", "mitspielen", r"mitzieh\w*",
+    "ran", "dran", "drannehmen", "schicken", "losschicken", "zum einsatz",
     r"us(?:e|ed|ing)", "ask", "asked", "asking", "bother", "touch", "take", "include", "call",
     "query", "disturb", "count on", "consult", "consulted", "poll", "want", "need", "depend",
     "listen", "trust", "employ", "bothered", "disturbed", "let", "go", "fragt", r"bemueh\w*",
@@ -53,6 +83,11 @@ UNUSED = _any(
 )  # fmt: skip
 """What is done with a robot; with a negation, it is left out."""
 ONLY = _any(
+    "just ROBOT", "purely", "merely", "nothing but", "and thats it", "and thats all", "sole",
+    "alone may", "and no other", "and no others", "none of the others", r"und sonst keine[rn]?",
+    r"und keine[rn]? sonst", "und kein anderer", "und keinen anderen", "blos", "allein ROBOT",
+    "nix anderes", "niemanden sonst", "kein anderer", "keine andere", "und fertig", "und basta",
+    "bloss ROBOT", "einzig und allein", r"beschraenk\w* .*\bauf ROBOT",
     "only", r"(?:limit|restrict|confine|reduce)\w* .*\bto ROBOT", "stick with", "stick to",
     "keep to", "solely", "exclusively", "exclusive",
     "NOBODYBUT", "nobody else", "no one else",
@@ -64,6 +99,10 @@ ONLY = _any(
 )  # fmt: skip
 JUST = _any("just", "bloss", "purely", "merely")
 FIRST = _any(
+    "first choice", "first pick", "top choice", "favourite", "favorite", "preferably",
+    "over the others", "over all others", "over the rest", "before anybody", "vor den anderen",
+    "erste adresse", r"favorit\w*", "als erste", "zu allererst", "zuallererst", "vorziehen",
+    "vorgezogen", r"ziehe? vor", "den vortritt", "vortritt", "vorfahrt", "geht vor", "gehen vor",
     "first", r"prefer\w*", "rather", "priority", "prioriti[sz]e", r"favou?r\w*", "before everyone",
     "before everybody", "before the others", "before the rest", "before all", "before anyone",
     "start with", "at the top", "top of", "ideally", "begin with", "as first", "ahead of",
@@ -74,12 +113,67 @@ FIRST = _any(
     "erster", "als erster", "wann immer moeglich", "go ahead of",
     "allen voran", "erste",
 )  # fmt: skip
-POSSIBLY = _any("if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
+POSSIBLY = _any(
+    "lean on", "lean more on", "go to", "goto", "go for", "turn to", r"where(?:ver)? you can",
+    r"where(?:ver)? possible", "mainly", "mostly", "chiefly", "above all", "vor allem",
+    "as often as possible", "as much as possible", "whenever it works", "gern", "gerne",
+    "for starters", "first of all", "wo es geht", "wo moeglich", "so oft es geht",
+    "so oft wie moeglich", "erstmal", "hauptsaechlich", "vornehmlich", "in erster linie",
+    "default to", "best bet", "if it works", "if it is possible", "if at all possible",
+    "wenns geht", "wenns klappt", "wenns passt", "wenn es klappt", "wenn es passt",
+    "sofern moeglich", "nach moeglichkeit", "where you can", "where possible",
+    "wherever possible",
+"if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
                 "whenever possible", "whenever you can", "wann immer moeglich",
                 "falls moeglich")  # fmt: skip
 """A preference of what is named, or politeness beside another cue."""
+NOT_BUT_OUT = _any(
+    "nichts hoeren", "nichts wissen", "nicht dabei", "no go", "nicht verfuegbar", "not available",
+    "nothing from", "nichts von", "nix von", "nix wissen", "nix hoeren", "nichts mehr hoeren",
+)  # fmt: skip
+"""Negations that mean "out", rather than negate it."""
+OVER_OTHERS = re.compile(
+    r"\b(?:over|before|ahead of|rather than|vor|lieber als) "
+    r"(?:(?:all|the|den|allen|everyone) ){0,2}"
+    r"(?:rest|others?|anderen|else|uebrigen|everyone)\b"
+)
+OTHERS = _any(
+    r"(?:every|any) ?(?:one|body|thing|robot) else",
+    r"(?:all |alle )?(?:the |die |den |der )?(?:rest|others?|other (?:ones|robots|bots)|remaining"
+    r"(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?", "alle andern",
+)  # fmt: skip
+"""All robots but those that are named beside them."""
+BACKUP = _any(
+    r"back ?ups?", "reserve", "fallback", "second", "secondary", "if needed", "if necessary",
+    "as needed", "when needed", "notfalls", "im notfall", "zur not", "ersatz", "danach",
+    "afterwards", "later", "spaeter", "zweite wahl", "second choice", "hinten an", "hintenan",
+    "erst danach", "nachrangig", "last", "zuletzt", "in reserve", "in an emergency", "as a spare",
+    "bei bedarf", "nachher", "erst dann", "next", "after that",
+)  # fmt: skip
+"""Said of the others: who is named comes first."""
+IDLE = _any(
+    "hands off", "stay put", "stay out", "stand by", "stand down", "idle", "quiet", "silent",
+    "keep quiet", "wait", "sleep", "rest", "warten", "schlafen", "still", "sit out", "keep out",
+    "hold still", "go home", "pausieren", "schweigen", "nothing", "nichts", "stumm",
+)  # fmt: skip
+"""Said of the others: only who is named is asked."""
 LAST = _any("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
 HIGH = _any(
+    r"(?:is|are|sind|ist) (?:really |very |sehr )?hot", r"hot ?spots?", r"hawk\w*", "sharp",
+    "sharper", "harder", "closer", "peeled", r"vigilan\w*", r"scrutin\w*", r"inspect\w*",
+    "keep tabs", "tabs", "top", "main thing", "mainly", "mostly", "matters most", "most of all",
+    "especially", "particularly", "particular", "extra", "prime", "primary", "urgent", "foremost",
+    "focal", r"hotspots?", "decisive", "significant", r"highlight\w*", "stare", "gaze",
+    "spotlight", "survey", r"surveill\w*", r"patrol\w*", "pay", "zoom in", "all over",
+    "vor allem", "vor allen", "insbesondere", "hauptsaechlich", "besondere", "besonderes",
+    "besonderen", "vorfahrt", "vortritt", "an erster stelle", "erster stelle", "oberste",
+    "hoechste", "hinsehen", "hingucken", "hinguckt", "hinschaut", "anschauen", "anschaut",
+    "ansehen", "anseht", "angucken", r"beachte\w*", "beaugen", r"beaeug\w*", "obacht", "wachsam",
+    "scharf", "schaerfer", "genaustens", "genauestens", "brandgefaehrlich", "brenzlig", "heikel",
+    "brisant", "brennt", "am herzen", r"priorisier\w*", "vorzug", "spannend", "augenmerk",
+    r"hinschau\w*", "aufzupassen", "zu achten", r"verfolg\w*", r"kontrollier\w*", "sichern",
+    "absichern", "behaltet", r"hervorheb\w*", r"hab\w* ein auge", "vorziehen", r"gut sicht\w*",
+    "drauf", r"dringend\w*", "im fokus", "fokus", r"wesentlich\w*", "essenziell", "zentral",
     "ruecksicht", r"above (?:all|everything|anything)", "more weight", "gewicht", "weight",
     r"vorrangig\w*",
     r"ueber alles?", "oefter", "haeufiger", "genau", "genauer", "sicherheit", "pay heed", "heed",
@@ -103,6 +197,20 @@ HIGH = _any(
     "pass", "schuetzen", "schuetz", "sorgen", "hauptsache", "kritisch", "schwerpunkt", "blick",
 )  # fmt: skip
 LOW = _any(
+    r"brauch\w* (?:keiner|niemand)", r"interessier\w* (?:keinen|niemanden)", "nobody needs",
+    "dont care", "do not care", "couldnt care less", "not so much", "not that much",
+    "not as much", "not really", "not a priority", "doesnt count", "can wait", "could wait",
+    "may wait", "warten", "kann warten", "koennen warten", "not worth", "not interested",
+    "no interest", "leave out", "out of scope", "off the radar", "back burner", "unattended",
+    r"deprioriti[sz]e\w*", "low priority", "dull", "deserted", "trivial", "immaterial",
+    "beside the point", "no matter", "let slide", "relax about", "unimportant", "superfluous",
+    "nobody there", "kein interesse", "nicht so", "nicht sonderlich", "nicht besonders",
+    r"hintanstell\w*", r"hintenan\w*", r"zurueckstell\w*", "weglassen", "auslassen",
+    r"ausblend\w*", "zu vergessen", "unbedeutend", "unbeachtet", r"uebergeh\w*", "uebersehen",
+    "unbeobachtet", "nebensache", "unnoetig", r"langweilig\w*", r"unwesentlich\w*", "abhaken",
+    "knicken", "aussparen", "zu vernachlaessigen", "geschenkt", "piepegal", "scheissegal",
+    "latte", "pupsegal", "kuemmert keinen", "juckt keinen", "juckt niemanden", r"zweitrangig\w*",
+    r"nachrangig\w*",
     "fewer", "lose sight", "lose track", "aus den augen", "aus dem auge", "unimportant",
     "irrelevant",
     "uninteresting", r"neglect\w*", r"ignor\w*", "forget",
@@ -116,6 +224,20 @@ LOW = _any(
     "zweitrangig", r"verzicht\w*", "nachrangig", "pfeif", "bedeutungslos",
 )  # fmt: skip
 SAVE = _any(
+    "ease", "eases", "easing", "ease off", "ease up", "load off", "strain off", "pressure off",
+    "weight off", "off the", "back off", "dial down", "dial back", "scale back", "cut back",
+    "cut down", "hold back", "tone down", "turn down", "rein in", r"trim\w*", r"shrink\w*",
+    r"restrain\w*", "restraint", r"modest\w*", r"moderate\w*", r"sparse\w*", "precious",
+    "as little", "not so much", "not too much", "too much",
+    "slim", "keep it small", "keep it low", "smaller", "fewer", "careful",
+    "carefully", "mindful", r"curb\w*", r"alleviat\w*", "unload", "offload", "lean",
+    "dont overdo", "budget", r"economical\w*", r"sparing\w*", r"gering\w*", "geringhalten",
+    r"minimier\w*", r"einschraenk\w*", r"schraenk\w*", "zurueckfahren", "runterfahren",
+    "herunterfahren", r"zurueckhalt\w*", "zurueckhaltend", "behutsam", "vorsichtig", "massvoll",
+    "sparflamme", "kuerzer treten", "schonung", "nicht so viel", "nicht zu viel",
+    "nicht soviel", "nicht zuviel", "so wenig", "moeglichst wenig", "ressourcenschonend",
+    "haushaltet", "sorgsam", "kostbar", "runterschrauben", "zurueckschrauben",
+    "drosseln", r"abspeck\w*", "saeubern", "klein halten", "kleinhalten",
     "minimum", "minimal", "save", "saving", "saves", "spare", "sparing", r"econom\w*", "thrifty",
     "thrift", r"conserv\w*",
     r"reduc\w*", "lower", "less", "little", "easy", "cut", r"minimi[sz]e\w*", "low", "down",
@@ -146,20 +268,113 @@ AT_MOST = _any(
 FREE = _any("free", "reserve", "reserved", "frei", "freihalten", r"reservier\w*", "freilassen",
             "leave", "others", "andere", "anderen", "unused", "untouched", "spare")  # fmt: skip
 """The part is that which is kept for others."""
-WASTE = _any("waste", r"wasting", r"verschwend\w*", r"vergeud\w*", "squander")
+WASTE = _any(
+    "short on",
+    "short of",
+    "running low",
+    "tight on",
+    "scarce",
+    "knapp",
+    "rar",
+    "eng",
+    r"hammer\w*",
+    r"flood\w*",
+    r"clog\w*",
+    r"hog",
+    r"hogs",
+    r"hogging",
+    r"saturat\w*",
+    r"overload\w*",
+    r"overus\w*",
+    "max out",
+    r"maxing",
+    r"chok\w*",
+    r"swamp\w*",
+    r"burden\w*",
+    r"strain\w*",
+    r"stress\w*",
+    r"tax\w*",
+    r"congest\w*",
+    r"exhaust\w*",
+    r"jam\w*",
+    "eat up",
+    "eating up",
+    "burn",
+    "burning",
+    r"ueberlast\w*",
+    r"belast\w*",
+    r"zumuell\w*",
+    r"verstopf\w*",
+    r"strapazier\w*",
+    r"vollmach\w*",
+    "volldroehnen",
+    "zuballern",
+    r"ueberfluten",
+    r"ueberfordern",
+    "dicht machen",
+    "zumachen",
+    r"verbrat\w*",
+    "verheizen",
+    r"ueberstrapazier\w*",
+    "waste",
+    r"wasting",
+    r"verschwend\w*",
+    r"vergeud\w*",
+    "squander",
+)
 """With a negation: save."""
 AGAIN = _any("again", "back", "wieder", "undo", "cancel",
              "revert", "zurueck", "return")  # fmt: skip
 """Takes back rather than wishes."""
-PRONOUN = _any("it", "them", "him", "they", "ihn", "ihm", "these", "those", "this one")
-PAST = _any("was", "were", "had", "did", "wurde", "wurden", "hatte", "hatten", "used to",
+STOP = _any("stop", "quit", "cease", "lay off", "enough", "schluss", "aufhoeren", "no more",
+            "avoid", "less", "weniger", r"vermeid\w*")  # fmt: skip
+"""With waste: save."""
+BOTH = _any("both", "pair", "the two", "the lot", "beide", "beiden", "these two", "die zwei",
+            "all of them", "all three", "alle drei", "neither", "either of them", "sie alle",
+            "keinen von ihnen", "keinen von beiden")  # fmt: skip
+"""Several that were named one by one."""
+PRONOUN = _any(
+    "both",
+    "the pair",
+    "the two",
+    "beide",
+    "beiden",
+    "her",
+    "that one",
+    "diesen",
+    "it",
+    "them",
+    "him",
+    "they",
+    "ihn",
+    "ihm",
+    "these",
+    "those",
+    "this one",
+)
+PAST = _any(
+    r"(?:we|they|i|wir) (?:used|asked|left|skipped|ignored|watched|nutzten)",
+    "was", r"(?<=[a-zA-Z] )were", "had", "did", "wurde", "wurden", "hatte", "hatten",
+    "used to",
             "has been", "have been", "been", "yesterday", "war", "waren",
             "gestern", "went", "took", "didnt", "wasnt", "worden")  # fmt: skip
+POLITE = re.compile(
+    r"\b(?:i was (?:wondering|hoping)|i wanted to ask|ich wollte (?:fragen|bitten)|"
+    r"it would be (?:nice|great|good)|ich waere dankbar|waert ihr so nett)"
+    r"(?: (?:if|whether|that|ob|wenn|dass))?\b"
+)
+"""Opens a wish as if it told or asked something."""
+TOLD = re.compile(
+    r"\b(?:got|had|broke|fell|failed|lost|hit|crashed|came|started|stopped|hat|"
+    r"haben|hatte|wurde|war|seit|since|kam|fiel|was|were)\b(?! (?:to|zu)\b)"
+)
+"""Tells what happened, beside a time that is over."""
 QUESTION = re.compile(
     r"^(?:what(?! (?:matters|counts|is important|i (?:want|need)))|which|who|whom|whose|why|how|"
-    r"when|where|is|are|am|does|did|has|have|should|shall|"
+    r"when|where|is|are|am i|does|did|has|have|should|shall|"
     r"was|"
-    r"were|do (?:you|we|i|they)|can (?:i|we|r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
+    r"were (?:you|they|there|those|these|ROBOT)|"
+    r"do (?:you|we|i|they)|can (?:i|we|r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
     r"wie|was(?! (?:zaehlt|wichtig))|warum|wer|wen|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|"
     r"sollen|sollte|ist|sind|"
     r"wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|koennen wir|bist|weisst)\b"

@@ -12,9 +12,36 @@ def _set(text: str) -> frozenset[str]:
 
 CLASSES = {
     "person": "person persons people human humans folks folk worker workers pedestrian pedestrians "
-    "men staff employees colleagues personen mensch menschen leute leuten arbeiter arbeitern "
+    "men women staffers personnel staff employees colleagues "
+    "personen mensch menschen leute leuten arbeiter arbeitern "
     "mitarbeiter mitarbeitern kollegen fussgaenger fussgaengern passanten",
-    "box": "box boxes carton cartons karton kartons kiste kisten schachtel schachteln",
+    "animal": "animal animals dog dogs cat cats bird birds tier tiere tieren hund hunde hunden",
+    "bed": "bed beds bett betten krankenbett krankenbetten",
+    "wheelchair": "wheelchair wheelchairs rollstuhl rollstuehle rollstuehlen",
+    "container": "container containers containern",
+    "luggage": "luggage baggage suitcase suitcases bag bags gepaeck koffer koffern gepaeckstuecke",
+    "tug": "tug tugs tractor tractors schlepper schleppern",
+    "van": "van vans transporter transportern",
+    "bus": "bus buses busse bussen",
+    "train": "train trains zug zuege zuegen",
+    "motorcycle": "motorcycle motorcycles motorbike motorbikes motorrad motorraeder",
+    "trailer": "trailer trailers anhaenger anhaengern",
+    "machine": "machine machines maschine maschinen",
+    "conveyor": "conveyor conveyors foerderband foerderbaender band baender",
+    "cone": "cone cones pylone pylonen huetchen kegel",
+    "ladder": "ladder ladders leiter leitern",
+    "child": "child children kid kids kind kinder kindern",
+    "patient": "patient patients patienten",
+    "visitor": "visitor visitors guest guests besucher besuchern gast gaeste gaesten",
+    "chair": "chair chairs stuhl stuehle stuehlen",
+    "table": "table tables tisch tische tischen",
+    "tool": "tool tools werkzeug werkzeuge werkzeugen",
+    "cable": "cable cables kabel kabeln",
+    "robot": "robots roboter robotern",
+    "agv": "agv agvs fts amr amrs",
+    "ship": "ship ships boat boats vessel vessels schiff schiffe boot boote",
+    "box": "box boxes parcel parcels package packages paket pakete paketen "
+    "carton cartons karton kartons kiste kisten schachtel schachteln",
     "pallet": "pallet pallets palette paletten",
     "forklift": "forklift forklifts stapler staplern gabelstapler gabelstaplern",
     "truck": "truck trucks lorry lorries lkw lkws laster lastwagen",
@@ -63,11 +90,16 @@ HEADS = {
 """By one word of a place's own name."""
 
 NETWORK = _set(
+    "wifi fi wlan uplink downlink lan lte mobilfunk internet ethernet backhaul throughput "
+    "durchsatz datenrate datenmenge datenvolumen datenverbindung datenleitung funknetz "
+    "funkverbindung funkstrecke datennetz mesh leitungen verbindungen spectrum "
     "bandwidth bandwith bandwdith link links network net traffic channel radio airtime connection "
     "bandbreite bandbrite bandbreiten netz netzes netzwerk leitung verbindung kanal funk funkkanal "
     "uebertragung datenverkehr verkehr daten data bytes"
 )
 COMPUTE = _set(
+    "cpus gpus cores kerne chips board bordrechner grafikkarte grafikkarten rechenkapazitaet "
+    "rechnerleistung recheneinheit recheneinheiten prozessorlast prozessorleistung computern "
     "compute cpu computing computation computations processing processor processors computer "
     "computers calculation gpu rechenleistung rechner rechnern rechenzeit rechnen prozessor "
     "prozessoren rechenaufwand rechenlast"

@@ -2,59 +2,25 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal
 
 from llm_gateway.wishes import lexicon
-from llm_gateway.wishes.numbers import Share, share_at, whole
-from llm_gateway.wishes.times import When, when_at
-from llm_gateway.wishes.words import Word, alike, key, words
+from llm_gateway.wishes.finder import LIST, Finder
+from llm_gateway.wishes.mention import Kind, Mention
+from llm_gateway.wishes.words import Word, words
 from swarm.messages.intent import Site
 
-Kind = Literal[
-    "robot", "place", "class", "share", "time", "network", "compute", "policy", "unknown"
-]
-_LIST = {
-    ",",
-    "and",
-    "or",
-    "und",
-    "oder",
-    "&",
-    "/",
-    "+",
-    "sowie",
-    "plus",
-    "nor",
-    "noch",
-    "as",
-    "well",
-}
-_ARTICLES = {"the", "den", "die", "der", "dem", "das"}
-_RANGE = {"to", "through", "thru", "bis", "-", "–", ".."}
-_PLURALS = ("s", "es", "n", "en", "e", "er", "ern", "r")
-_NO_NAMES = frozenset(
-    """% percent prozent per minutes minute hours hour min h uhr am pm oclock minuten
-    stunden""".split()  # noqa: SIM905
+_ARTICLES = {"the", "teh", "hte", "den", "die", "der", "dem", "das"}
+_VERBS = frozenset(
+    """i we you is isnt are arent can cant cannot do dont does doesnt should shouldnt may must stays
+    stay needs need not no kann koennen darf duerfen ist sind bleibt bleiben soll sollen muss
+    muessen interessiert interessieren nicht nich ned kein egal ich wir ihr brauchen brauche
+    brauchts gehen geht matter matters dagegen less weniger please bitte""".split()  # noqa: SIM905
 )
-"""Behind a number they say that it is no robot's."""
-_NUMBERED = re.compile(r"\d+")
-
-
-@dataclass(frozen=True, slots=True)
-class Mention:
-    """Something that a wish names, from word `first` up to, not including, word `last`."""
-
-    kind: Kind
-    first: int
-    last: int
-    names: tuple[str, ...] = ()
-    """The site's own; the policy's."""
-    share: Share | None = None
-    when: When | None = None
+"""Behind a name they begin to say something of it alone."""
+_POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +39,7 @@ class Text:
 def find(wish: str, site: Site, now: datetime) -> Text:
     """What a wish names. `now`: with a time zone."""
     cut = words(wish)
-    finder = _Finder(cut, site)
+    finder = Finder(cut, site)
     found: list[Mention] = []
     at = 0
     while at < len(cut):
@@ -86,206 +52,6 @@ def find(wish: str, site: Site, now: datetime) -> Text:
     return Text(wish, tuple(cut), tuple(_joined(cut, found)))
 
 
-class _Finder:
-    def __init__(self, cut: Sequence[Word], site: Site) -> None:
-        self._words = cut
-        self._robots = {key(name): name for name in site.robots}
-        self._numbers = {
-            digits[0]: name for name in site.robots if len(digits := _NUMBERED.findall(name)) == 1
-        }
-        self._prefixes = {k[0] for k in self._robots if len(k) == 2 and k[0].isalpha()}
-        self._places = {key(name): name for name in site.places}
-        self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
-        self._classes = {key(name): name for name in site.classes}
-
-    def at(self, at: int, now: datetime) -> Mention | None:
-        """What is named from word `at` on."""
-        return (
-            self._place(at)
-            or self._robot(at)
-            or self._when(at, now)
-            or self._share(at)
-            or self._class(at)
-            or self._plain(at)
-            or self._stranger(at)
-        )
-
-    def _text(self, at: int) -> str:
-        return self._words[at].text if 0 <= at < len(self._words) else ""
-
-    def _named(self, name: Sequence[str], at: int, *, also: bool) -> int | None:
-        """The word behind a name that is written from word `at` on; `also` in other words."""
-        here = at
-        for part in name:
-            if here > at and self._text(here) in {"-", "_"}:
-                here += 1
-            said = self._text(here)
-            if not said or not (_same(said, part) or (also and said in _others(part))):
-                return None
-            here += 1
-        return here
-
-    def _place(self, at: int) -> Mention | None:
-        hits = {}
-        for name, place in self._places.items():
-            end = self._named(name, at, also=True)
-            if end is not None:
-                hits[place] = end
-        if not hits:
-            return None
-        end = max(hits.values())
-        best = [place for place, last in hits.items() if last == end]
-        exact = [place for place in best if self._spelt(place, at, end)]
-        best = exact if len(exact) == 1 else best
-        classes = self._class(at)
-        if not exact and classes is not None:
-            return Mention("unknown", at, end)
-        kind: Kind = "place" if len(best) == 1 else "unknown"
-        return Mention(kind, at, end, tuple(best) if kind == "place" else ())
-
-    def _spelt(self, place: str, at: int, end: int) -> bool:
-        return key(place) == tuple(w.text for w in self._words[at:end] if w.text not in "-_")
-
-    def _robot(self, at: int) -> Mention | None:
-        for name, robot in sorted(self._robots.items(), key=lambda item: -len(item[0])):
-            end = self._named(name, at, also=False)
-            if end is not None and not self._text(end).isdigit():
-                return self._more(self._range(Mention("robot", at, end, (robot,))))
-        if self._text(at) in self._prefixes:
-            sign = 1 if self._text(at + 1) in {"-", "_"} else 0
-            digits = self._text(at + 1 + sign).lstrip("0")
-            if self._text(at + 1 + sign).isdigit():
-                robot = self._numbers.get(digits, "")
-                names = (robot,) if robot else ()
-                found = Mention("robot" if robot else "unknown", at, at + 2 + sign, names)
-                return self._more(found) if robot else found
-        if self._text(at) in lexicon.ROBOT_WORDS:
-            return self._counted(at)
-        return None
-
-    def _range(self, mention: Mention) -> Mention:
-        """R1 to R4, where all of them exist."""
-        if self._text(mention.last) not in _RANGE:
-            return mention
-        other = self._robot_alone(mention.last + 1)
-        if other is None:
-            return mention
-        low, high = (_NUMBERED.findall(name) for name in (mention.names[0], other.names[0]))
-        if len(low) != 1 or len(high) != 1 or int(low[0]) >= int(high[0]):
-            return mention
-        between = [self._numbers.get(str(n)) for n in range(int(low[0]), int(high[0]) + 1)]
-        if None in between:
-            return Mention("unknown", mention.first, other.last)
-        names = tuple(name for name in between if name)
-        return Mention("robot", mention.first, other.last, names)
-
-    def _more(self, mention: Mention) -> Mention:
-        """Bare numbers that go on with a list: "R2, R4 and 7"."""
-        names, last = list(mention.names), mention.last
-        while self._text(last) in _LIST:
-            robot = self._numbers.get(self._text(last + 1))
-            if robot is None or self._text(last + 2) in _NO_NAMES or self._text(last + 1) == "0":
-                break
-            names.append(robot)
-            last += 2
-        return Mention("robot", mention.first, last, tuple(dict.fromkeys(names)))
-
-    def _robot_alone(self, at: int) -> Mention | None:
-        for name, robot in self._robots.items():
-            end = self._named(name, at, also=False)
-            if end is not None:
-                return Mention("robot", at, end, (robot,))
-        return None
-
-    def _counted(self, at: int) -> Mention | None:
-        """ "robots 2 and 5", "robot number three", "Roboter drei und vier"."""
-        here = at + 1
-        while self._text(here) in {"number", "no", "nr", "nummer", "."}:
-            here += 1
-        names: list[str] = []
-        unknown = False
-        last = here
-        while (number := whole(self._text(here))) is not None:
-            if self._text(here + 1) in {"%", "percent", "prozent", "minutes", "hours"}:
-                break
-            robot = self._numbers.get(str(number))
-            unknown |= robot is None
-            names += [robot] if robot else []
-            last = here + 1
-            here = last
-            while self._text(here) in _LIST:
-                here += 1
-        if last == here == at + 1 or not (names or unknown):
-            return None
-        return Mention("unknown" if unknown else "robot", at, last, () if unknown else tuple(names))
-
-    def _when(self, at: int, now: datetime) -> Mention | None:
-        when = when_at(self._words, at, now)
-        return None if when is None else Mention("time", at, when.last, when=when)
-
-    def _share(self, at: int) -> Mention | None:
-        share = share_at(self._words, at)
-        return None if share is None else Mention("share", at, share.last, share=share)
-
-    def _class(self, at: int) -> Mention | None:
-        hits = {}
-        for name, label in self._classes.items():
-            end = self._named(name, at, also=False)
-            if end is None and self._text(at) in lexicon.CLASSES.get(" ".join(name), "").split():
-                end = at + 1
-            if end is not None:
-                hits[label] = end
-        if not hits:
-            return None
-        end = max(hits.values())
-        best = [label for label, last in hits.items() if last == end]
-        if len(best) > 1:
-            best = [b for b in best if b == self._text(at)] or best
-        kind: Kind = "class" if len(best) == 1 else "unknown"
-        return Mention(kind, at, end, tuple(best) if kind == "class" else ())
-
-    def _plain(self, at: int) -> Mention | None:
-        text = self._text(at)
-        if text in lexicon.NETWORK or alike(text, "bandwidth") or alike(text, "bandbreite"):
-            return Mention("network", at, at + 1)
-        if text in lexicon.COMPUTE:
-            return Mention("compute", at, at + 1)
-        near = {self._text(n) for n in range(at - 5, at + 6)}
-        if near & lexicon.POLICY_WORDS:
-            for policy, names in lexicon.POLICIES.items():
-                for name in names:
-                    parts = name.split()
-                    if [self._text(at + n) for n in range(len(parts))] == parts:
-                        return Mention("policy", at, at + len(parts), (policy,))
-        return None
-
-    def _stranger(self, at: int) -> Mention | None:
-        """A name as the site's, of something that it does not have: R9, aisle 9."""
-        text, following = self._text(at), self._text(at + 1)
-        heads = {word for head in self._heads for word in _others(head) | {head}}
-        if text in heads and (following.isdigit() or whole(following) is not None):
-            return Mention("unknown", at, at + 2)
-        if text == "r" and following.isdigit():
-            return Mention("unknown", at, at + 2)
-        return None
-
-
-def _same(said: str, meant: str) -> bool:
-    """Whether a word is another one, in another form of it, or with a slip."""
-    if said == meant or alike(said, meant):
-        return True
-    if not (said.isalpha() and meant.isalpha()) or min(len(said), len(meant)) < 3:
-        return False
-    longer, shorter = (said, meant) if len(said) > len(meant) else (meant, said)
-    return longer in {shorter + ending for ending in _PLURALS} or (
-        shorter.endswith("y") and longer == shorter[:-1] + "ies"
-    )
-
-
-def _others(part: str) -> set[str]:
-    return set(lexicon.HEADS.get(part, "").split())
-
-
 def _joined(cut: Sequence[Word], found: Sequence[Mention]) -> Iterator[Mention]:
     """Lists of one kind are one mention: they share their fate."""
     held: Mention | None = None
@@ -295,6 +61,7 @@ def _joined(cut: Sequence[Word], found: Sequence[Mention]) -> Iterator[Mention]:
             and held.kind == mention.kind
             and mention.kind in ("robot", "place", "class")
             and _glued([word.text for word in cut[held.last : mention.first]], mention.kind)
+            and not _parted(cut, held, mention)
         ):
             names = tuple(dict.fromkeys((*held.names, *mention.names)))
             held = Mention(mention.kind, held.first, mention.last, names)
@@ -309,4 +76,16 @@ def _joined(cut: Sequence[Word], found: Sequence[Mention]) -> Iterator[Mention]:
 def _glued(between: Sequence[str], kind: Kind) -> bool:
     """Whether only list signs stand between two names."""
     fillers = lexicon.ROBOT_WORDS if kind == "robot" else _ARTICLES
-    return set(between) <= _LIST | fillers and (bool(set(between) & _LIST) or not between)
+    return set(between) <= LIST | fillers and (bool(set(between) & LIST) or not between)
+
+
+def _parted(cut: Sequence[Word], held: Mention, mention: Mention) -> bool:
+    """Whether a comma between two names begins another clause: "skip R1, R2 is fine"."""
+    between = {word.text for word in cut[held.last : mention.first]}
+    if between - _ARTICLES != {","} or mention.last == len(cut) or not held.first:
+        return False
+    opens = held.first - 1
+    while opens > 0 and cut[opens].text in _ARTICLES:
+        opens -= 1
+    before, behind = cut[opens].text, cut[mention.last].text
+    return behind in _VERBS and before.isalpha() and before not in {"and", "und", "so", *_POLITE}

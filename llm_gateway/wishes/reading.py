@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from llm_gateway.wishes.mentions import Kind
+from llm_gateway.wishes.mention import Kind
 
 Role = Literal[
     "out", "only", "first", "high", "low", "quality", "link", "free", "save", "when", "policy",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes import cues, lexicon
+from llm_gateway.wishes.plain import bare, strange
 from llm_gateway.wishes.reading import Role
 
 _NOBODY_ELSE = re.compile(
@@ -17,6 +18,20 @@ _NOT_AT_ALL = re.compile(
     r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
     r"auf keinen fall|no)(?: bitte| please)?"
 )
+_SAVE_FOR = re.compile(r"\b(?:except|ausser|but|besides|bis auf)\b")
+_TURNED = re.compile(
+    r"\b(?:nobody|no ?one|keiner|niemand)\b(?: \w+){0,3} (?:skip|ignore|exclude|leave|drop|avoid|"
+    r"ROBOT (?:weg|aus|ignor)\w*)|\b(?:skip|ignore|exclude|drop|avoid) (?:nobody|no ?one|none)\b|"
+    r"\b(?:stop|quit|cease) (?:skipp|ignor|exclud|leav|avoid|omitt|dropp|bench)\w*|"
+    r"\b(?:should|could|would) have\b|\b(?:too|so|very) often\b|\bzu oft\b|\balways\b|\bimmer\b|"
+    r"\bthe only (?:one|robot|bot)\b|\b(?:is|are) left\b(?! out)|\bleft is\b|"
+    r"\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|das) einzigen?\b|\bout and about\b"
+)
+"""Words that turn around what is said of a robot, or tell how things are."""
+_AT = re.compile(
+    r"\b(?:at|in|on|near|around|for|from|im|am|an|bei|beim|auf|fuer|vor|that|which|what|where)"
+    r"(?: \w+){0,2} (?:PLACE|CLASS)\b|\b(?:PLACE|CLASS) (?:that|which|die|das|den)\b"
+)
 SHORT = 4
 """Words of a clause that says one thing only."""
 
@@ -26,7 +41,8 @@ def bounds(text: str) -> str:
     return re.sub(
         r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|mehr|weniger)"
         r"(?: than| als|(?= SHARE))|"
-        r"\bno need\b|\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
+        r"\bno (?:need|matter|doubt|worries|rush|hurry|question|offen[cs]e)\b|"
+        r"\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
         r"\blike (?:to|ROBOT)\b",
         "BOUND",
         text,
@@ -42,12 +58,14 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
     """What a clause says of the robot that it names; `alone`: it names none."""
     if cues.CONTRAST.search(text):
         return "doubt"
+    if _turned(text):
+        return "doubt"
     if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
         return "only"
-    plain = cues.ONLY.sub("ONLYTHESE", text)
+    plain = cues.ONLY.sub("ONLYTHESE", cues.OVER_OTHERS.sub("first", text))
     out = bool(cues.OUT.search(plain))
-    bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let)\b", text)
-    no = negated(plain) if "ALLBUT" not in text else False
+    bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let|left)\b", text)
+    no = negated(cues.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
     only = "ONLYTHESE" in plain
     first = bool(cues.FIRST.search(plain))
     unused = bool(cues.UNUSED.search(plain))
@@ -75,6 +93,45 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
 
 def _plain_out(text: str) -> bool:
     return len(text.split()) <= SHORT
+
+
+def _turned(text: str) -> bool:
+    """Whether words turn around what a clause says of a robot, or only report it."""
+    if _TURNED.search(text):
+        return True
+    rest = text.replace("ALLBUT", " ")
+    if rest == text:
+        every = re.search(r"\b(?:all|alle|every\w*)\b", text) and _SAVE_FOR.search(text)
+        rest = _SAVE_FOR.sub(" ", text) if every else ""
+    return bool(cues.OUT.search(rest)) or (rest != "" and negated(rest))
+
+
+def certain(text: str, role: Role) -> bool:
+    """Whether a clause that leaves a robot out, or asks nobody else, says so plainly.
+
+    All its words must be known; a negation alone must negate nothing but the robot; and it must
+    not say so of a place only: "skip R3 at the docks".
+    """
+    there = _AT.search(text) and weight_role(text) != "high"
+    but = re.search(r"\b(?:ALLBUT|NOBODYBUT|except|besides|ausser|apart)\b", text)
+    if strange(text, ailing=role == "out" and not but) or there:
+        return False
+    cue = cues.OUT.search(text) or cues.UNUSED.search(text) or cues.ONLY.search(text)
+    return role == "only" or bool(cue) or "BUT" in text or bare(text)
+
+
+def others_role(text: str) -> Role | None:
+    """What a clause says of the robots named beside it, by what it says of all the others."""
+    if not cues.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
+        return None
+    plain = cues.OTHERS.sub(" ", text, count=1)
+    if cues.BACKUP.search(plain):
+        return "first"
+    out = cues.OUT.search(plain) or cues.IDLE.search(plain)
+    no = negated(plain)
+    if (out and not no) or (no and not out and cues.UNUSED.search(plain)):
+        return "only"
+    return None
 
 
 def weight_role(text: str) -> Role | None:

@@ -7,19 +7,23 @@ It reads what its words plainly say and doubts the rest; where nothing says anyt
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 from llm_gateway.wishes import cues, lexicon
 from llm_gateway.wishes.clauses import Clause, clauses
-from llm_gateway.wishes.mentions import Mention, Text
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.plain import strange
 from llm_gateway.wishes.reading import Reading, Role, Verdict
-from llm_gateway.wishes.roles import bounds, negated, robot_role, share_role, weight_role
-from llm_gateway.wishes.times import LEFT
-
-_GREETING = re.compile(
-    r"^(?:(?:(?:hi|hello|hey)(?: there| all)?|hallo|ok|okay|well|so|please|bitte|also|servus|"
-    r"moin|mate|na|uh) )+"
+from llm_gateway.wishes.roles import (
+    certain,
+    negated,
+    others_role,
+    robot_role,
+    share_role,
+    weight_role,
 )
+from llm_gateway.wishes.voids import foreign, tells, void
+
 _STRONG = re.compile(
     r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte|auge|"
     r"wichtig\w*|aufpassen|pass auf|keep an eye|look after|ignor\w*|prefer\w*|priority)\b"
@@ -32,11 +36,12 @@ _TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "eben
 _OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
 """Ends what begins like an article and is none, or names nothing that a site has."""
 _OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
-_THERE = re.compile(r"\b(?:there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
+_THERE = re.compile(r"\b(?:where|wo|there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
 _FILLERS = frozenset(
-    """PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei in im on an am a
-    around beim about is are do does ist sind auf of especially besonders cant cannot isnt arent
-    ned by um""".split()  # noqa: SIM905
+    """please bitte danke thanks thx though halt mal eher rather dont doesnt wont arent much so
+    wirklich really PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei
+    in im on an am a around beim about is are do does ist sind auf of especially besonders cant
+    cannot isnt arent ned by um""".split()  # noqa: SIM905
 )
 """Words beside which something named has the role of the clause before it."""
 
@@ -49,17 +54,26 @@ class Rules:
         self._clauses = clauses(text)
         self._roles: list[Role | None] = [None] * len(text.mentions)
         self._unclear: list[str] = []
-        self._void = [self._is_void(clause) for clause in self._clauses]
+        self._doubted: list[int] = []
+        """Robots that may be out, by words that are not plain."""
+        self._wasted: list[int] = []
+        """Resources of which a report says that they are short."""
+        self._handled: set[int] = set()
+        self._crossed: set[int] = set()
+        """Clauses that go on with the opposite of the one before, and share its verb."""
+        self._void = [void(text, self._clauses, clause) for clause in self._clauses]
 
     def read(self) -> Reading:
         """The roles, and what stays unclear."""
-        if self._foreign():
+        if foreign(self._text):
             return Reading(
                 tuple(_or_none(None) for _ in self._roles), "nothing", (self._text.wish.strip(),)
             )
         for at, clause in enumerate(self._clauses):
             if self._void[at]:
-                if clause.mentions or _STRONG.search(clause.text):
+                if not tells(self._clauses, clause) and (
+                    clause.mentions or _STRONG.search(clause.text)
+                ):
                     self._doubt(clause)
                 continue
             self._robots(at, clause)
@@ -71,6 +85,10 @@ class Rules:
             if not self._void[at]:
                 self._bind(at, clause)
                 self._leftover(clause)
+        self._repeated()
+        for clause in self._clauses:
+            if tells(self._clauses, clause):
+                self._told(clause)
         roles = tuple(_or_none(role) for role in self._roles)
         wished = any(role not in ("none", "doubt", "when") for role in roles)
         verdict: Verdict = "all" if wished else "nothing"
@@ -78,25 +96,32 @@ class Rules:
             verdict = "part"
         return Reading(roles, verdict, tuple(dict.fromkeys(self._unclear)))
 
-    def _foreign(self) -> bool:
-        """Whether these are the words of somebody who only is quoted."""
-        text = " ".join(word.text for word in self._text.words)
-        return bool(cues.FOREIGN.search(text))
+    def _repeated(self) -> None:
+        """What is named twice has the role of where it has one; a short resource is to be saved."""
+        mentions = self._text.mentions
+        for number, mention in enumerate(mentions):
+            if self._roles[number] is not None:
+                continue
+            short = number in self._wasted
+            others = [
+                (role, set(other.names))
+                for role, other in zip(self._roles, mentions, strict=True)
+                if role is not None and other.kind == mention.kind
+            ]
+            names = set(mention.names)
+            roles = {role for role, same in others if short or names & same}
+            covered = short or (names and names <= set().union(*(same for _, same in others)))
+            if len(roles) == 1 and covered and (number not in self._doubted or "out" in roles):
+                self._roles[number] = roles.pop()
+        for number in (*self._wasted, *self._doubted):
+            self._roles[number] = self._roles[number] or "doubt"
 
-    def _is_void(self, clause: Clause) -> bool:
-        """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
-        opening = next(c for c in self._clauses if c.sentence == clause.sentence)
-        asks = cues.QUESTION.match(_GREETING.sub("", opening.text))
-        if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
-            return True
-        if cues.PAST.search(clause.text) or cues.DOUBTED.search(clause.text):
-            return True
-        if cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text)):
-            return not (
-                "reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text)
-            )
-        named = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
-        return bool(cues.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
+    def _told(self, clause: Clause) -> None:
+        """Doubts a report that names what no wish beside it is about."""
+        named = self._of(clause, "robot", "place", "class", "share", "policy", "unknown")
+        lost = any(self._roles[n] in (None, "doubt") for n in named)
+        if lost or (not named and _STRONG.search(clause.text)):
+            self._doubt(clause)
 
     def _doubt(self, clause: Clause) -> None:
         said = self._text.said(clause.first, clause.last).strip(" ,")
@@ -118,9 +143,22 @@ class Rules:
         if role is None and at and set(clause.text.split()) <= _TOO:
             before = {self._roles[n] for n in self._of(self._clauses[at - 1], "robot")}
             role = before.pop() if len(before) == 1 else None
-        if len(numbers) > 1 and role is not None:
+        if role in ("out", "only") and not certain(clause.text, role):
+            # What is said plainly of "it" beside this may still leave it out.
+            self._doubted += numbers
+            role = None if role == "out" else "doubt"
+        if self._crosses(at, clause):
+            self._crossed |= {at, at + 1}
+        if role is not None and (len(numbers) > 1 or at in self._crossed):
             role = "doubt"
         self._set(numbers, role)
+
+    def _crosses(self, at: int, clause: Clause) -> bool:
+        """Whether "not R3 but R4 should be left out" begins here: no cue tells who is out."""
+        if at + 1 == len(self._clauses) or not re.search(r"\b(?:not|nicht) ROBOT$", clause.text):
+            return False
+        after = self._clauses[at + 1]
+        return after.opener in ("but", "sondern") and bool(self._of(after, "robot"))
 
     def _weights(self, at: int, clause: Clause) -> None:
         numbers = self._of(clause, "place", "class")
@@ -142,6 +180,8 @@ class Rules:
         if role not in ("high", "low"):
             return None
         bare = set(clause.text.split()) <= _FILLERS
+        if clause.opener in ("but", "aber", "sondern") and not cues.NOT.search(clause.text):
+            return None
         other: Role = "low" if role == "high" else "high"
         if cues.NOT.search(clause.text):
             return other if bare else None
@@ -173,7 +213,10 @@ class Rules:
         if self._of(clause, "share"):
             role = "none"
         elif cues.WASTE.search(clause.text):
-            role = "save" if negated(clause.text) else "doubt"
+            stopped = negated(clause.text) or cues.STOP.search(clause.text)
+            role = "save" if stopped else None
+            if role is None:
+                self._wasted += numbers
         elif cues.SAVE.search(clause.text):
             role = "doubt" if negated(clause.text) else "save"
         self._set(numbers, role)
@@ -184,17 +227,37 @@ class Rules:
             if mention.kind == "policy":
                 self._roles[number] = "doubt" if negated(clause.text) else "policy"
             elif mention.kind == "time":
-                self._roles[number] = "when" if _is_clear(mention) else "doubt"
+                self._roles[number] = _time_role(mention, clause.text)
             elif mention.kind == "unknown":
                 self._roles[number] = "doubt"
 
     def _bind(self, at: int, clause: Clause) -> None:
         """Gives what a clause says of "it" to what was named before it, or right behind."""
+        if (role := others_role(clause.text)) is not None and not self._of(
+            clause, "robot", "share", "network", "compute", "policy"
+        ):
+            self._handled.add(at)
+            if not self._give(at, role, "robot"):
+                self._doubt(clause)
+            return
+        both = cues.BOTH.search(clause.text) and not self._of(clause, "robot")
+        if both and (role := robot_role(clause.text, alone=True)) is not None:
+            for near in self._clauses[max(0, at - 4) : at]:
+                self._set([n for n in self._of(near, "robot") if self._roles[n] is None], role)
         others = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
         named = self._of(clause, "robot", "share", "network", "compute")
         if not others or (cues.PRONOUN.search(clause.text) and not named):
             role = robot_role(clause.text, alone=True)
-            if role is not None and not self._give(at, role, "robot"):
+            if (
+                role == "out"
+                and cues.OTHERS.search(clause.text)
+                and not cues.PRONOUN.search(clause.text)
+            ):
+                # It is the others who are out.
+                role = "doubt"
+            ailing = role == "out"
+            sure = role not in ("out", "only") or not strange(clause.text, ailing=ailing)
+            if role is not None and not (sure and self._give(at, role, "robot")):
                 self._doubt(clause)
         if not self._of(clause, "place", "class") and not self._of(clause, "robot", "unknown"):
             weight = weight_role(clause.text)
@@ -238,6 +301,8 @@ class Rules:
 
     def _leftover(self, clause: Clause) -> None:
         """Doubts what a clause wishes of something that nobody knows."""
+        if self._clauses.index(clause) in self._handled:
+            return
         named = self._of(clause, "robot", "place", "class", "unknown", "policy")
         everybody = set(clause.text.split()) & lexicon.EVERYBODY
         acts = cues.OUT.search(clause.text) or cues.UNUSED.search(clause.text)
@@ -279,50 +344,12 @@ def _or_none(role: Role | None) -> Role:
 
 
 def read(text: Text) -> Reading:
-    """The rules' reading of a wish; `settle` it before anything is made of it."""
+    """The rules' reading of a wish; settle it (`account`) before anything is made of it."""
     return Rules(text).read()
 
 
-def settle(text: Text, reading: Reading) -> Reading:
-    """A reading in which whatever must be accounted for and is not is unclear."""
-    unclear = [*reading.unclear, *_unread(text)]
-    for mention, role in zip(text.mentions, reading.roles, strict=True):
-        told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
-        if told and mention.kind == "share" and _is_told(text, mention):
-            continue
-        if role == "doubt" or told:
-            unclear.append(text.said(mention.first, mention.last))
-    return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
-
-
-def _unread(text: Text) -> list[str]:
-    """Words of times and numbers that belong to nothing that was found; and what is to come only
-    after something else."""
-    inside = {at for m in text.mentions for at in range(m.first, m.last)}
-    timed = any(m.when is not None and (m.when.until or m.when.lasts) for m in text.mentions)
-    found = []
-    for at, word in enumerate(text.words):
-        if at in inside:
-            continue
-        later = timed and word.text in {"then", "dann", "danach", "afterwards", "anschliessend"}
-        until = word.text == "bis" and text.words[min(at + 1, len(text.words) - 1)].text not in {
-            "auf",
-            "zu",
-        }
-        if word.text in LEFT or word.text.isdigit() or until or later:
-            found.append(text.said(at, min(at + 4, len(text.words))))
-    return found
-
-
-def _is_told(text: Text, mention: Mention) -> bool:
-    """Whether a part is a battery's."""
-    near = text.words[max(0, mention.first - 6) : mention.last + 4]
-    return bool({word.text for word in near} & lexicon.BATTERY)
-
-
-def _is_clear(mention: Mention) -> bool:
-    return mention.when is not None and mention.when.clear
-
-
-def _reaches(text: str) -> bool:
-    return bool(re.search(r"\b(?:mitmach\w*|dabei)\b", text))
+def _time_role(mention: Mention, clause: str) -> Role:
+    """A time that is over belongs to the report that names it, and is unclear elsewhere."""
+    if mention.when is None or mention.when.clear:
+        return "doubt" if mention.when is None else "when"
+    return "none" if mention.when.past and cues.TOLD.search(clause) else "doubt"

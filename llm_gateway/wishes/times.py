@@ -10,11 +10,18 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from llm_gateway.wishes import clock
+from llm_gateway.wishes.moments import resolve
 from llm_gateway.wishes.numbers import decimal, whole
 from llm_gateway.wishes.words import Word
 
 _UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through"}
-_FROM = {"from", "starting", "beginning", "ab", "von", "since", "as", "effective", "starts"}
+_FROM = {"from", "starting", "beginning", "ab", "von", "as", "effective", "starts"}
+_SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergangenen"}
+"""Before a length of time they say that it is over."""
+_LATE = {"tonight", "night", "nacht", "evening", "abend", "abends"}
+"""Once begun, they go on."""
+_REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per"}
+"""Before it they say neither that it lasts so long nor from when on."""
 _TO = {"to", "until", "till", "til", "bis", "-", "–"}
 _UNITS = {
     "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
@@ -47,6 +54,8 @@ class When:
     """For so long, from the start on."""
     clear: bool = True
     """Whether it is known which time is meant, and it is to come."""
+    past: bool = False
+    """Whether it lies before now: a report may name it."""
 
 
 def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -59,7 +68,7 @@ def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
         or _from(words, at, now)
         or _until(words, at, now)
         or _lasting(words, at, now)
-        or _loose(words, at)
+        or _loose(words, at, now)
     )
 
 
@@ -75,8 +84,8 @@ def _span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When 
     two = clock.point_at(words, one[1] + 1)
     if two is None:
         return None
-    start = clock.resolve(_shared(one[0], two[0]), now, now)
-    until = None if start is None else clock.resolve(_shared(two[0], one[0]), now, start)
+    start = resolve(_shared(one[0], two[0]), now, now)
+    until = None if start is None else resolve(_shared(two[0], one[0]), now, start)
     return When(first, two[1], start, until, clear=until is not None)
 
 
@@ -87,7 +96,7 @@ def _shared(point: clock.Point, other: clock.Point) -> clock.Point:
     part = point.part or ("" if other.part in {"midnight", "noon", "mitternacht"} else other.part)
     return clock.Point(
         point.hour, point.minute, point.exact, part, days, weekday, point.date or other.date,
-        point.impossible,
+        point.impossible or other.impossible,
     )  # fmt: skip
 
 
@@ -103,17 +112,47 @@ def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text == "in" and (long := _length(words, at + 1)) is not None:
         return When(at, long[1], start=now + long[0])
     day = clock.point_at(words, at)
-    if day is not None and day[0].hour is None and _text(words, day[1]) in {"from", "von", "ab"}:
-        # "tomorrow from 8 am"
-        late = _from(words, day[1], now)
-        if late is not None:
-            point = clock.point_at(words, day[1] + 1)
-            start = clock.resolve(_shared(point[0], day[0]), now, now) if point else None
-            clear = late.until is None and start is not None
-            return When(at, late.last, start, None, clear=clear)
-    if text not in _FROM:
+    if day is not None and day[0].hour is None:
+        return _on_day(words, at, day, now) or _begin(words, at, now)
+    return _begin(words, at, now)
+
+
+def _on_day(
+    words: Sequence[Word], at: int, day: tuple[clock.Point, int], now: datetime
+) -> When | None:
+    """ "tomorrow from 8 am", "tonight from 20:00 to 22:00", "heute bis 13 Uhr"."""
+    here = _text(words, day[1])
+    if here not in {"from", "von", "ab", "between", "zwischen"} | _UNTIL:
+        return None
+    first = clock.point_at(words, day[1] + 1)
+    if first is None:
+        return None
+    point = _shared(first[0], day[0])
+    if here in _UNTIL:
+        until = resolve(point, now, now)
+        return When(at, first[1], until=until, clear=until is not None)
+    start = resolve(point, now, now)
+    last = first[1] + (1 if _text(words, first[1]) in {"on", "onwards", "an"} else 0)
+    if _text(words, first[1]) not in _TO | {"and", "und"}:
+        return When(at, last, start, clear=start is not None)
+    second = clock.point_at(words, first[1] + 1)
+    if second is None:
+        return When(at, last, start, clear=start is not None)
+    point = _shared(first[0], _shared(second[0], day[0]))
+    start = resolve(point, now, now)
+    until = None if start is None else resolve(_shared(second[0], point), now, start)
+    return When(at, second[1], start, until, clear=until is not None)
+
+
+def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "from five to seven", "ab 17 Uhr", "starting at three"."""
+    text = _text(words, at)
+    if text not in _FROM | {"since", "seit"}:
         return None
     begin = at + 1
+    if text in {"since", "seit"}:
+        point = clock.point_at(words, begin)
+        return None if point is None else When(at, point[1], clear=False, past=True)
     if _text(words, begin) in {"from", "of", "at", "with"}:
         begin += 1
     if (span := _span(words, at, begin, now)) is not None:
@@ -122,7 +161,7 @@ def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if point is None:
         return None
     last = point[1] + (1 if _text(words, point[1]) in {"on", "onwards", "an"} else 0)
-    start = clock.resolve(point[0], now, now)
+    start = resolve(point[0], now, now)
     return When(at, last, start, clear=start is not None)
 
 
@@ -132,7 +171,7 @@ def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
     point = clock.point_at(words, at + 1)
     if point is None:
         return None
-    until = clock.resolve(point[0], now, now)
+    until = resolve(point[0], now, now)
     return When(at, point[1], until=until, clear=until is not None)
 
 
@@ -151,10 +190,14 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if long is None:
         return None
     last = long[1] + (1 if _text(words, long[1]) in {"lang", "long"} else 0)
+    if _text(words, last) in {"ago", "earlier"} or _text(words, at - 1) in _SINCE | _REPEATED:
+        past = _text(words, at - 1) not in _REPEATED
+        end = last + (1 if _text(words, last) in {"ago", "earlier"} else 0)
+        return When(at, end, clear=False, past=past)
     return When(at, last, lasts=long[0])
 
 
-def _loose(words: Sequence[Word], at: int) -> When | None:
+def _loose(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """A time that stands alone says neither beginning nor end: "today", "at five", "um 17 Uhr"."""
     text = _text(words, at)
     if _text(words, at - 1) in {"good", "guten", "gute", "schoenen", "happy"}:
@@ -171,7 +214,9 @@ def _loose(words: Sequence[Word], at: int) -> When | None:
     timed = ":" in _text(words, begin) or (text in {"at", "um"} and point[0].hour is not None)
     if not (named or timed or (clocked and begin < point[1] - 1)):
         return None
-    return When(at, point[1], clear=False)
+    past = point[0].impossible or (point[0].days == 0 and resolve(point[0], now, now) is None)
+    over = past and point[0].part not in {"", *_LATE}
+    return When(at, point[1], clear=False, past=over)
 
 
 def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:

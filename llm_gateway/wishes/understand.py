@@ -10,6 +10,7 @@ import msgspec
 
 from llm_gateway.model import Prompt
 from llm_gateway.wishes import form, rules
+from llm_gateway.wishes.account import settle
 from llm_gateway.wishes.check import agreed
 from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.mentions import Text, find
@@ -72,7 +73,7 @@ def _understood(wish: str, site: Site, now: datetime, reader: Reader | None) -> 
     reading = rules.read(text)
     if reader is not None and text.mentions:
         reading = agreed(text, reading, _asked(text, reader))
-    return compose(text, rules.settle(text, reading), now)
+    return compose(text, settle(text, reading), now)
 
 
 def _asked(text: Text, reader: Reader) -> Reading:

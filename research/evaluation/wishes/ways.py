@@ -9,7 +9,7 @@ from dataclasses import replace
 from datetime import datetime
 
 from llm_gateway.model import Prompt
-from llm_gateway.wishes import Reader, form, rules, understand
+from llm_gateway.wishes import Reader, account, form, understand
 from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.mentions import find
 from llm_gateway.wishes.understand import prompt
@@ -78,7 +78,7 @@ def _on_its_word(wish: str, site: Site, now: datetime, reader: Reader) -> Intent
         return Intent(unclear=(str(error)[:200],))
     if said.verdict == "nothing":
         return Intent(unclear=(wish,))
-    settled = rules.settle(text, said)
+    settled = account.settle(text, said)
     if said.verdict == "part" and not settled.unclear:
         settled = replace(settled, unclear=(wish,))
     return compose(text, settled, now)

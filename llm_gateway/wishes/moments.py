@@ -1,0 +1,71 @@
+"""The moment that a point in time stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from llm_gateway.wishes.clock import PARTS, Point
+
+
+def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
+    """The time that is meant, later than `after`; None where there is none, or several.
+
+    `now` says what today is, and the time zone.
+    """
+    if point.impossible or (point.hour is None and not point.part):
+        return None
+    hours = _hours(point)
+    today = datetime(now.year, now.month, now.day, tzinfo=now.tzinfo)
+    if point.date is not None:
+        day = datetime(point.date.year, point.date.month, point.date.day, tzinfo=now.tzinfo)
+        return _first(_on(day, hours, point.minute), after)
+    if point.weekday is not None:
+        day = today + timedelta(days=(point.weekday - today.weekday()) % 7)
+        best = _first(_morning_first(_on(day, hours, point.minute)), after)
+        later = _on(day + timedelta(days=7), hours, point.minute)
+        return best or _first(_morning_first(later), after)
+    if point.days:
+        day = today + timedelta(days=point.days)
+        return _first(_morning_first(_on(day, hours, point.minute)), after)
+    if point.days == 0:
+        # The night goes on after midnight: "tonight at one", "until midnight".
+        night = _on(today, hours, point.minute)
+        if point.part in {"tonight", "night", "nacht"} and hours[0] < 6:
+            night = _on(today + timedelta(days=1), hours, point.minute)
+        return _first(night, after)
+    days = (today + timedelta(days=n) for n in range(3))
+    return _first([time for day in days for time in _on(day, hours, point.minute)], after)
+
+
+def _hours(point: Point) -> list[int]:
+    """The hours of 24 that a point may mean."""
+    if point.hour is None:
+        return [PARTS[point.part]]
+    if point.exact or point.hour > 12 or point.hour == 0:
+        return [point.hour]
+    early, late = point.hour % 12, point.hour % 12 + 12
+    match point.part:
+        case "morning" | "frueh" | "morgens" | "nachts":
+            return [early]
+        case "tonight" | "night" | "nacht":
+            return [late] if point.hour in range(5, 12) else [early if early else 24]
+        case "":
+            return [early, late]
+        case _:
+            return [late]
+
+
+def _on(day: datetime, hours: Sequence[int], minute: int) -> list[datetime]:
+    """On the wall clock of a day; 24 is the next day's midnight."""
+    return [
+        (day + timedelta(days=hour // 24)).replace(hour=hour % 24, minute=minute) for hour in hours
+    ]
+
+
+def _morning_first(times: list[datetime]) -> list[datetime]:
+    return sorted(times, key=lambda time: time.hour < 6) if len(times) > 1 else times
+
+
+def _first(times: Sequence[datetime], after: datetime) -> datetime | None:
+    return next((time for time in times if time > after), None)

@@ -1,0 +1,100 @@
+"""Tells what is no wish: questions, reports, conditions, quotations, words of robots and texts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from llm_gateway.wishes import cues
+from llm_gateway.wishes.clauses import Clause
+from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.roles import bounds
+
+_GREETING = re.compile(
+    r"^(?:(?:(?:hi|hello|hey)(?: there| all)?|hallo|ok|okay|well|so|please|bitte|also|servus|"
+    r"moin|mate|na|uh) )+"
+)
+
+
+_CALLED = r"(?:(?:the|der|die|robot|roboter|unit|einheit|number|nummer) )*(?:ROBOT|UNKNOWN)\b"
+_SPEAKER = re.compile(
+    r"\b(?:this(?: here)? is|here(?: is| speaks)|hier (?:spricht|ist|redet|meldet sich)|i am|im|"
+    r"ich bin|(?:my|the) name is|mein name ist|call me|ich heisse|according to|laut|gemaess|"
+    r"(?:message|note|mail|email|signal|call|request|order|wish|greetings|nachricht|funkspruch|"
+    r"meldung|wunsch|befehl|gruesse) (?:from|of|by|von)|on behalf of|im namen von|im auftrag von"
+    rf") {_CALLED}|"
+    r"\bROBOT (?:speaking|speaks|calling|spricht|am apparat|reporting|wants|requests?|asks|orders|"
+    r"commands|suggests|recommends|insists|begs|confirms|writes|sends|informs|thinks|believes|"
+    r"complains|moechte|bittet|fordert|empfiehlt|schlaegt vor|besteht|funkt|schickt|bestaetigt|"
+    r"teilt|meint|glaubt|befiehlt|here [,.:!;]|hier [,.:!;]|over [,.:!;])|"
+    r"^(?:from |von )?ROBOT : (?:(?:the|der|die|robot|roboter) )*"
+    r"(?:ROBOT|i|im|we|my|ich|wir|mein)\b"
+)
+"""A robot speaks, or somebody speaks for it."""
+_MYSELF = re.compile(
+    r"\b(?:ask|use|using|take|taking|trust|prefer|query|poll|choose|pick|include|exclude|ignore|"
+    r"skip|drop|only|just|solely|except|but|than|besides|listen to|count on|rely on|start with|"
+    r"stick to|stick with|without|fragt?|nehmt?|nimm|nutzt?|benutzt?|verwendet?|vertraut?|"
+    r"bevorzugt?|nur|ausser|ohne|lasst|bloss|einzig|hoert auf|hoer auf|als|statt|instead of|over) "
+    r"(?:(?:only|just|nur|always|immer|bitte|please|zuerst|allein|lieber) ){0,2}"
+    r"(?:me|mich|mir|myself|us|uns)\b(?! (?:to|get|know|have|see|look|watch|make|zeigen|auf|das)"
+    r"\b)|"
+    r"\b(?:my|our|mein\w*|unser\w*) (?:own |eigene[nr]? |lidar |camera )?(?:data|cameras?|sensors?|"
+    r"sensing|lidar|view|readings?|detections?|observations?|picture|daten|kameras?|sensor\w*|"
+    r"sicht|bild|messungen|beobachtungen|erkennung)\b|\b(?:we|us|wir|uns) (?:robots|roboter)\b|"
+    r"\bi (?:see|detect|know|perceive) (?:it |them |everything )?(?:best|better|most)\b|"
+    r"\bich (?:sehe|erkenne|weiss) (?:es |alles )?(?:am besten|besser|am meisten)\b"
+)
+"""The one who speaks is one of those who are asked: a robot."""
+
+
+def foreign(text: Text) -> bool:
+    """Whether these are the words of a robot, or of somebody who only is quoted."""
+    said = " ".join(word.text for word in text.words)
+    named = _named(text)
+    return bool(cues.FOREIGN.search(said) or _SPEAKER.search(named) or _MYSELF.search(named))
+
+
+def _named(text: Text) -> str:
+    """The words, with robots in capitals."""
+    starts = {m.first: m for m in text.mentions if m.kind in ("robot", "unknown")}
+    pieces, at = [], 0
+    while at < len(text.words):
+        found = starts.get(at)
+        pieces.append(text.words[at].text if found is None else found.kind.upper())
+        at = at + 1 if found is None else found.last
+    return " ".join(pieces)
+
+
+def tells(clauses: Sequence[Clause], clause: Clause) -> bool:
+    """Whether a clause only reports what happened: a reason, at most, for a wish beside it."""
+    opening = next(c for c in clauses if c.sentence == clause.sentence)
+    return bool(
+        cues.PAST.search(_plain(clause))
+        and not clause.asked
+        and not cues.QUESTION.match(_GREETING.sub("", opening.text))
+        and not cues.DOUBTED.search(clause.text)
+        and not cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text))
+    )
+
+
+def _plain(clause: Clause) -> str:
+    return cues.POLITE.sub("", clause.text)
+
+
+def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
+    """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
+    opening = next(c for c in clauses if c.sentence == clause.sentence)
+    asks = cues.QUESTION.match(_GREETING.sub("", opening.text))
+    if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
+        return True
+    if cues.PAST.search(_plain(clause)) or cues.DOUBTED.search(clause.text):
+        return True
+    if cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text)):
+        return not ("reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text))
+    named = any(text.mentions[n].kind != "time" for n in clause.mentions)
+    return bool(cues.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
+
+
+def _reaches(text: str) -> bool:
+    return bool(re.search(r"\b(?:mitmach\w*|dabei)\b", text))
