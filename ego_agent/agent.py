@@ -39,6 +39,7 @@ from ego_agent.plan.decision import alone
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.intents.bind import bound_scene, known_objects
 from ego_agent.plan.intents.obey import plan_obeying
+from ego_agent.plan.intents.standing import Standing
 from ego_agent.plan.intents.told import told as told_intents
 from ego_agent.plan.probe import Prober
 from ego_agent.steering import Steering
@@ -229,12 +230,8 @@ class EgoAgent:
             reason = f"the cycle failed: {type(error).__name__}"
             decision = alone(snapshot, self.knowledge, policy.name, reason)
         control = self._control.take(snapshot, time.monotonic())
-        decision = self._told(decision, snapshot, scene)
-        decision = msgspec.structs.replace(
-            decision,
-            stands_in_for=self._stands_in_for,
-            intents=told_intents(decision, scene, wishes),
-        )
+        decision = self._told(decision, snapshot, scene, wishes)
+        decision = msgspec.structs.replace(decision, stands_in_for=self._stands_in_for)
         self._lead.decided(decision.valid and scene is not None and scene.is_whole())
         self._metrics.leads.set(self._lead.speaks())
         self.fusion.follow(decision)
@@ -247,10 +244,15 @@ class EgoAgent:
         self._metrics.decided(decision, scene)
         return _Running(snapshot, scene, decision, published, cycle_ms, demand, weighed)
 
-    def _told(self, decision: Decision, snapshot: Snapshot, scene: UnifiedScene | None) -> Decision:
-        """The decision with what keeps it from being carried out; no fault of that harms it."""
+    def _told(
+        self, decision: Decision, snapshot: Snapshot, scene: UnifiedScene | None, wishes: Standing
+    ) -> Decision:
+        """The decision with what keeps it from being carried out, and with the intents that it
+        obeys; no fault of that harms it."""
         narrow = self._control.too_narrow
         try:
+            obeyed = told_intents(decision, scene, wishes)
+            decision = msgspec.structs.replace(decision, intents=obeyed)
             return self._arrivals.told(decision, snapshot, scene, self.knowledge, narrow)
         except Exception:
             self._metrics.cycle_faults.inc()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from swarm.messages.intent import Intent, Weight
-from swarm.messages.obeyed import Effect
+from swarm.messages.obeyed import MAX_SENTENCE, Effect
 
 _MORE: dict[Weight, str] = {"high": "more", "low": "less"}
 
@@ -39,7 +39,13 @@ def in_words(intent: Intent) -> str:
         said.append(f"from {_at(start)}")
     if (until := intent.ends()) is not None:
         said.append(f"until {_at(until)}")
-    return "; ".join(said)
+    return sentence("; ".join(said))
+
+
+def sentence(text: str) -> str:
+    """A sentence as long as messages carry one; what is cut off is said to be."""
+    end = " ... and more"
+    return text if len(text) <= MAX_SENTENCE else text[: MAX_SENTENCE - len(end)] + end
 
 
 def _at(time: datetime) -> str:

@@ -13,7 +13,8 @@ from swarm.messages.llm import NonNegative
 
 MAX_INTENTS = 16
 """In force or waiting, of one ego: more than anybody keeps in mind."""
-Sentence = Annotated[str, msgspec.Meta(max_length=2_000)]
+MAX_SENTENCE = 2_000
+Sentence = Annotated[str, msgspec.Meta(max_length=MAX_SENTENCE)]
 Corner = tuple[Bounded, Bounded]
 
 

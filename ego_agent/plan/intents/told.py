@@ -9,7 +9,7 @@ import numpy as np
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.intents.bind import inside, placed
 from ego_agent.plan.intents.standing import Standing, Wished, name_of
-from swarm.intent_words import in_words
+from swarm.intent_words import in_words, sentence
 from swarm.messages import Decision, IntentInForce, IntentTold
 
 
@@ -25,8 +25,8 @@ def told(
             until=one.intent.until,
             says=in_words(one.intent),
             bound=(
-                *(() if scene is None else _bound(one, decision, scene, wishes)),
-                *wishes.overruled.get(one.number, ()),
+                *map(sentence, () if scene is None else _bound(one, decision, scene, wishes)),
+                *map(sentence, wishes.overruled.get(one.number, ())),
             ),
         )
         for one in wishes.intents

@@ -250,3 +250,18 @@ def test_a_decision_tells_its_intents_in_a_message() -> None:
     )
     whole = replace(decision, intents=(report,))
     assert decode(encode(whole), Decision) == whole
+
+
+def test_a_wish_of_hundreds_of_names_fits_a_decision() -> None:
+    names = tuple(f"a-robot-with-a-long-name-{n}" for n in range(250))
+    wishes = standing([in_force(Intent(exclude=names))])
+    others = [candidate(name, [n % 64]) for n, name in enumerate(names)]
+    bound = bound_scene(scene(candidate("E", [0]), *others), wishes)
+    known = Knowledge(Objective(), BOTH)
+    decision = plan_obeying(
+        snapshot(ego="E"), bound, make_policy("coverage", BOTH), known, None, 1, NOW_NS, wishes
+    )
+    said = replace(decision, intents=told(decision, bound, wishes))
+    (report,) = decode(encode(said), Decision).intents
+    assert report.says.endswith("and more")
+    assert report.bound[0].endswith("and more")
