@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -33,6 +33,8 @@ from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.choices.options import Compared, compare
+from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.control_budget import ControlBudget, Wish
 from ego_agent.plan.decision import alone
@@ -212,13 +214,22 @@ class EgoAgent:
         now_ns = self._clock.now_ns()
         snapshot = self.monitor.snapshot(number, now_ns)
         scene: UnifiedScene | None = None
+        compared: list[Compared] = []
         policy, wishes = self._steering.take(self.knowledge)
         try:
             known = known_objects(self.fusion.remembered)
             self._steering.minute.note(snapshot, time.monotonic(), known)
             scene = bound_scene(analyze(snapshot, self.knowledge), wishes, known)
             decision = plan_obeying(
-                snapshot, scene, policy, self.knowledge, previous, number, now_ns, wishes
+                snapshot,
+                scene,
+                policy,
+                self.knowledge,
+                previous,
+                number,
+                now_ns,
+                wishes,
+                on_compared=compared.append,
             )
             doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
             decision = msgspec.structs.replace(
@@ -238,7 +249,7 @@ class EgoAgent:
         published = self._publish(keyspace.decision, decision)
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(snapshot, scene, decision, control)
-        weighed = self._weighed(scene, decision)
+        weighed = self._weighed(scene, decision, compared)
         self._probe = self._next_probe(scene, decision)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
@@ -290,12 +301,17 @@ class EgoAgent:
             return None
         return demand
 
-    def _weighed(self, scene: UnifiedScene | None, decision: Decision) -> Weighed | None:
-        """What the decision was weighed against; no fault of it harms the cycle."""
+    def _weighed(
+        self, scene: UnifiedScene | None, decision: Decision, compared: Sequence[Compared]
+    ) -> Weighed | None:
+        """What the decision was weighed against: what the policy compared, or what `coverage` would
+        have; no fault of it harms the cycle."""
         if scene is None:
             return None
         try:
-            return weigh(scene, self.knowledge, decision)
+            if compared:
+                return weigh(compared[-1], decision)
+            return weigh(compare(Scorer(scene, self.knowledge)), decision)
         except Exception:
             self._metrics.cycle_faults.inc()
             self._log.error("weigh_failed", cycle=decision.cycle, exc_info=True)

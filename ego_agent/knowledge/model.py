@@ -153,3 +153,6 @@ class Proposal:
     assignments: tuple[Assignment, ...] = ()
     """What each participant but the ego shall send, and how often; empty: all the same, in every
     frame."""
+    compared: object = field(default=None, repr=False, compare=False)
+    """What it was chosen from, for those who tell why: `plan.choices.options.Compared`, or None
+    where the policy compares otherwise."""

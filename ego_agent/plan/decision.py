@@ -10,6 +10,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.plan.assign import assigned
 from ego_agent.plan.choices.hysteresis import held
+from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.validation import Unusable, bounded, make_decision, validate
 from ego_agent.plan.policies.base import Policy
@@ -28,14 +29,16 @@ def plan(
     cycle: int,
     now_ns: int,
     on_fault: Callable[[str], None] = lambda why: None,
+    on_compared: Callable[[Compared], None] = lambda compared: None,
 ) -> Decision:
     """The decision of this cycle; always a valid one, whatever the policy does.
 
     The policy's proposal where it can be used or repaired; else what `coverage` proposes, with
     source `fallback`; else the ego alone. `Decision.policy` names the policy that was asked, and
-    `repairs` tells the whole story. `on_fault` hears of a policy that raises an exception.
+    `repairs` tells the whole story. `on_fault` hears of a policy that raises an exception;
+    `on_compared` of what it was chosen from, where the policy says so.
     """
-    decision = _decided(scene, policy, knowledge, previous, cycle, now_ns, on_fault)
+    decision = _decided(scene, policy, knowledge, previous, cycle, now_ns, on_fault, on_compared)
     return held(decision, previous, now_ns)
 
 
@@ -47,6 +50,7 @@ def _decided(
     cycle: int,
     now_ns: int,
     on_fault: Callable[[str], None],
+    on_compared: Callable[[Compared], None],
 ) -> Decision:
     repairs: tuple[str, ...] = ()
     for proposer in (policy, _FALLBACK):
@@ -55,6 +59,8 @@ def _decided(
             found = validate(
                 proposal, scene, knowledge, policy=policy.name, cycle=cycle, now_ns=now_ns
             )
+            if isinstance(found, Decision) and isinstance(proposal.compared, Compared):
+                on_compared(proposal.compared)
         except Exception as error:  # a policy may be anyone's: no fault of it ends the loop
             found = Unusable(f"{proposer.name} failed with {type(error).__name__}: {error}")
             on_fault(found.why)

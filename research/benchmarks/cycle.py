@@ -1,5 +1,6 @@
 """Time of the ego's control cycle: from Monitor's snapshot to the valid decision of `coverage` and
-whom it doubts, and, apart, of the demand that is told the network controller after it.
+whom it doubts, and, apart, of what follows it: the demand that is told the network controller, and
+what the journal tells of why.
 
 The messages of a synthetic floor go through the real Monitor, encoded and decoded as on the wire;
 only the cycle itself is timed. Between two cycles every robot moves, sees other things, and C(t)
@@ -11,6 +12,7 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,6 +23,8 @@ from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
+from ego_agent.plan.choices.options import Compared
+from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.policies.registry import make_policy
@@ -120,15 +124,25 @@ class Floor:
         return objects
 
 
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Milliseconds of each cycle, and of what follows it."""
+
+    cycles: list[float] = field(default_factory=list)
+    demands: list[float] = field(default_factory=list)
+    reasons: list[float] = field(default_factory=list)
+    """What the journal tells of why."""
+
+
 def run(
     robots: int,
     cycles: int = CYCLES,
     clock: Callable[[], float] = time.perf_counter,
     *,
     rarer: bool = False,
-) -> tuple[list[float], list[float]]:
-    """Milliseconds of each cycle with that many robots, the ego included; and of its demand.
-    `clock` tells seconds. `rarer`: each robot with an algorithm and a rate of its own."""
+) -> Times:
+    """Cycles with that many robots, the ego included. `clock` tells seconds. `rarer`: each robot
+    with an algorithm and a rate of its own."""
     floor = Floor(robots, seed=robots)
     rates = RARER_HZ if rarer else ()
     objective = Objective(slower_hz=SLOWER_HZ, rarer_hz=rates)
@@ -139,8 +153,8 @@ def run(
         monitor.on_join(f"R{number + 1}")
     rng = np.random.default_rng(robots)
     previous: Decision | None = None
-    taken: list[float] = []
-    meter, demands = DemandMeter(), list[float]()
+    compared: list[Compared] = []
+    meter, times = DemandMeter(), Times()
     for cycle in range(WARM_UP + cycles):
         _feed(monitor, floor)
         _answers(knowledge, rng, robots)
@@ -148,15 +162,29 @@ def run(
         now_ns = time.time_ns()
         snapshot = monitor.snapshot(cycle, now_ns)
         scene = analyze(snapshot, knowledge)
-        previous = plan(snapshot, scene, policy, knowledge, previous, cycle, now_ns)
+        previous = plan(
+            snapshot,
+            scene,
+            policy,
+            knowledge,
+            previous,
+            cycle,
+            now_ns,
+            on_compared=compared.append,
+        )
         doubted(snapshot, knowledge.objective, BODY)
         decided = clock()
         meter.take(scene, knowledge, previous, sent_ns=now_ns, now_s=time.monotonic())
-        demands.append((clock() - decided) * 1e3)
-        taken.append((decided - begun) * 1e3)
+        demanded = clock()
+        weigh(compared.pop(), previous)
+        told = clock()
         if not previous.valid or previous.source != "policy":
             raise RuntimeError(f"cycle {cycle} was not decided by coverage: {previous}")
-    return taken[WARM_UP:], demands[WARM_UP:]
+        if cycle >= WARM_UP:
+            times.cycles.append((decided - begun) * 1e3)
+            times.demands.append((demanded - decided) * 1e3)
+            times.reasons.append((told - demanded) * 1e3)
+    return times
 
 
 def _answers(knowledge: Knowledge, rng: np.random.Generator, robots: int) -> None:
@@ -184,6 +212,12 @@ def _feed(monitor: Monitor, floor: Floor) -> None:
             monitor.on_net_state(received)
 
 
+def _percentiles(times: list[float]) -> tuple[float, float]:
+    """Of milliseconds, p50 and p99."""
+    p50, p99 = (round(float(np.percentile(times, q)), 3) for q in (50, 99))
+    return p50, p99
+
+
 def main() -> None:
     """Measures and writes build/bench/cycle.json."""
     figures: dict[str, object] = {}
@@ -191,29 +225,31 @@ def main() -> None:
     samples = {}
     for robots in ROBOTS:
         gc.collect()
-        taken, demands = run(robots)
-        assigned, _ = run(robots, rarer=True)
-        p50, p99 = (round(float(np.percentile(taken, q)), 3) for q in (50, 99))
+        taken = run(robots)
+        assigned = run(robots, rarer=True)
+        p50, p99 = _percentiles(taken.cycles)
         figures[f"p99_ms_{robots}"] = p99
         figures[f"p50_ms_{robots}"] = p50
-        assigned_p50, assigned_p99 = (round(float(np.percentile(assigned, q)), 3) for q in (50, 99))
+        assigned_p50, assigned_p99 = _percentiles(assigned.cycles)
         figures[f"assigned_p50_ms_{robots}"] = assigned_p50
         figures[f"assigned_p99_ms_{robots}"] = assigned_p99
-        demand_p99 = round(float(np.percentile(demands, 99)), 3)
+        demand_p50, demand_p99 = _percentiles(taken.demands)
         figures[f"demand_p99_ms_{robots}"] = demand_p99
         rows.append(
             {
                 "robots": robots,
                 "p50_ms": p50,
                 "p99_ms": p99,
-                "max_ms": round(max(taken), 3),
+                "max_ms": round(max(taken.cycles), 3),
                 "assigned_p50_ms": assigned_p50,
                 "assigned_p99_ms": assigned_p99,
-                "demand_p50_ms": round(float(np.median(demands)), 3),
+                "demand_p50_ms": demand_p50,
                 "demand_p99_ms": demand_p99,
+                "reasons_p50_ms": _percentiles(taken.reasons)[0],
+                "assigned_reasons_p50_ms": _percentiles(assigned.reasons)[0],
             }
         )
-        samples[f"ms_{robots}"] = [round(t, 3) for t in taken]
+        samples[f"ms_{robots}"] = [round(t, 3) for t in taken.cycles]
     figures["rows"] = rows
     figures["objects_per_robot"] = OBJECTS_A_ROBOT
     print(write_report("cycle", figures, samples))

@@ -16,6 +16,8 @@ from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import SLOWER_HZ
 from ego_agent.knowledge.record import cycle_record
 from ego_agent.knowledge.tally import Tally
+from ego_agent.plan.choices.options import compare
+from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.weigh import weigh
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.registry import make_policy
@@ -75,7 +77,7 @@ def journal(rng: random.Random, cycles: int) -> list[CycleRecord]:
             Tally(),
             published=True,
             cycle_ms=1.0,
-            weighed=None if old else weigh(scene, known, made),
+            weighed=None if old else weigh(compare(Scorer(scene, known)), made),
         )
         found.append(line)
     return found

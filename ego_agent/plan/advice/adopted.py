@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ego_agent.plan.advice.outcomes import Ended, Outcome, plain
 from ego_agent.plan.advice.questions import Heard
+from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import AnswerReport, LlmTokens, Source
 
@@ -28,7 +29,8 @@ class Advice:
 class Cycle:
     """One call of `propose`: what it decides on, and what it finds out."""
 
-    scorer: Scorer
+    compared: Compared
+    """What the fallback was chosen from."""
     fallback: Score
     fallback_reason: str
     now_s: float
@@ -44,6 +46,11 @@ class Cycle:
     """What the advice in force is worth now."""
     ended: Ended | None = None
     asked: bool = False
+
+    @property
+    def scorer(self) -> Scorer:
+        """Of the scene."""
+        return self.compared.scorer
 
 
 def answer_report(

@@ -8,9 +8,10 @@ from typing import Any
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, UnifiedScene
-from ego_agent.plan.choices.mixes import Mixes
-from ego_agent.plan.choices.scoring import Scorer
-from ego_agent.plan.choices.weigh import part_of, weighing
+from ego_agent.knowledge.weighed import Weighing
+from ego_agent.plan.choices.mixes import Brought, Mixes
+from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.weigh import weighings
 from swarm.messages import Decision
 
 TOLD_FRAMES = 3.0
@@ -28,6 +29,7 @@ def explain(
     take by algorithm, and why the others are excluded. With a decision also what each candidate
     brings to it or would bring, what that costs, and why it is in or out."""
     scorer = Scorer(scene, knowledge)
+    parts = {} if decision is None else _parts(scorer.at_rate(decision.rate_hz), decision)
     ego_share = scorer.share([0])
     return {
         "budget_bytes": scorer.budget_bytes,
@@ -45,9 +47,7 @@ def explain(
                 "answers": _answers(scorer, candidate),
                 "share": round(scorer.share([row]), 4),
                 "adds_to_ego": round(scorer.share([0, row]) - ego_share, 4),
-                **(
-                    _part(scorer.at_rate(decision.rate_hz), candidate, decision) if decision else {}
-                ),
+                **parts.get(candidate.robot, {}),
             }
             for row, candidate in enumerate(scene.candidates, start=1)
         ],
@@ -55,15 +55,24 @@ def explain(
     }
 
 
-def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
-    """What a candidate brings to the decision beside its other participants, and what it costs,
-    both in quality; None where it cannot send for the algorithm."""
+def _parts(scorer: Scorer, decision: Decision) -> dict[str, dict[str, Any]]:
+    """What each candidate brings to the decision beside its other participants, and what it costs,
+    both in quality; None where it cannot send for the algorithm. `scorer`: at its pace."""
     if decision.assignments:
-        return _assigned_part(scorer, candidate, decision)
-    robot, algorithm = candidate.robot, decision.algorithm
-    able = [r for r in decision.participants if scorer.known(r, algorithm)]
-    chosen = scorer.score(able, algorithm)
-    found = weighing(scorer, robot, decision, chosen)
+        brought = Mixes(scorer).brought(decision.assignments)
+        return {
+            c.robot: _assigned_part(brought.get(c.robot), c.robot in decision.participants)
+            for c in scorer.scene.candidates
+        }
+    chosen, found = weighings(scorer, decision)
+    return {robot: _part(scorer, robot, decision, chosen, one) for robot, one in found.items()}
+
+
+def _part(
+    scorer: Scorer, robot: str, decision: Decision, chosen: Score, found: Weighing
+) -> dict[str, Any]:
+    """One candidate's part where all send the same; `chosen` is the decision's own score."""
+    algorithm = decision.algorithm
     taken = robot in decision.participants
     worth = f"adds {found.adds:.3f} and costs {found.costs:.3f}" if found.adds is not None else ""
     words = {
@@ -82,24 +91,16 @@ def _part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str,
     return {"chosen": taken, "adds": found.adds, "costs": found.costs, "why": why}
 
 
-def _assigned_part(scorer: Scorer, candidate: Candidate, decision: Decision) -> dict[str, Any]:
+def _assigned_part(part: Brought | None, chosen: bool) -> dict[str, Any]:
     """The same where robots differ in what they send, and how often; of one that sends nothing,
-    what it would bring with the option that gains most."""
-    mixes, robot = Mixes(scorer), candidate.robot
-    chosen = robot in decision.participants
-    part = part_of(mixes, robot, decision)
+    what it would bring with the option that is worth most."""
     if part is None:
         return {"chosen": chosen, "adds": None, "costs": None, "why": "out: it cannot send"}
-    adds, costs = (
-        part.with_it.quality - part.without.quality,
-        part.with_it.cost - part.without.cost,
-    )
-    one, with_it = part.sends, part.with_it
+    one, adds, costs = part.sends, part.adds, part.costs
     worth = f"{one.algorithm} {one.rate_hz:g} times a second adds {adds:.3f} and costs {costs:.3f}"
     why = f"in: {worth}"
     if not chosen:
-        fits = mixes.carries(with_it)
-        why = f"out: {worth}" + ("" if fits else ", and does not fit beside the others")
+        why = f"out: {worth}" + ("" if part.fits else ", and does not fit beside the others")
     return {"chosen": chosen, "adds": round(adds, 4), "costs": round(costs, 4), "why": why}
 
 

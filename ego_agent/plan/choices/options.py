@@ -3,9 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from ego_agent.plan.choices.greedy import grow
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """The choices in a scene, and what scored them."""
+
+    scorer: Scorer
+    options: tuple[Score, ...]
+    mixes: Mixes | None
+    """What robots may send each, at the scorer's pace; None where all send the same."""
+
+
+def compare(scorer: Scorer) -> Compared:
+    """All options, and where robots may differ in what they send, and how often, also the choices
+    that the greedy orders find among such. Where everyone is hoped to be in time, all send the
+    same."""
+    options, mixes = list(all_options(scorer)), None
+    if scorer.objective.rarer_hz and scorer.knowledge.mixable and not scorer.hopes:
+        mixes = Mixes(scorer)
+        options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
+    return Compared(scorer, tuple(options), mixes)
 
 
 def all_options(scorer: Scorer) -> Iterator[Score]:

@@ -2,51 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from ego_agent.knowledge.base import Knowledge
-from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.weighed import MAX_WEIGHED, Other, Verdict, Weighed, Weighing
 from ego_agent.plan.choices.hysteresis import best_option
 from ego_agent.plan.choices.mixes import Brought, Mixes
-from ego_agent.plan.choices.options import all_options
+from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.scoring import Score, Scorer
-from swarm.messages import Assignment, Decision
+from swarm.messages import Decision
 
 DIGITS = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A robot's part of a decision in which robots differ in what they send, or how often."""
-
-    without: Score
-    with_it: Score
-    sends: Assignment
-    """What it sends, or would send: the option that gains most."""
-
-
-def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weighed:
-    """How the decision stands in the scene that it was made in; quality to four digits."""
-    fastest = Scorer(scene, knowledge)
-    scorer = fastest.at_rate(decision.rate_hz)
+def weigh(compared: Compared, decision: Decision) -> Weighed:
+    """How the decision stands in the scene that it was made in, among the choices that were
+    compared there; quality to four digits."""
+    scorer = compared.scorer.at_rate(decision.rate_hz)
     if decision.assignments:
-        mixes = Mixes(scorer)
+        mixes = compared.mixes
+        if mixes is None or mixes.scorer is not scorer:
+            mixes = Mixes(scorer)
         chosen = mixes.score([one for one in decision.assignments if mixes.can(one)])
         assert chosen is not None, "only what robots can send is scored"
         brought = mixes.brought(decision.assignments)
         robots = {
             c.robot: _assigned(brought.get(c.robot), c.robot in decision.participants)
-            for c in scene.candidates
+            for c in scorer.scene.candidates
         }
     else:
-        able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
-        chosen = scorer.score(able, decision.algorithm)
-        robots = {c.robot: weighing(scorer, c.robot, decision, chosen) for c in scene.candidates}
+        chosen, robots = weighings(scorer, decision)
     order = sorted(
         robots, key=lambda r: (r not in decision.participants, -(robots[r].adds or 0.0), r)
     )
-    objective = knowledge.objective
+    objective = scorer.objective
     return Weighed(
         value=round(chosen.value, DIGITS),
         budget_bytes=scorer.budget_bytes,
@@ -56,12 +42,21 @@ def weigh(scene: UnifiedScene, knowledge: Knowledge, decision: Decision) -> Weig
         upgrade_reserve=objective.upgrade_reserve,
         robots={robot: robots[robot] for robot in order[:MAX_WEIGHED]},
         left_out=max(0, len(order) - MAX_WEIGHED),
-        other=_other(fastest, decision),
+        other=_other(compared, decision),
     )
 
 
-def weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> Weighing:
-    """One candidate, by a scorer at the decision's pace; `chosen` is the decision's own score."""
+def weighings(scorer: Scorer, decision: Decision) -> tuple[Score, dict[str, Weighing]]:
+    """The score of a decision in which all send the same, by a scorer at its pace, and what each
+    candidate brings to it."""
+    able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
+    chosen = scorer.score(able, decision.algorithm)
+    robots = (candidate.robot for candidate in scorer.scene.candidates)
+    return chosen, {robot: _weighing(scorer, robot, decision, chosen) for robot in robots}
+
+
+def _weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> Weighing:
+    """One candidate; `chosen` is the decision's own score."""
     algorithm = decision.algorithm
     if not scorer.known(robot, algorithm):
         return Weighing(adds=None, costs=None, why="size")
@@ -83,20 +78,6 @@ def weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> W
     return Weighing(adds=round(adds, DIGITS), costs=round(costs, DIGITS), why=why)
 
 
-def part_of(mixes: Mixes, robot: str, decision: Decision) -> Part | None:
-    """One candidate's part beside the decision's other assignments; None where it can send
-    nothing."""
-    sends = {one.robot: one for one in decision.assignments if mixes.can(one)}
-    tried = [sends[robot]] if robot in sends else mixes.options_of(robot)
-    others = [one for name, one in sends.items() if name != robot]
-    without = mixes.score(others)
-    found = [(score, one) for one in tried if (score := mixes.score([*others, one])) is not None]
-    if without is None or not found:
-        return None
-    with_it, one = max(found, key=lambda pair: pair[0].value)
-    return Part(without, with_it, one)
-
-
 def _assigned(one: Brought | None, taken: bool) -> Weighing:
     """A candidate by what it brings to assignments; `taken`: it is among them."""
     if one is None:
@@ -107,12 +88,13 @@ def _assigned(one: Brought | None, taken: bool) -> Weighing:
     return Weighing(adds=round(one.adds, DIGITS), costs=round(one.costs, DIGITS), why=why)
 
 
-def _other(scorer: Scorer, decision: Decision) -> Other | None:
-    """The best of what `coverage` compares that has other participants or another algorithm."""
+def _other(compared: Compared, decision: Decision) -> Other | None:
+    """The best of what was compared that has other participants or another algorithm."""
+    scorer = compared.scorer
     same = (frozenset(decision.participants[1:]), decision.algorithm)
     options = [
         option
-        for option in _options(scorer)
+        for option in compared.options
         if (frozenset(option.participants), option.algorithm) != same
         and (option.participants or same[0])
     ]
@@ -128,12 +110,3 @@ def _other(scorer: Scorer, decision: Decision) -> Other | None:
         budget_bytes=scorer.at(best.pace).budget_bytes,
         value=round(best.value, DIGITS),
     )
-
-
-def _options(scorer: Scorer) -> list[Score]:
-    """What `coverage` compares, assignments among it."""
-    options = list(all_options(scorer))
-    if scorer.objective.rarer_hz and scorer.knowledge.mixable:
-        mixes = Mixes(scorer)
-        options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
-    return options

@@ -9,6 +9,7 @@ import msgspec
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.plan.choices.hysteresis import held
+from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.validation import bounded
 from ego_agent.plan.decision import plan
 from ego_agent.plan.intents.standing import Standing, name_of
@@ -29,14 +30,18 @@ def plan_obeying(
     now_ns: int,
     wishes: Standing,
     on_fault: Callable[[str], None] = lambda why: None,
+    on_compared: Callable[[Compared], None] = lambda compared: None,
 ) -> Decision:
     """The decision of this cycle, for a scene and an objective that the wishes have bound.
 
     Such a scene holds nobody who is left out, and such an objective the share of the link, which
     validation keeps. A Q_min that is wished is kept here: where the policy misses it, or keeps a
-    decision that does, and `coverage` reaches it, `coverage` decides.
+    decision that does, and `coverage` reaches it, `coverage` decides. `on_fault` and `on_compared`
+    are those of `plan`.
     """
-    decision = plan(snapshot, scene, policy, knowledge, previous, cycle, now_ns, on_fault)
+    decision = plan(
+        snapshot, scene, policy, knowledge, previous, cycle, now_ns, on_fault, on_compared
+    )
     wished = wishes.q_min
     if wished is None or decision.quality >= wished.value:
         return decision

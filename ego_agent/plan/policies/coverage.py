@@ -14,8 +14,7 @@ from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.assign import told as told_rates
 from ego_agent.plan.choices.explain import told
 from ego_agent.plan.choices.hysteresis import best_option, settle, still_possible
-from ego_agent.plan.choices.mixes import Mixes
-from ego_agent.plan.choices.options import all_options
+from ego_agent.plan.choices.options import Compared, compare
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import MIXED, Decision
 
@@ -30,7 +29,8 @@ class Coverage:
         self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
     ) -> Proposal:
         """The best option that was found, or the decision in force if that is as good."""
-        best, reason = self.choose(Scorer(scene, knowledge), previous)
+        compared = compare(Scorer(scene, knowledge))
+        best, reason = self.choose_among(compared, previous)
         return Proposal(
             participants=(scene.ego.robot, *best.participants),
             algorithm=best.algorithm,
@@ -38,17 +38,18 @@ class Coverage:
             source="policy",
             rate_hz=best.pace.rate_hz,
             assignments=best.assignments,
+            compared=compared,
         )
 
     def choose(self, scorer: Scorer, previous: Decision | None) -> tuple[Score, str]:
         """The same as a score, and its reason."""
-        options = list(all_options(scorer))
-        mixes = None
-        if scorer.objective.rarer_hz and scorer.knowledge.mixable and not scorer.hopes:
-            mixes = Mixes(scorer)
-            options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
+        return self.choose_among(compare(scorer), previous)
+
+    def choose_among(self, compared: Compared, previous: Decision | None) -> tuple[Score, str]:
+        """The same of choices that have been compared already."""
+        scorer, options = compared.scorer, compared.options
         best = best_option(scorer, options)
-        held = still_possible(scorer, previous, mixes)
+        held = still_possible(scorer, previous, compared.mixes)
         if held is not None and previous is not None:
             best = settle(scorer, options, best, held, previous)
         return best, reason_of(scorer, best, kept=best is held)

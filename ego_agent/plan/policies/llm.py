@@ -17,6 +17,7 @@ from ego_agent.plan.advice.judge import Verdict, judge
 from ego_agent.plan.advice.outcomes import Refused, plain
 from ego_agent.plan.advice.questions import Asking, Heard, Question, Questions
 from ego_agent.plan.choices.hysteresis import held
+from ego_agent.plan.choices.options import compare
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.validation import make_decision
 from ego_agent.plan.policies.coverage import Coverage, reason_of
@@ -103,7 +104,8 @@ class Llm:
     def _begin(self, scorer: Scorer, questions: Asking | None) -> Cycle:
         """The fallback is what `coverage` would decide, had it decided so far: advice that it would
         not have chosen must not become what it holds on to."""
-        score, reason = self._coverage.choose(scorer, self._shadow)
+        compared = compare(scorer)
+        score, reason = self._coverage.choose_among(compared, self._shadow)
         now_ns = round(self._clock() * 1e9)
         shadow = make_decision(
             scorer,
@@ -117,7 +119,7 @@ class Llm:
         )
         self._shadow = held(shadow, self._shadow, now_ns)
         alive = questions is not None and questions.alive()
-        return Cycle(scorer, score, reason, self._clock(), alive)
+        return Cycle(compared, score, reason, self._clock(), alive)
 
     def _lose(self, cycle: Cycle, heard: Heard | None) -> None:
         """There is no gateway: nothing is held, and it is asked at once when it is back."""
@@ -230,6 +232,7 @@ class Llm:
                 model=held.model,
                 notes=cycle.notes,
                 advice=report,
+                compared=cycle.compared,
             )
         note = NO_GATEWAY if not cycle.gateway else ""
         if cycle.gateway and self._refused_for == cycle.fingerprint:
@@ -243,6 +246,7 @@ class Llm:
             advice=report,
             rate_hz=cycle.fallback.pace.rate_hz,
             assignments=cycle.fallback.assignments,
+            compared=cycle.compared,
         )
 
     def _report(self, cycle: Cycle) -> AdviceReport:
