@@ -3,47 +3,33 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from coadapt.main import main
-from deploy.spec import make_spec
-from deploy.state import State, make_run_dir, write_state
 from swarm import keyspace
 from swarm.errors import RefusedError
-from swarm.messages import Decision, Observation, ObservationRequest
-from tests.support.ego_swarm import Swarm, factory, metrics_of, swarm_of
-from tests.support.free_ports import free_port
+from swarm.messages import Observation, ObservationRequest
+from tests.support.ego_swarm import Swarm, metrics_of
+from tests.support.recorded_swarm import (  # noqa: F401
+    EGO,
+    OTHER,
+    OTHER_METRICS,
+    recorded_swarm,
+    start_ego,
+    together,
+)
 
-EGO, OTHER = "R1", "R2"
-PORT = free_port()
 WAIT_S = 20.0
 
 
-@pytest.fixture
-def swarm(
-    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Swarm]:
-    """A router, two robots and an ego, recorded as `up` does."""
-    with swarm_of(factory(tmp_path_factory.getbasetemp() / "scans"), tmp_path) as found:
-        monkeypatch.setenv("COADAPT_RUN_DIR", str(tmp_path / "run"))
-        spec = make_spec(swarm="test", robots=(EGO, OTHER), var_dir=str(tmp_path))
-        make_run_dir(spec)
-        write_state(State(runtime="netns", spec=spec, router=found.address))
-        found.router()
-        found.robot(OTHER, metrics_port=str(PORT))
-        found.ego(ego=EGO, comm_range_m="500", period_s="0.25")
-        yield found
+@pytest.fixture(autouse=True)
+def an_ego(swarm: Swarm) -> None:
+    start_ego(swarm)
 
 
 def steer(*arguments: str) -> int:
     return main(["steer", "--swarm", "test", *arguments])
-
-
-def together(decision: Decision) -> bool:
-    return OTHER in decision.participants
 
 
 def test_an_operator_steers_a_running_swarm(
@@ -71,7 +57,7 @@ def test_an_operator_steers_a_running_swarm(
     assert "R2 is off duty, by " in capsys.readouterr().out
     decisions.until(lambda d: not together(d))
     assert session.alive() == ()
-    assert metrics_of(PORT)['coadapt_robot_on_duty{robot="R2"}'] == 0
+    assert metrics_of(OTHER_METRICS)['coadapt_robot_on_duty{robot="R2"}'] == 0
     request = ObservationRequest(ego=EGO, request=1, algorithm="early", capture_ns=0)
     asked = session.ask(keyspace.observation("test", OTHER), request, Observation, timeout_s=WAIT_S)
     with pytest.raises(RefusedError, match="robot R2 is off duty"):
@@ -81,7 +67,7 @@ def test_an_operator_steers_a_running_swarm(
     assert (ego["policy"], robot["robot"], robot["on_duty"]) == ("coverage", OTHER, True)
     decisions.until(together)
     assert session.alive() == (OTHER,)
-    assert metrics_of(PORT)['coadapt_robot_on_duty{robot="R2"}'] == 1
+    assert metrics_of(OTHER_METRICS)['coadapt_robot_on_duty{robot="R2"}'] == 1
 
 
 def test_what_cannot_be_done_is_named_and_nothing_is_changed(

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -13,48 +11,29 @@ import pytest
 from coadapt.commands.status import render
 from coadapt.main import main
 from deploy.observe import Watch
-from deploy.spec import make_spec
-from deploy.state import State, make_run_dir, need_state, write_state
+from deploy.state import need_state
 from ego_agent.knowledge.journal import read_journal
-from swarm.messages import Decision
-from tests.support.ego_swarm import Swarm, factory, stop, swarm_of, until
+from tests.support.ego_swarm import Swarm, stop, until
+from tests.support.recorded_swarm import (  # noqa: F401
+    EGO,
+    OTHER,
+    recorded_swarm,
+    start_ego,
+    together,
+)
 
-EGO, OTHER = "R1", "R2"
-
-
-@pytest.fixture
-def swarm(
-    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Swarm]:
-    """A router and a robot, recorded as `up` does."""
-    with swarm_of(factory(tmp_path_factory.getbasetemp() / "scans"), tmp_path) as found:
-        monkeypatch.setenv("COADAPT_RUN_DIR", str(tmp_path / "run"))
-        spec = make_spec(swarm="test", robots=(EGO, OTHER), var_dir=str(tmp_path))
-        make_run_dir(spec)
-        write_state(State(runtime="netns", spec=spec, router=found.address))
-        found.router()
-        found.robot(OTHER)
-        yield found
-
-
-def start_ego(swarm: Swarm, tmp_path: Path) -> subprocess.Popen[bytes]:
-    journal = str(tmp_path / "journal.jsonl")
-    return swarm.ego(ego=EGO, comm_range_m="500", period_s="0.25", journal=journal)
+JOURNAL = "journal.jsonl"
 
 
 def run(*arguments: str) -> int:
     return main([arguments[0], "--swarm", "test", *arguments[1:]])
 
 
-def together(decision: Decision) -> bool:
-    return OTHER in decision.participants
-
-
 def test_a_wish_is_read_back_confirmed_obeyed_shown_and_withdrawn(
     swarm: Swarm, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     decisions = swarm.decisions(swarm.session(), EGO)
-    start_ego(swarm, tmp_path)
+    start_ego(swarm, tmp_path / JOURNAL)
     decisions.until(together)
     assert run("wish", "--list") == 0
     assert capsys.readouterr().out == "R1 obeys no wish\n"
@@ -87,7 +66,7 @@ def test_a_wish_is_read_back_confirmed_obeyed_shown_and_withdrawn(
     decisions.until(lambda d: together(d) and not d.intents)
     assert run("wish", "--withdraw", "1") == 1
     assert "no wish 1 is in force or waiting; there are: none" in capsys.readouterr().err
-    lines = [record.intents for record in read_journal(tmp_path / "journal.jsonl")]
+    lines = [record.intents for record in read_journal(tmp_path / JOURNAL)]
     assert any(told and told[0].says == "leave R2 out" for told in lines)
 
 
@@ -95,7 +74,7 @@ def test_a_wish_by_its_fields_outlives_the_ego_and_ends_by_itself(
     swarm: Swarm, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     decisions = swarm.decisions(swarm.session(), EGO)
-    ego = start_ego(swarm, tmp_path)
+    ego = start_ego(swarm, tmp_path / JOURNAL)
     decisions.until(together)
     later = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
     wish = ("steer", "--focus", "aisle 1=high", "--link-share", "0.5", "--policy", "static-late")
@@ -105,7 +84,7 @@ def test_a_wish_by_its_fields_outlives_the_ego_and_ends_by_itself(
 
     assert stop(ego) == 0
     decisions.skip()
-    start_ego(swarm, tmp_path)
+    start_ego(swarm, tmp_path / JOURNAL)
     again = decisions.until(lambda d: bool(d.intents) and d.cycle > 1 and together(d))
     assert again.policy == "static-late"
 
@@ -123,7 +102,7 @@ def test_what_cannot_be_obeyed_is_named_and_nothing_is_changed(
     swarm: Swarm, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     decisions = swarm.decisions(swarm.session(), EGO)
-    start_ego(swarm, tmp_path)
+    start_ego(swarm, tmp_path / JOURNAL)
     decisions.until(together)
     past = "2020-01-01T00:00:00+00:00"
     for intent, expected in (
