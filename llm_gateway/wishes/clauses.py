@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from llm_gateway.wishes.cues import KNOWN, SPELLING
+from llm_gateway.wishes.cues.spelling import KNOWN, SPELLING
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.words import alike

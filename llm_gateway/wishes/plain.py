@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-from llm_gateway.wishes import cues
+from llm_gateway.wishes.cues.spelling import KNOWN, PATTERNS, SPELLING
 
 _PLAIN = frozenset(
     """sit sits sitting faellt faellst fallen weitermachen weiter machen arbeiten auskommen u ur ya
@@ -75,7 +75,6 @@ _BARE = frozenset(
     under circumstances in any case never nie niemals net ned nich also auch too thx lieber
     better besser hey ok okay today jetzt now jedenfalls mehr gar at all anything""".split()  # noqa: SIM905
 )
-_CUES = tuple(p for p in vars(cues).values() if isinstance(p, re.Pattern))
 
 
 def strange(text: str, *, ailing: bool = False) -> bool:
@@ -96,6 +95,6 @@ def bare(text: str) -> bool:
 def _known(word: str) -> bool:
     if not word.isalpha() or not word.islower():
         return not word.isdigit()
-    if word in _PLAIN or word in _BARE or word in cues.KNOWN or word in cues.SPELLING:
+    if word in _PLAIN or word in _BARE or word in KNOWN or word in SPELLING:
         return True
-    return any(cue.fullmatch(word) for cue in _CUES)
+    return any(cue.fullmatch(word) for cue in PATTERNS)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from llm_gateway.wishes import cues, lexicon
+from llm_gateway.wishes import lexicon
+from llm_gateway.wishes.cues import common, resources, robots, weights
 from llm_gateway.wishes.plain import bare, strange
 from llm_gateway.wishes.reading import Role
 
@@ -51,25 +52,25 @@ def bounds(text: str) -> str:
 
 def negated(text: str) -> bool:
     """Whether a clause says no to something."""
-    return bool(cues.NOT.search(bounds(text)))
+    return bool(common.NOT.search(bounds(text)))
 
 
 def robot_role(text: str, *, alone: bool = False) -> Role | None:
     """What a clause says of the robot that it names; `alone`: it names none."""
-    if cues.CONTRAST.search(text):
+    if robots.CONTRAST.search(text):
         return "doubt"
     if _turned(text):
         return "doubt"
     if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
         return "only"
-    plain = cues.ONLY.sub("ONLYTHESE", cues.OVER_OTHERS.sub("first", text))
-    out = bool(cues.OUT.search(plain))
+    plain = robots.ONLY.sub("ONLYTHESE", robots.OVER_OTHERS.sub("first", text))
+    out = bool(robots.OUT.search(plain))
     bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let|left)\b", text)
-    no = negated(cues.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
+    no = negated(robots.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
     only = "ONLYTHESE" in plain
-    first = bool(cues.FIRST.search(plain))
-    unused = bool(cues.UNUSED.search(plain))
-    if bare or (no and (out or only or first)) or cues.LAST.search(text):
+    first = bool(robots.FIRST.search(plain))
+    unused = bool(robots.UNUSED.search(plain))
+    if bare or (no and (out or only or first)) or robots.LAST.search(text):
         return None if alone else "doubt"
     if alone and _NOT_AT_ALL.fullmatch(text):
         return "out"
@@ -83,10 +84,10 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
     if alone and hits == {"first"} and not unused and not _PREFERS.search(text):
         return None
     if not hits and not alone:
-        if cues.JUST.search(text):
+        if robots.JUST.search(text):
             return "only"
-        return "first" if cues.POSSIBLY.search(text) else None
-    if hits == {"out"} and alone and not (cues.PRONOUN.search(text) or no or _plain_out(text)):
+        return "first" if robots.POSSIBLY.search(text) else None
+    if hits == {"out"} and alone and not (common.PRONOUN.search(text) or no or _plain_out(text)):
         return None
     return hits.pop() if len(hits) == 1 else ("doubt" if hits else None)
 
@@ -103,7 +104,7 @@ def _turned(text: str) -> bool:
     if rest == text:
         every = re.search(r"\b(?:all|alle|every\w*)\b", text) and _SAVE_FOR.search(text)
         rest = _SAVE_FOR.sub(" ", text) if every else ""
-    return bool(cues.OUT.search(rest)) or (rest != "" and negated(rest))
+    return bool(robots.OUT.search(rest)) or (rest != "" and negated(rest))
 
 
 def certain(text: str, role: Role) -> bool:
@@ -116,20 +117,20 @@ def certain(text: str, role: Role) -> bool:
     but = re.search(r"\b(?:ALLBUT|NOBODYBUT|except|besides|ausser|apart)\b", text)
     if strange(text, ailing=role == "out" and not but) or there:
         return False
-    cue = cues.OUT.search(text) or cues.UNUSED.search(text) or cues.ONLY.search(text)
+    cue = robots.OUT.search(text) or robots.UNUSED.search(text) or robots.ONLY.search(text)
     return role == "only" or bool(cue) or "BUT" in text or bare(text)
 
 
 def others_role(text: str) -> Role | None:
     """What a clause says of the robots named beside it, by what it says of all the others."""
-    if not cues.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
+    if not robots.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
         return None
-    plain = cues.OTHERS.sub(" ", text, count=1)
-    if cues.BACKUP.search(plain):
+    plain = robots.OTHERS.sub(" ", text, count=1)
+    if robots.BACKUP.search(plain):
         return "first"
-    out = cues.OUT.search(plain) or cues.IDLE.search(plain)
+    out = robots.OUT.search(plain) or robots.IDLE.search(plain)
     no = negated(plain)
-    if (out and not no) or (no and not out and cues.UNUSED.search(plain)):
+    if (out and not no) or (no and not out and robots.UNUSED.search(plain)):
         return "only"
     return None
 
@@ -138,10 +139,10 @@ def weight_role(text: str) -> Role | None:
     """What a clause says of the place or the class that it names."""
     if _COMPARED.search(text) or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):
         return "doubt"
-    low = bool(cues.LOW.search(text))
-    rest = cues.LOW.sub(" ", text) if low else text
-    high = bool(cues.HIGH.search(rest))
-    no = bool(cues.NOT.search(bounds(rest)))
+    low = bool(weights.LOW.search(text))
+    rest = weights.LOW.sub(" ", text) if low else text
+    high = bool(weights.HIGH.search(rest))
+    no = bool(common.NOT.search(bounds(rest)))
     if low and high and no:
         return "doubt"
     if low:
@@ -156,7 +157,7 @@ def share_role(text: str) -> Role:
     words = set(text.split())
     quality = bool(words & lexicon.QUALITY)
     network = "NET" in words
-    least, most = cues.AT_LEAST.search(text), cues.AT_MOST.search(text)
+    least, most = resources.AT_LEAST.search(text), resources.AT_MOST.search(text)
     falls = re.search(r"\b(?:below|under|unter)\b", text) and not re.search(
         r"\b(?:not?|never|nie|nicht|dont|doesnt|mustnt|cant|cannot|shouldnt|ned)\b", text
     )
@@ -167,7 +168,7 @@ def share_role(text: str) -> Role:
     if network and not quality:
         if least and not re.search(r"\b(?:under|unter|below|ueber|above|or less)\b", text):
             return "doubt"
-        return "free" if cues.FREE.search(text) else "link"
+        return "free" if resources.FREE.search(text) else "link"
     if not network and least and not most and not falls:
         return "quality"
     return "doubt"

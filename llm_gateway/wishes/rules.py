@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 
-from llm_gateway.wishes import cues, lexicon
+from llm_gateway.wishes import lexicon
 from llm_gateway.wishes.clauses import Clause, clauses
+from llm_gateway.wishes.cues import common, resources, robots, speech
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.plain import strange
@@ -173,20 +174,19 @@ class Rules:
     def _inherited(self, clause: Clause, before: Clause) -> Role | None:
         """The role that a clause without a cue takes from the one before it, or its opposite."""
         roles = {self._roles[n] for n in self._of(before, "place", "class")}
-        robots = [self._text.mentions[n].kind for n in clause.mentions].count("robot")
-        if robots or len(roles) != 1:
+        if self._of(clause, "robot") or len(roles) != 1:
             return None
         role = roles.pop()
         if role not in ("high", "low"):
             return None
         bare = set(clause.text.split()) <= _FILLERS
-        if clause.opener in ("but", "aber", "sondern") and not cues.NOT.search(clause.text):
+        if clause.opener in ("but", "aber", "sondern") and not common.NOT.search(clause.text):
             return None
         other: Role = "low" if role == "high" else "high"
-        if cues.NOT.search(clause.text):
+        if common.NOT.search(clause.text):
             return other if bare else None
         if re.search(r"(?:PLACE|CLASS) (?:do|does|can|are|is|schon|doch)$", clause.text):
-            return other if cues.NOT.search(before.text) else role
+            return other if common.NOT.search(before.text) else role
         return role if bare else None
 
     def _shares(self, at: int, clause: Clause) -> None:
@@ -196,7 +196,7 @@ class Rules:
         role = share_role(clause.text)
         if len(numbers) > 1:
             role = "doubt"
-        bounded = cues.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
+        bounded = resources.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
         if role == "doubt" and bounded and at and len(numbers) == 1:
             before = self._clauses[at - 1]
             if "NET" in before.text.split() and not self._of(before, "share"):
@@ -212,12 +212,12 @@ class Rules:
         role: Role | None = None
         if self._of(clause, "share"):
             role = "none"
-        elif cues.WASTE.search(clause.text):
-            stopped = negated(clause.text) or cues.STOP.search(clause.text)
+        elif resources.WASTE.search(clause.text):
+            stopped = negated(clause.text) or resources.STOP.search(clause.text)
             role = "save" if stopped else None
             if role is None:
                 self._wasted += numbers
-        elif cues.SAVE.search(clause.text):
+        elif resources.SAVE.search(clause.text):
             role = "doubt" if negated(clause.text) else "save"
         self._set(numbers, role)
 
@@ -240,18 +240,18 @@ class Rules:
             if not self._give(at, role, "robot"):
                 self._doubt(clause)
             return
-        both = cues.BOTH.search(clause.text) and not self._of(clause, "robot")
+        both = common.BOTH.search(clause.text) and not self._of(clause, "robot")
         if both and (role := robot_role(clause.text, alone=True)) is not None:
             for near in self._clauses[max(0, at - 4) : at]:
                 self._set([n for n in self._of(near, "robot") if self._roles[n] is None], role)
         others = any(self._text.mentions[n].kind != "time" for n in clause.mentions)
         named = self._of(clause, "robot", "share", "network", "compute")
-        if not others or (cues.PRONOUN.search(clause.text) and not named):
+        if not others or (common.PRONOUN.search(clause.text) and not named):
             role = robot_role(clause.text, alone=True)
             if (
                 role == "out"
-                and cues.OTHERS.search(clause.text)
-                and not cues.PRONOUN.search(clause.text)
+                and robots.OTHERS.search(clause.text)
+                and not common.PRONOUN.search(clause.text)
             ):
                 # It is the others who are out.
                 role = "doubt"
@@ -267,7 +267,7 @@ class Rules:
             weight = weight_role(clause.text)
             if weight == "high":
                 self._give(at, weight, "place")
-        if cues.SAVE.search(clause.text) and not clause.mentions:
+        if resources.SAVE.search(clause.text) and not clause.mentions:
             self._give(at, "save", "network", "compute")
         if not clause.text.split() or not clause.mentions:
             return
@@ -292,7 +292,7 @@ class Rules:
                 return False
             if near > at and clause.sentence != self._clauses[at].sentence:
                 return False
-            pointed = cues.PRONOUN.search(self._clauses[at].text)
+            pointed = common.PRONOUN.search(self._clauses[at].text)
             if self._void[near] and not (clause.asked or pointed):
                 return False
             self._set(numbers, role)
@@ -305,13 +305,13 @@ class Rules:
             return
         named = self._of(clause, "robot", "place", "class", "unknown", "policy")
         everybody = set(clause.text.split()) & lexicon.EVERYBODY
-        acts = cues.OUT.search(clause.text) or cues.UNUSED.search(clause.text)
+        acts = robots.OUT.search(clause.text) or robots.UNUSED.search(clause.text)
         lonely = not named and not self._of(clause, "network", "compute", "share")
         if (
             lonely
             and everybody
             and "out" not in self._roles
-            and (acts or cues.ONLY.search(clause.text))
+            and (acts or robots.ONLY.search(clause.text))
         ):
             self._doubt(clause)
         elif lonely and _STRONG.search(clause.text) and not _THERE.search(clause.text):
@@ -352,4 +352,4 @@ def _time_role(mention: Mention, clause: str) -> Role:
     """A time that is over belongs to the report that names it, and is unclear elsewhere."""
     if mention.when is None or mention.when.clear:
         return "doubt" if mention.when is None else "when"
-    return "none" if mention.when.past and cues.TOLD.search(clause) else "doubt"
+    return "none" if mention.when.past and speech.TOLD.search(clause) else "doubt"

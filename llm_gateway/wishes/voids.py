@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from llm_gateway.wishes import cues
 from llm_gateway.wishes.clauses import Clause
+from llm_gateway.wishes.cues import speech
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.roles import bounds
 
@@ -52,7 +52,7 @@ def foreign(text: Text) -> bool:
     """Whether these are the words of a robot, or of somebody who only is quoted."""
     said = " ".join(word.text for word in text.words)
     named = _named(text)
-    return bool(cues.FOREIGN.search(said) or _SPEAKER.search(named) or _MYSELF.search(named))
+    return bool(speech.FOREIGN.search(said) or _SPEAKER.search(named) or _MYSELF.search(named))
 
 
 def _named(text: Text) -> str:
@@ -70,30 +70,30 @@ def tells(clauses: Sequence[Clause], clause: Clause) -> bool:
     """Whether a clause only reports what happened: a reason, at most, for a wish beside it."""
     opening = next(c for c in clauses if c.sentence == clause.sentence)
     return bool(
-        cues.PAST.search(_plain(clause))
+        speech.PAST.search(_plain(clause))
         and not clause.asked
-        and not cues.QUESTION.match(_GREETING.sub("", opening.text))
-        and not cues.DOUBTED.search(clause.text)
-        and not cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text))
+        and not speech.QUESTION.match(_GREETING.sub("", opening.text))
+        and not speech.DOUBTED.search(clause.text)
+        and not speech.CONDITION.search(speech.NO_CONDITION.sub("", clause.text))
     )
 
 
 def _plain(clause: Clause) -> str:
-    return cues.POLITE.sub("", clause.text)
+    return speech.POLITE.sub("", clause.text)
 
 
 def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
     opening = next(c for c in clauses if c.sentence == clause.sentence)
-    asks = cues.QUESTION.match(_GREETING.sub("", opening.text))
+    asks = speech.QUESTION.match(_GREETING.sub("", opening.text))
     if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
         return True
-    if cues.PAST.search(_plain(clause)) or cues.DOUBTED.search(clause.text):
+    if speech.PAST.search(_plain(clause)) or speech.DOUBTED.search(clause.text):
         return True
-    if cues.CONDITION.search(cues.NO_CONDITION.sub("", clause.text)):
+    if speech.CONDITION.search(speech.NO_CONDITION.sub("", clause.text)):
         return not ("reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text))
     named = any(text.mentions[n].kind != "time" for n in clause.mentions)
-    return bool(cues.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
+    return bool(speech.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
 
 
 def _reaches(text: str) -> bool:

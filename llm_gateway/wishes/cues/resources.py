@@ -1,0 +1,65 @@
+"""Words of parts that bound quality and the link, and of saving what is short."""
+
+from __future__ import annotations
+
+from llm_gateway.wishes.cues.common import any_of
+
+AT_LEAST = any_of(
+    "no lower", "not lower", "or higher", "at least", "no less than", "not less than", "minimum",
+    "min", "minimal", "above", "or better",
+    "or more", "not drop below", "not fall below", "never below", "not below", "not under",
+    "never under", "never go under", "not go under", "drop below", "fall below", "go below",
+    "go under",
+    "below", "under", "floor", "better than", "mindestens", "wenigstens", "minimum", "nicht unter",
+    "zumindest", "ueber", "oder mehr", "oder besser", "nicht weniger", "nie unter", "unter",
+    "not sink below", "not get below", "not less", "least",
+)  # fmt: skip
+AT_MOST = any_of(
+    "at most", "no more than", "not more than", "more than", "maximum", "max", "up to", "cap",
+    "limit", "at maximum", "hoechstens", "maximal", "nicht mehr", "mehr als", "bis zu",
+    r"beschraenk\w*",
+    r"begrenz\w*", "ceiling", "not exceed", "exceed", "ueberschreiten", "not above",
+)  # fmt: skip
+FREE = any_of("free", "reserve", "reserved", "frei", "freihalten", r"reservier\w*", "freilassen",
+            "leave", "others", "andere", "anderen", "unused", "untouched", "spare")  # fmt: skip
+"""The part is that which is kept for others."""
+SAVE = any_of(
+    "ease", "eases", "easing", "ease off", "ease up", "load off", "strain off", "pressure off",
+    "weight off", "off the", "back off", "dial down", "dial back", "scale back", "cut back",
+    "cut down", "hold back", "tone down", "turn down", "rein in", r"trim\w*", r"shrink\w*",
+    r"restrain\w*", "restraint", r"modest\w*", r"moderate\w*", r"sparse\w*", "precious",
+    "as little", "not so much", "not too much", "too much",
+    "slim", "keep it small", "keep it low", "smaller", "fewer", "careful",
+    "carefully", "mindful", r"curb\w*", r"alleviat\w*", "unload", "offload", "lean",
+    "dont overdo", "budget", r"economical\w*", r"sparing\w*", r"gering\w*", "geringhalten",
+    r"minimier\w*", r"einschraenk\w*", r"schraenk\w*", "zurueckfahren", "runterfahren",
+    "herunterfahren", r"zurueckhalt\w*", "zurueckhaltend", "behutsam", "vorsichtig", "massvoll",
+    "sparflamme", "kuerzer treten", "schonung", "nicht so viel", "nicht zu viel",
+    "nicht soviel", "nicht zuviel", "so wenig", "moeglichst wenig", "ressourcenschonend",
+    "haushaltet", "sorgsam", "kostbar", "runterschrauben", "zurueckschrauben",
+    "drosseln", r"abspeck\w*", "saeubern", "klein halten", "kleinhalten",
+    "minimum", "minimal", "save", "saving", "saves", "spare", "sparing", r"econom\w*", "thrifty",
+    "thrift", r"conserv\w*",
+    r"reduc\w*", "lower", "less", "little", "easy", "cut", r"minimi[sz]e\w*", "low", "down",
+    "gentle",
+    "gently", "light", "lightly", "frugal", "tight", "stingy", "economise", "relieve", "sparingly",
+    r"spar", "spare", "sparen", "spart", "sparsam", "sparsamer", "einsparen", "schone", "schonen",
+    "schont", "schonend", "weniger", "wenig", "sachte", "niedrig", r"entlast\w*", "runter",
+    r"reduzier\w*", r"verringer\w*", "geizig", "haushalten", "knausrig", "senke", "senken",
+    r"drossel\w*",
+    "throttle", "haushalte",
+)  # fmt: skip
+WASTE = any_of(
+    "short on", "short of", "running low", "tight on", "scarce", "knapp", "rar", "eng",
+    r"hammer\w*", r"flood\w*", r"clog\w*", r"hog", r"hogs", r"hogging", r"saturat\w*",
+    r"overload\w*", r"overus\w*", "max out", r"maxing", r"chok\w*", r"swamp\w*", r"burden\w*",
+    r"strain\w*", r"stress\w*", r"tax\w*", r"congest\w*", r"exhaust\w*", r"jam\w*", "eat up",
+    "eating up", "burn", "burning", r"ueberlast\w*", r"belast\w*", r"zumuell\w*", r"verstopf\w*",
+    r"strapazier\w*", r"vollmach\w*", "volldroehnen", "zuballern", r"ueberfluten", r"ueberfordern",
+    "dicht machen", "zumachen", r"verbrat\w*", "verheizen", r"ueberstrapazier\w*", "waste",
+    r"wasting", r"verschwend\w*", r"vergeud\w*", "squander",
+)  # fmt: skip
+"""With a negation: save."""
+STOP = any_of("stop", "quit", "cease", "lay off", "enough", "schluss", "aufhoeren", "no more",
+            "avoid", "less", "weniger", r"vermeid\w*")  # fmt: skip
+"""With waste: save."""

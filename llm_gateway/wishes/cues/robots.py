@@ -1,0 +1,148 @@
+"""Words by which a wish leaves robots out, asks nobody else, or asks them first."""
+
+from __future__ import annotations
+
+import re
+
+from llm_gateway.wishes.cues.common import any_of
+
+OUT = any_of(
+    r"ground\w*", "park", "parked", "parking", r"sideline\w*", r"shelve\w*", "sleep", "sleeps",
+    "sleeping", "stand down", "stands down", "stand by", r"ditch\w*", "axe", r"unplug\w*",
+    r"retire\w*", r"quarantine\w*", r"blacklist\w*", r"suspend\w*", r"withdraw\w*", "day off",
+    "cut out", "rule out", "count out", "take out", "opt out", "make do without", "do without",
+    "get by without", "go without", "manage without", "unavailable", "not available", "inactive",
+    "deactivated", "disabled", "lock out", "locked out", "leave behind", r"stays? home",
+    "at home", "knock off", "scrap", "turn off", "switch off", "standby", r"park\w*t", "geparkt",
+    "parken", "abmelden", "abgemeldet", r"aussortier\w*", "rauswerfen", "rauswirf", "wirf raus",
+    r"rausschmeiss\w*", r"schmeiss\w* raus", r"kick\w*", "wegfallen", "entfaellt",
+    r"ausklammer\w*", r"klammer\w* aus", "abziehen", "abgezogen", "aussetzen", "setzt aus",
+    "aussetzt", "pausiert", "schlafen", "schlaeft", r"kaltstell\w*", "kaltgestellt",
+    r"blockier\w*", r"stillleg\w*", "stillgelegt", r"deaktivier\w*", "ausgeschaltet",
+    "ausschalten", r"schalt\w* ab", "abgeschaltet", "abstellen", "abgestellt", r"abzieh\w*",
+    "herausnehmen", "rausgenommen", "herausgenommen", "weggelassen", "ausgelassen",
+    "ausgeschlossen", "ausgenommen", "ausgespart", "aussparen", "fernbleiben", "wegbleiben",
+    "wegbleibt", "raushalten", "nicht verfuegbar", "ausser dienst", "off duty", "out of service",
+    "out of action", "ausser betrieb", "im urlaub", "haende weg", "fern halten", "liegen lassen",
+    "links liegen", "stehen lassen", "stehenlassen", "zu hause", "nix von", "nichts wissen",
+    "absehen", "verzichten", "verzichtet",
+    r"skip\w*", r"ignor\w*", r"exclud\w*", "drop", "dropping", "omit", "bench", "disable",
+    "deactivate", "avoid", "remove", "without", "except", "besides", "excluding", "out", "off",
+    "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
+    r"stop \w*", "in peace", r"(?:leave|leaving|lev|leaf|let) .*\b(?:alone|be|rest|sleep)",
+    r"(?:leave|leaving|lev|leaf) (?:it|them|him|her)", "let it", "let them", "let him",
+    "leave ROBOT", "leave it", "alone",
+    r"left (?:alone|out|in peace|off|aside)", "ruhe gelassen", "nothing from", "nichts von",
+    "zufrieden", "ruhe", "mit ausnahme", "with the exception",
+    "exception", "disregard",
+    r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
+    "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
+    r"verschon\w*",
+    "sit out", "out of bounds", "banned", "verboten", "gesperrt", "stay home", "daheim", "zuhause",
+    "nicht dabei", r"entbehr\w*", "forbidden", "opt out", "hinauslassen", "pass over",
+    r"scheid\w* aus",
+    "ohne", "ausser", "auslassen", "auslass", "lass aus", "weglassen", "weg", "raus", "aus",
+    "rauslassen", r"ausschliess\w*", r"schliess\w* .*", "ausnehmen", r"ignorier\w*", r"verzicht\w*",
+    r"uebergeh\w*", r"pausier\w*", "pausen", r"abschalt\w*", r"sperr\w*", "in ruhe", "aussen vor",
+    "draussen", "nichts hoeren", "vergiss", "vergessen", "meide", "vermeide", r"streich\w*",
+    "rausnehmen", "auszulassen", "lahmlegen", "stilllegen", "beiseite", "fern", "ruhen",
+)  # fmt: skip
+UNUSED = any_of(
+    "plan on", "schedule", "scheduled", "assign", "deploy", "pick", "choose", "select", "rely on",
+    "einplanen", "eingeplant", "verplanen", r"beruecksichtig\w*", "einbinden", "eingebunden",
+    "ansprechen", "angesprochen", r"heranzieh\w*", "herangezogen", r"hinzuzieh\w*", "zuziehen",
+    r"beizieh\w*", r"auswaehl\w*", "waehlen", "waehl", "zaehlen auf", "verlassen", "bauen",
+    "setzen", "hoeren", "rufen", "anrufen", r"kontaktier\w*", "abfragen", "befragen",
+    r"behellig\w*", "einspannen", r"beanspruch\w*", "mitwirken", "mitspielen", r"mitzieh\w*",
+    "ran", "dran", "drannehmen", "schicken", "losschicken", "zum einsatz",
+    r"us(?:e|ed|ing)", "ask", "asked", "asking", "bother", "touch", "take", "include", "call",
+    "query", "disturb", "count on", "consult", "consulted", "poll", "want", "need", "depend",
+    "listen", "trust", "employ", "bothered", "disturbed", "let", "go", "fragt", r"bemueh\w*",
+    "heranziehen", "hinzuziehen", "nutzen", "nutz", "nutze", "belaestigen", "ranlassen", "dabei",
+    "query", "disturb", "involve", "request", "requests", "part", "participate", "rely", "contact",
+    "gefragt", "gestoert", "benutzt", "genommen", "verwendet", "eingesetzt", "angefragt",
+    "einbezogen", "bothered", "queried", "contacted", "benutzen", "benutz", "benutze",
+    "verwenden", "verwende", "nehmen", "nimm", "fragen", "frag",
+    "frage", "mitmachen", "einsetzen", "stoeren", "stoer", "mitnehmen", "anfragen", "brauchen",
+    "brauch", "brauche", "brauchma", "einbeziehen", "beteiligen", "teilnehmen", "anfassen",
+)  # fmt: skip
+"""What is done with a robot; with a negation, it is left out."""
+NOT_BUT_OUT = any_of(
+    "nichts hoeren", "nichts wissen", "nicht dabei", "no go", "nicht verfuegbar", "not available",
+    "nothing from", "nichts von", "nix von", "nix wissen", "nix hoeren", "nichts mehr hoeren",
+)  # fmt: skip
+"""Negations that mean "out", rather than negate it."""
+ONLY = any_of(
+    "just ROBOT", "purely", "merely", "nothing but", "and thats it", "and thats all", "sole",
+    "alone may", "and no other", "and no others", "none of the others", r"und sonst keine[rn]?",
+    r"und keine[rn]? sonst", "und kein anderer", "und keinen anderen", "blos", "allein ROBOT",
+    "nix anderes", "niemanden sonst", "kein anderer", "keine andere", "und fertig", "und basta",
+    "bloss ROBOT", "einzig und allein", r"beschraenk\w* .*\bauf ROBOT",
+    "only", r"(?:limit|restrict|confine|reduce)\w* .*\bto ROBOT", "stick with", "stick to",
+    "keep to", "solely", "exclusively", "exclusive",
+    "NOBODYBUT", "nobody else", "no one else",
+    "none else", "noone else", "nothing else", "no other", "no others", "restrict", "nur",
+    "ausschliesslich", "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner",
+    "sonst keinen", "niemand sonst", "reicht", "reichen", "genuegt", "genuegen", "is enough",
+    "are enough", "suffices", "suffice", "niemand anderes", "allein", "und sonst",
+    "die anderen brauch", "limit yourself to ROBOT", "keine anderen", "keinen anderen",
+)  # fmt: skip
+JUST = any_of("just", "bloss", "purely", "merely")
+FIRST = any_of(
+    "first choice", "first pick", "top choice", "favourite", "favorite", "preferably",
+    "over the others", "over all others", "over the rest", "before anybody", "vor den anderen",
+    "erste adresse", r"favorit\w*", "als erste", "zu allererst", "zuallererst", "vorziehen",
+    "vorgezogen", r"ziehe? vor", "den vortritt", "vortritt", "vorfahrt", "geht vor", "gehen vor",
+    "first", r"prefer\w*", "rather", "priority", "prioriti[sz]e", r"favou?r\w*", "before everyone",
+    "before everybody", "before the others", "before the rest", "before all", "before anyone",
+    "start with", "at the top", "top of", "ideally", "begin with", "as first", "ahead of",
+    "zuerst", r"bevorzug\w*",
+    "vorrang", "vorzug", "am liebsten", "lieber", "erste wahl", "vorzugsweise",
+    "als erstes", "als ersten", "vor allen", r"priorisier\w*", "primarily",
+    "zunaechst",
+    "erster", "als erster", "wann immer moeglich", "go ahead of",
+    "allen voran", "erste",
+)  # fmt: skip
+POSSIBLY = any_of(
+    "lean on", "lean more on", "go to", "goto", "go for", "turn to", r"where(?:ver)? you can",
+    r"where(?:ver)? possible", "mainly", "mostly", "chiefly", "above all", "vor allem",
+    "as often as possible", "as much as possible", "whenever it works", "gern", "gerne",
+    "for starters", "first of all", "wo es geht", "wo moeglich", "so oft es geht",
+    "so oft wie moeglich", "erstmal", "hauptsaechlich", "vornehmlich", "in erster linie",
+    "default to", "best bet", "if it works", "if it is possible", "if at all possible",
+    "wenns geht", "wenns klappt", "wenns passt", "wenn es klappt", "wenn es passt",
+    "sofern moeglich", "nach moeglichkeit", "where you can", "where possible",
+    "wherever possible",
+"if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
+                "whenever possible", "whenever you can", "wann immer moeglich",
+                "falls moeglich")  # fmt: skip
+"""A preference of what is named, or politeness beside another cue."""
+LAST = any_of("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
+OVER_OTHERS = re.compile(
+    r"\b(?:over|before|ahead of|rather than|vor|lieber als) "
+    r"(?:(?:all|the|den|allen|everyone) ){0,2}"
+    r"(?:rest|others?|anderen|else|uebrigen|everyone)\b"
+)
+CONTRAST = re.compile(
+    r"\b(?:not|nicht) (?:the )?ROBOT (?:but|sondern)\b|\bsondern\b|\binstead of\b"
+)
+OTHERS = any_of(
+    r"(?:every|any) ?(?:one|body|thing|robot) else",
+    r"(?:all |alle )?(?:the |die |den |der )?(?:rest|others?|other (?:ones|robots|bots)|remaining"
+    r"(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?", "alle andern",
+)  # fmt: skip
+"""All robots but those that are named beside them."""
+BACKUP = any_of(
+    r"back ?ups?", "reserve", "fallback", "second", "secondary", "if needed", "if necessary",
+    "as needed", "when needed", "notfalls", "im notfall", "zur not", "ersatz", "danach",
+    "afterwards", "later", "spaeter", "zweite wahl", "second choice", "hinten an", "hintenan",
+    "erst danach", "nachrangig", "last", "zuletzt", "in reserve", "in an emergency", "as a spare",
+    "bei bedarf", "nachher", "erst dann", "next", "after that",
+)  # fmt: skip
+"""Said of the others: who is named comes first."""
+IDLE = any_of(
+    "hands off", "stay put", "stay out", "stand by", "stand down", "idle", "quiet", "silent",
+    "keep quiet", "wait", "sleep", "rest", "warten", "schlafen", "still", "sit out", "keep out",
+    "hold still", "go home", "pausieren", "schweigen", "nothing", "nichts", "stumm",
+)  # fmt: skip
+"""Said of the others: only who is named is asked."""
