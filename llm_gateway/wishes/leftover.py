@@ -1,0 +1,64 @@
+"""Asks back about what clauses of a wish say of things that nobody knows."""
+
+from __future__ import annotations
+
+import re
+
+from llm_gateway.wishes import lexicon
+from llm_gateway.wishes.clauses import Clause
+from llm_gateway.wishes.cues import robots
+from llm_gateway.wishes.draft import STRONG, THERE, Draft
+from llm_gateway.wishes.roles import robot_role, weight_role
+
+_ARTICLE = re.compile(
+    r"^(?:the|a|an|den|die|das|dem|der|on the|at the|auf die|zum|zur)(?: [a-z]+){1,2}$"
+)
+_OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
+"""Ends what begins like an article and is none, or names nothing that a site has."""
+
+
+def doubt_leftover(draft: Draft, clause: Clause) -> None:
+    """Doubts what a clause wishes of something that nobody knows."""
+    if draft.clauses.index(clause) in draft.handled:
+        return
+    named = draft.of(clause, "robot", "place", "class", "unknown", "policy")
+    everybody = set(clause.text.split()) & lexicon.EVERYBODY
+    acts = robots.OUT.search(clause.text) or robots.UNUSED.search(clause.text)
+    lonely = not named and not draft.of(clause, "network", "compute", "share")
+    if (
+        lonely
+        and everybody
+        and "out" not in draft.roles
+        and (acts or robots.ONLY.search(clause.text))
+    ):
+        draft.doubt(clause)
+    elif lonely and STRONG.search(clause.text) and not THERE.search(clause.text):
+        if not _bound(draft, clause):
+            draft.doubt(clause)
+    elif _is_stranger(clause) or (
+        lonely and re.search(r"\b(?:policy|strategy|strategie)\b", clause.text)
+    ):
+        draft.doubt(clause)
+
+
+def _bound(draft: Draft, clause: Clause) -> bool:
+    """Whether what a clause says went to something beside it."""
+    at = draft.clauses.index(clause)
+    role = weight_role(clause.text) or robot_role(clause.text, alone=True)
+    near = draft.clauses[max(0, at - 1) : at + 2]
+    return any(draft.roles[n] == role for c in near for n in draft.of(c, "place", "class", "robot"))
+
+
+def doubt_told(draft: Draft, clause: Clause) -> None:
+    """Doubts a report that names what no wish beside it is about."""
+    named = draft.of(clause, "robot", "place", "class", "share", "policy", "unknown")
+    lost = any(draft.roles[n] in (None, "doubt") for n in named)
+    if lost or (not named and STRONG.search(clause.text)):
+        draft.doubt(clause)
+
+
+def _is_stranger(clause: Clause) -> bool:
+    """Whether a clause is but something that nobody knows: "the cafeteria"."""
+    if clause.mentions or not _ARTICLE.match(clause.text):
+        return False
+    return not (_OTHERS.search(clause.text) or re.match(r"(?:das|der|die) \w+ ", clause.text))

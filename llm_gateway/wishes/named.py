@@ -1,0 +1,133 @@
+"""What each clause of a wish says of what it names itself."""
+
+from __future__ import annotations
+
+import re
+
+from llm_gateway.wishes.clauses import Clause
+from llm_gateway.wishes.cues import common, resources, speech
+from llm_gateway.wishes.draft import FILLERS, Draft
+from llm_gateway.wishes.mention import Mention
+from llm_gateway.wishes.reading import Role
+from llm_gateway.wishes.roles import certain, negated, robot_role, share_role, weight_role
+
+_TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "ebenso", "TIME"})
+_OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
+
+
+def read_named(draft: Draft, at: int, clause: Clause) -> None:
+    """Gives roles to what clause number `at` names, as far as its own words say them."""
+    _robots(draft, at, clause)
+    _weights(draft, at, clause)
+    _shares(draft, at, clause)
+    _resources(draft, clause)
+    _others(draft, clause)
+
+
+def _robots(draft: Draft, at: int, clause: Clause) -> None:
+    numbers = draft.of(clause, "robot")
+    if not numbers:
+        return
+    role = robot_role(clause.text)
+    if role is None and at and set(clause.text.split()) <= _TOO:
+        before = {draft.roles[n] for n in draft.of(draft.clauses[at - 1], "robot")}
+        role = before.pop() if len(before) == 1 else None
+    if role in ("out", "only") and not certain(clause.text, role):
+        # What is said plainly of "it" beside this may still leave it out.
+        draft.doubted += numbers
+        role = None if role == "out" else "doubt"
+    if _crosses(draft, at, clause):
+        draft.crossed |= {at, at + 1}
+    if role is not None and (len(numbers) > 1 or at in draft.crossed):
+        role = "doubt"
+    draft.set(numbers, role)
+
+
+def _crosses(draft: Draft, at: int, clause: Clause) -> bool:
+    """Whether "not R3 but R4 should be left out" begins here: no cue tells who is out."""
+    if at + 1 == len(draft.clauses) or not re.search(r"\b(?:not|nicht) ROBOT$", clause.text):
+        return False
+    after = draft.clauses[at + 1]
+    return after.opener in ("but", "sondern") and bool(draft.of(after, "robot"))
+
+
+def _weights(draft: Draft, at: int, clause: Clause) -> None:
+    numbers = draft.of(clause, "place", "class")
+    if not numbers:
+        return
+    role = weight_role(clause.text)
+    near = draft.clauses[at - 1] if at else None
+    if role is None and near is not None and near.sentence == clause.sentence:
+        role = _inherited(draft, clause, near)
+    draft.set(numbers, role)
+
+
+def _inherited(draft: Draft, clause: Clause, before: Clause) -> Role | None:
+    """The role that a clause without a cue takes from the one before it, or its opposite."""
+    roles = {draft.roles[n] for n in draft.of(before, "place", "class")}
+    if draft.of(clause, "robot") or len(roles) != 1:
+        return None
+    role = roles.pop()
+    if role not in ("high", "low"):
+        return None
+    bare = set(clause.text.split()) <= FILLERS
+    if clause.opener in ("but", "aber", "sondern") and not common.NOT.search(clause.text):
+        return None
+    other: Role = "low" if role == "high" else "high"
+    if common.NOT.search(clause.text):
+        return other if bare else None
+    if re.search(r"(?:PLACE|CLASS) (?:do|does|can|are|is|schon|doch)$", clause.text):
+        return other if common.NOT.search(before.text) else role
+    return role if bare else None
+
+
+def _shares(draft: Draft, at: int, clause: Clause) -> None:
+    numbers = draft.of(clause, "share")
+    if not numbers:
+        return
+    role = share_role(clause.text)
+    if len(numbers) > 1:
+        role = "doubt"
+    bounded = resources.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
+    if role == "doubt" and bounded and at and len(numbers) == 1:
+        before = draft.clauses[at - 1]
+        if "NET" in before.text.split() and not draft.of(before, "share"):
+            role = "link"
+    for number in numbers:
+        share = draft.text.mentions[number].share
+        draft.roles[number] = role if share is not None and share.possible else "doubt"
+
+
+def _resources(draft: Draft, clause: Clause) -> None:
+    numbers = draft.of(clause, "network", "compute")
+    if not numbers:
+        return
+    role: Role | None = None
+    if draft.of(clause, "share"):
+        role = "none"
+    elif resources.WASTE.search(clause.text):
+        stopped = negated(clause.text) or resources.STOP.search(clause.text)
+        role = "save" if stopped else None
+        if role is None:
+            draft.wasted += numbers
+    elif resources.SAVE.search(clause.text):
+        role = "doubt" if negated(clause.text) else "save"
+    draft.set(numbers, role)
+
+
+def _others(draft: Draft, clause: Clause) -> None:
+    for number in clause.mentions:
+        mention = draft.text.mentions[number]
+        if mention.kind == "policy":
+            draft.roles[number] = "doubt" if negated(clause.text) else "policy"
+        elif mention.kind == "time":
+            draft.roles[number] = _time_role(mention, clause.text)
+        elif mention.kind == "unknown":
+            draft.roles[number] = "doubt"
+
+
+def _time_role(mention: Mention, clause: str) -> Role:
+    """A time that is over belongs to the report that names it, and is unclear elsewhere."""
+    if mention.when is None or mention.when.clear:
+        return "doubt" if mention.when is None else "when"
+    return "none" if mention.when.past and speech.TOLD.search(clause) else "doubt"

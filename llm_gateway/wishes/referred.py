@@ -1,0 +1,80 @@
+"""What a clause of a wish says of something that is named beside it: of "it", "both", "there"."""
+
+from __future__ import annotations
+
+from llm_gateway.wishes.clauses import Clause
+from llm_gateway.wishes.cues import common, resources, robots
+from llm_gateway.wishes.draft import FILLERS, THERE, Draft
+from llm_gateway.wishes.plain import strange
+from llm_gateway.wishes.reading import Role
+from llm_gateway.wishes.roles import others_role, robot_role, weight_role
+
+
+def read_referred(draft: Draft, at: int, clause: Clause) -> None:
+    """Gives what a clause says of "it" to what was named before it, or right behind."""
+    if (role := others_role(clause.text)) is not None and not draft.of(
+        clause, "robot", "share", "network", "compute", "policy"
+    ):
+        draft.handled.add(at)
+        if not _give(draft, at, role, "robot"):
+            draft.doubt(clause)
+        return
+    both = common.BOTH.search(clause.text) and not draft.of(clause, "robot")
+    if both and (role := robot_role(clause.text, alone=True)) is not None:
+        for near in draft.clauses[max(0, at - 4) : at]:
+            draft.set([n for n in draft.of(near, "robot") if draft.roles[n] is None], role)
+    others = any(draft.text.mentions[n].kind != "time" for n in clause.mentions)
+    named = draft.of(clause, "robot", "share", "network", "compute")
+    if not others or (common.PRONOUN.search(clause.text) and not named):
+        role = robot_role(clause.text, alone=True)
+        if (
+            role == "out"
+            and robots.OTHERS.search(clause.text)
+            and not common.PRONOUN.search(clause.text)
+        ):
+            # It is the others who are out.
+            role = "doubt"
+        ailing = role == "out"
+        sure = role not in ("out", "only") or not strange(clause.text, ailing=ailing)
+        if role is not None and not (sure and _give(draft, at, role, "robot")):
+            draft.doubt(clause)
+    if not draft.of(clause, "place", "class") and not draft.of(clause, "robot", "unknown"):
+        weight = weight_role(clause.text)
+        if weight is not None and not draft.of(clause, "network", "compute", "share"):
+            _give(draft, at, weight, "place", "class")
+    elif THERE.search(clause.text):
+        weight = weight_role(clause.text)
+        if weight == "high":
+            _give(draft, at, weight, "place")
+    if resources.SAVE.search(clause.text) and not clause.mentions:
+        _give(draft, at, "save", "network", "compute")
+    if not clause.text.split() or not clause.mentions:
+        return
+    numbers = draft.of(clause, "place", "class")
+    if numbers and all(draft.roles[n] is None for n in numbers) and at + 1 < len(draft.clauses):
+        after = draft.clauses[at + 1]
+        roles = {draft.roles[n] for n in draft.of(after, "place", "class")}
+        bare = set(clause.text.split()) <= FILLERS and after.sentence == clause.sentence
+        if bare and len(roles) == 1 and not draft.void[at + 1] and weight_role(after.text):
+            draft.set(numbers, roles.pop())
+
+
+def _give(draft: Draft, at: int, role: Role, *kinds: str) -> bool:
+    """Whether something of a kind was named near that has no other role."""
+    for near in (*range(at - 1, max(-1, at - 4), -1), at + 1):
+        if not 0 <= near < len(draft.clauses):
+            continue
+        clause = draft.clauses[near]
+        numbers = draft.of(clause, *kinds)
+        if not numbers:
+            continue
+        if any(draft.roles[n] not in (None, role) for n in numbers):
+            return False
+        if near > at and clause.sentence != draft.clauses[at].sentence:
+            return False
+        pointed = common.PRONOUN.search(draft.clauses[at].text)
+        if draft.void[near] and not (clause.asked or pointed):
+            return False
+        draft.set(numbers, role)
+        return True
+    return False
