@@ -9,7 +9,7 @@ import msgspec
 
 from ego_agent.knowledge.objective import Headroom, Objective, Weight
 from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
-from ego_agent.monitor.snapshot import MAX_ROBOTS
+from ego_agent.monitor.robot_table import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
 from swarm.messages.choices import QMin

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from ego_agent.knowledge.model import RobotView
 from ego_agent.monitor.identity import DUPLICATE_WINDOW_S
 from ego_agent.monitor.link import LinkEstimate
-from ego_agent.monitor.snapshot import FORGET_S, Monitor
+from ego_agent.monitor.robot_table import FORGET_S
+from ego_agent.monitor.snapshot import Monitor
 from swarm.arrays import pack
 from swarm.messages import Beacon, LinkState, NetState, SceneDescription
 from swarm.process import Clock
@@ -393,7 +394,7 @@ def test_a_process_that_changes_its_instance_with_every_message_costs_bounded_me
     for instance in range(1000):
         monitor.on_beacon(beacon(instance=instance))
     assert view(monitor).beacon is not None
-    assert len(monitor._robots["R2"].streams) <= 8
+    assert len(monitor._robots.known["R2"].streams) <= 8
 
 
 def test_the_controllers_word_is_the_capacity(monitor: Monitor) -> None:

@@ -12,7 +12,8 @@ import pytest
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.monitor.link import LinkEstimate
-from ego_agent.monitor.snapshot import FORGET_S, Monitor
+from ego_agent.monitor.robot_table import FORGET_S
+from ego_agent.monitor.snapshot import Monitor
 from ego_agent.monitor.surroundings import Surroundings
 from ego_agent.plan.choices.scoring import Scorer
 from swarm.areas import cell_of
