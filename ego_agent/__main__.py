@@ -9,7 +9,7 @@ from pathlib import Path
 
 from prometheus_client import CollectorRegistry
 
-from ego_agent.execute.fusion_loop import FrameResult
+from ego_agent.execute.frame_fuser import FrameResult
 from ego_agent.metrics import EgoMetrics
 from ego_agent.settings import EgoSettings, load_settings
 from ego_agent.wiring import ego_of

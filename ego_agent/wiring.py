@@ -7,7 +7,8 @@ from pathlib import Path
 
 from ego_agent.agent import EgoAgent
 from ego_agent.execute.ask import Asker
-from ego_agent.execute.fusion_loop import FrameResult, FusionLoop, live_memory, live_motion
+from ego_agent.execute.frame_fuser import FrameResult
+from ego_agent.execute.fusion_loop import FusionLoop, live_memory, live_motion
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import Journal

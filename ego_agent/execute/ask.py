@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 
+from ego_agent.execute.answers import AnswerCheck, Outcome, brings, contribute, why_missing
 from ego_agent.execute.frame_round import LATE_S, FrameRound, Missing, Question
 from ego_agent.execute.lessons import Lessons
 from ego_agent.execute.shared import SharedFrames
@@ -24,7 +25,6 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
-from perception.fusion.base import Contribution
 from swarm import keyspace
 from swarm.errors import CoAdaptError, MessageError, RefusedError
 from swarm.messages import MAX_MESSAGE_BYTES, Observation, ObservationRequest
@@ -39,9 +39,6 @@ SILENT_S = 1.0
 """When neither a beacon nor an answer has come for so long, the link carries nothing."""
 SMALL_OFFSET_NS = 50_000_000
 """A smaller clock offset is taken for delay: frames are 100 ms apart."""
-MAX_SKEW_FRAMES = 1.5
-"""An answer farther off than this many frame periods shows another moment: a robot that reads its
-scan a little later than the ego gives the frame before."""
 REQUESTS_UNDER_WAY = 2
 """Of one robot that keeps up. Answers that take longer than a frame would cost every second frame
 with one; more would queue at the robot and on the link."""
@@ -63,7 +60,7 @@ class _Arrival:
     """How a request ended, and when."""
 
     ask: _Ask
-    outcome: Answer[Observation] | CoAdaptError
+    outcome: Outcome
     at: float
 
 
@@ -111,7 +108,7 @@ class Asker:
         self._tally = tally
         self._clock = clock
         self._lessons = Lessons(knowledge.experience, link, 1.0 / frame_period_s)
-        self._max_skew_ns = round(MAX_SKEW_FRAMES * frame_period_s * 1e9)
+        self._check = AnswerCheck(monitor, frame_period_s)
         self._max_error_m = max_error_m
         self._keep_ground = keep_ground
         self._numbers = itertools.count(1)
@@ -299,7 +296,7 @@ class Asker:
         if ask.request.shares and isinstance(arrival.outcome, Answer):
             told = arrival.outcome.message.shared_s
             self._shared.promised(ask.session, ask.robot, algorithm, told, arrival.at)
-        if ask.request.listens and not _brings(arrival.outcome):
+        if ask.request.listens and not brings(arrival.outcome):
             return  # Only a renewal: the frame itself is published.
         late = ask.robot not in done.waiting
         done.waiting.discard(ask.robot)
@@ -310,7 +307,7 @@ class Asker:
             if not done.probe:
                 self._prompt.discard(ask.robot)
             if not late:
-                done.missing[ask.robot] = _why(arrival.outcome)
+                done.missing[ask.robot] = why_missing(arrival.outcome)
             return
         if not done.probe:
             (self._prompt.discard if late else self._prompt.add)(ask.robot)
@@ -319,7 +316,7 @@ class Asker:
         seen = answer.message
         self._tally.received(ask.robot, algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
-        wrong = self._mismatch(ask, seen) or self._wrong(ask.robot, ask.request.capture_ns, seen)
+        wrong = self._check.answer(ask.robot, ask.request, seen)
         if wrong is None:
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, algorithm, size, at_ns)
@@ -328,7 +325,7 @@ class Asker:
         if wrong is not None:
             done.missing[ask.robot] = wrong
             return
-        _contribute(done, ask.request.capture_ns, seen)
+        contribute(done, ask.request.capture_ns, seen)
 
     def _on_published(self, seen: Observation) -> None:
         # On a Zenoh thread: note the time and hand over.
@@ -358,70 +355,23 @@ class Asker:
         answer = Answer(seen, len(seen.payload), at - done.asked_at[robot])
         self._lessons.answer(robot, done, answer, at)
         done.arrived_at[robot] = at
-        wrong = self._wrong(robot, awaited.capture_ns, seen)
+        wrong = self._check.frame(robot, awaited.capture_ns, seen)
         if wrong is not None:
             done.missing[robot] = wrong
             return
         size, at_ns = len(seen.payload), self._clock.now_ns()
         self.knowledge.record_payload(robot, algorithm, size, at_ns)
-        _contribute(done, awaited.capture_ns, seen)
+        contribute(done, awaited.capture_ns, seen)
 
     def _settle_awaited(self, done: FrameRound, now: float) -> None:
         """The time of a frame is over: where nothing was published of it, the frame beside it will
         do."""
         for awaited in [one for one in self._awaited if one.round is done]:
-            self._look_for(awaited, at_most_ns=self._max_skew_ns)
+            self._look_for(awaited, at_most_ns=self._check.max_skew_ns)
             if awaited in self._awaited:
                 self._awaited.remove(awaited)
                 self._shared.missed(awaited.robot, done.algorithm_of(awaited.robot), now)
 
-    def _mismatch(self, ask: _Ask, seen: Observation) -> Missing | None:
-        """Why an answer is not what was asked for."""
-        asked = ask.request
-        if (seen.robot, seen.request, seen.algorithm) != (
-            ask.robot,
-            asked.request,
-            asked.algorithm,
-        ):
-            return Missing(
-                "invalid",
-                f"answer {seen.request} of {seen.robot} ({seen.algorithm}) to request "
-                f"{asked.request} to {ask.robot} ({asked.algorithm})",
-            )
-        return None
-
-    def _wrong(self, robot: str, wanted_ns: int, seen: Observation) -> Missing | None:
-        """Why a frame is not the robot's own of that time."""
-        instance = self._monitor.instance(robot)
-        if instance is not None and seen.instance != instance:
-            why = f"not the process that sends the beacons of {robot} answers"
-            return Missing("impostor", why)
-        skew_ns = seen.capture_ns - wanted_ns
-        if abs(skew_ns) > self._max_skew_ns:
-            return Missing("skew", f"its frame is {skew_ns * 1e-9:+.3f} s off")
-        return None
-
     def _clock_offset_ns(self, robot: str) -> int:
         offset_ns = self._monitor.clock_offset_ns(robot)
         return offset_ns if abs(offset_ns) >= SMALL_OFFSET_NS else 0
-
-
-def _brings(outcome: Answer[Observation] | CoAdaptError) -> bool:
-    """Whether an answer holds what was asked for."""
-    return isinstance(outcome, Answer) and bool(outcome.message.payload)
-
-
-def _contribute(done: FrameRound, wanted_ns: int, seen: Observation) -> None:
-    """Gives a robot's frame to the round that waits for it."""
-    done.bytes[seen.robot] = len(seen.payload)
-    done.encode_ms[seen.robot] = seen.encode_ms
-    age_s = (wanted_ns - seen.capture_ns) * 1e-9
-    pose = seen.sensor_pose().matrix()
-    form = seen.algorithm if done.is_mixed else ""
-    done.take(Contribution(seen.robot, seen.payload, pose, age_s, form))
-
-
-def _why(error: CoAdaptError) -> Missing:
-    if isinstance(error, RefusedError):
-        return Missing("refused", error.reason)
-    return Missing("invalid" if isinstance(error, MessageError) else "unanswered", str(error))

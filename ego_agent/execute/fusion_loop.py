@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
-
-import numpy as np
+from collections.abc import Callable, Collection, Mapping
 
 from ego_agent.execute.ask import Asker
-from ego_agent.execute.frame_round import FrameRound, Missing, Question
+from ego_agent.execute.detections import detections
+from ego_agent.execute.frame_fuser import FrameFuser, FrameResult
+from ego_agent.execute.frame_round import Question
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
 from ego_agent.knowledge.pace import algorithm_of, due, rate_of, stride
@@ -25,19 +24,13 @@ from ego_agent.monitor.known import KnownRobots
 from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
-from perception.fusion.known import KnownRobot, seen_at
-from perception.fusion.mixed import Mixed, scored_by
-from perception.fusion.publishing import operating_point, publish
-from perception.memory.memory import Frame, Memory, Remembered, View
-from perception.memory.remembering import remember
-from perception.types import Boxes
-from swarm import keyspace, messages
-from swarm.arrays import pack
-from swarm.errors import PerceptionError, TransportError
+from perception.fusion.mixed import Mixed
+from perception.memory.memory import Memory, Remembered
+from swarm import keyspace
+from swarm.errors import TransportError
 from swarm.log import Logger
 from swarm.loop_watch import Loops, Turned, unwatched
-from swarm.messages import MIXED, Algorithm, Decision, Detections
-from swarm.messages.ego import MAX_NAMED
+from swarm.messages import MIXED, Algorithm, Decision
 from swarm.session import Session
 
 MAX_WAIT_S = 0.5
@@ -56,36 +49,6 @@ def live_motion(detector: str, scan_rate_hz: float) -> MotionCompensation:
 def live_memory(detector: str) -> Memory:
     """What an ego with that detector remembers of objects."""
     return Memory(configuration(detector).usual_speed_m_s)
-
-
-@dataclass(frozen=True, slots=True)
-class FrameResult:
-    """One fused frame."""
-
-    own: OwnFrame
-    round: FrameRound
-    boxes: Boxes
-    """Detections in the world frame."""
-    known: tuple[KnownRobot, ...]
-    """Robots of which fresh beacons tell, in the world frame."""
-    participants: tuple[str, ...]
-    missing: Mapping[str, Missing]
-    latency_ms: float
-    """From the first query to the fused boxes."""
-    wait_ms: float
-    """How long the answers that were there waited for the frame before to be fused."""
-    add_ms: float
-    """Taking up what arrived, while others still encode."""
-    fuse_ms: float
-    """From all that was taken up to the fused boxes."""
-    tracks: Remembered | None = None
-    """What is there by all that was found until now; None without a memory."""
-    operating_point: float | None = None
-    """The score from which on boxes are among the detections; None where nobody has calibrated."""
-
-    def missing_kinds(self) -> dict[str, str]:
-        """The kind of why each missing robot is not in it."""
-        return {robot: why.kind for robot, why in self.missing.items()}
 
 
 class FusionLoop:
@@ -118,13 +81,11 @@ class FusionLoop:
         self._asker = asker
         self._fusions = fusions
         self._motion = motion
-        self._memory = memory
-        self.remembered: Remembered | None = None
-        """What was there at the newest fused frame; None without a memory. Any thread may read."""
+        self._fuser = FrameFuser(
+            ego, fusions, asker.knowledge, log, detector=detector, known=known, memory=memory
+        )
         self._tally = tally
         self._log = log
-        self._detector = detector
-        self._known = known
         self._rate_hz = rate_hz
         self._probed: Decision | None = None
         """The decision whose probe has been sent."""
@@ -159,6 +120,11 @@ class FusionLoop:
         """From now on robots can be asked."""
         self._session = session
 
+    @property
+    def remembered(self) -> Remembered | None:
+        """What was there at the newest fused frame; None without a memory. Any thread may ask."""
+        return self._fuser.remembered
+
     def follow(self, decision: Decision | None) -> None:
         """The decision to carry out from the next frame on; None: there are no frames."""
         self._decision = decision
@@ -169,7 +135,7 @@ class FusionLoop:
         frame = self._asked(decision, own)
         while frame.round.closed_at is None:
             self._asker.attend(MAX_WAIT_S)
-        return self._fused(frame, time.monotonic())
+        return self._fuser.fuse(frame, time.monotonic())
 
     def _ask_frames(self, turned: Turned) -> None:
         last: int | None = None
@@ -211,7 +177,7 @@ class FusionLoop:
     def _fuse_frames(self, turned: Turned) -> None:
         while (frame := self._pipeline.take(turned)) is not None:
             try:
-                result = self._fused(frame, time.monotonic())
+                result = self._fuser.fuse(frame, time.monotonic())
                 self._tally.fused(result.latency_ms, len(result.boxes), result.missing_kinds())
                 self._publish(frame, result)
                 if self._on_result is not None:
@@ -281,171 +247,14 @@ class FusionLoop:
             probe=True,
         )
 
-    def _fused(self, frame: AskedFrame, taken_at: float) -> FrameResult:
-        """Takes up what arrives until the frame's round is closed, and fuses it."""
-        own, gathering, done = frame.own, frame.gathering, frame.round
-        prepare_at = time.monotonic()
-        gathering.prepare()
-        prepare_s = time.monotonic() - prepare_at
-        rejected: dict[str, Missing] = {}
-        add_s = 0.0
-        for contribution in done.contributions_in_turn():
-            begun_at = time.monotonic()
-            # One robot's payload must not end the frame, whatever is wrong with it.
-            try:
-                gathering.add(contribution)
-            except Exception as error:
-                rejected[contribution.robot] = self._fault(error, own)
-            add_s += time.monotonic() - begun_at
-        fuse_at = time.monotonic()
-        try:
-            found, corrections = gathering.finish(), gathering.corrections()
-            clouds = gathering.sent_points()
-        except Exception as error:
-            if not done.contributions:
-                raise
-            why = self._fault(error, own)
-            rejected = {c.robot: why for c in done.contributions}
-            found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
-            corrections, clouds = {}, {}
-        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
-        judged_as = self._judged_as(frame, used)
-        known = seen_at(self._known.at(own.capture_ns), corrections)
-        boxes = publish(found, self._detector, judged_as, len(used), known)
-        clouds[self._ego] = (own.points, own.world_from_sensor)
-        tracks = self._remembered(frame, judged_as, found, frozenset(used), known, clouds)
-        self.remembered = tracks
-        end_at = time.monotonic()
-        fixed_s = prepare_s + end_at - fuse_at
-        count = len(done.contributions)
-        self._asker.knowledge.own_costs.record(frame.algorithm, count, fixed_s, add_s)
-        assert done.closed_at is not None
-        return FrameResult(
-            own=own,
-            round=done,
-            boxes=boxes,
-            known=known,
-            participants=(self._ego, *sorted(used)),
-            missing=done.missing | rejected,
-            latency_ms=(end_at - done.begun_at) * 1e3,
-            wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
-            add_ms=add_s * 1e3,
-            fuse_ms=(end_at - fuse_at) * 1e3,
-            tracks=tracks,
-            operating_point=operating_point(self._detector, judged_as),
-        )
-
-    def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
-        """Whose calibration the scores of a frame have to which these robots contributed."""
-        if not isinstance(frame.fusion, Mixed):
-            return frame.fusion
-        sent = [frame.round.algorithm_of(robot) for robot in used]
-        return self._fusions[scored_by(sent) if sent else next(iter(frame.fusion.forms))]
-
-    def _remembered(
-        self,
-        frame: AskedFrame,
-        judged_as: Fusion,
-        found: Boxes,
-        helpers: frozenset[str],
-        known: tuple[KnownRobot, ...],
-        views: Mapping[str, View],
-    ) -> Remembered | None:
-        """What memory makes of a frame's boxes, which `helpers` have shown beside the ego."""
-        if self._memory is None:
-            return None
-        try:
-            return remember(
-                self._memory,
-                Frame(
-                    frame.own.capture_ns * 1e-9,
-                    found,
-                    helpers,
-                    views,
-                    frame.own.world_from_sensor,
-                ),
-                self._detector,
-                judged_as,
-                known,
-            )
-        except Exception:
-            # What was seen now is published all the same.
-            self._log.error("memory_failed", frame=frame.own.frame, exc_info=True)
-            self._memory.clear()
-            return None
-
-    def _fault(self, error: Exception, own: OwnFrame) -> Missing:
-        """Why a contribution is rejected; a fault that is not the payload's is logged."""
-        if isinstance(error, PerceptionError):
-            return Missing("rejected", str(error))
-        self._log.error("fusion_failed", frame=own.frame, exc_info=True)
-        return Missing("rejected", f"fusion failed: {type(error).__name__}")
-
     def _publish(self, frame: AskedFrame, result: FrameResult) -> None:
         if not self._speaks():
             return
-        decision = frame.decision
-        session, boxes = self._session, result.boxes
-        table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
-        message = Detections(
-            ego=self._ego,
-            cycle=decision.cycle,
-            frame=result.own.frame,
-            capture_ns=result.own.capture_ns,
-            algorithm=frame.algorithm,
-            participants=result.participants,
-            missing={robot: str(why) for robot, why in result.missing.items()},
-            missing_kinds=result.missing_kinds(),
-            known=tuple(_told(one, decision.doubted) for one in result.known[:MAX_NAMED]),
-            boxes=pack(table),
-            scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
-            operating_point=result.operating_point,
-            labels=boxes.labels,
-            bytes=result.round.bytes,
-            latency_ms=result.latency_ms,
-            age_ms=max(0.0, self._sensor.age_s(result.own) * 1e3),
-            tracks=None if result.tracks is None else _tracks(result.tracks),
-            forms=_forms(frame, result),
-        )
+        age_s = self._sensor.age_s(result.own)
+        session, message = self._session, detections(self._ego, frame, result, age_s)
         try:
             if session is None:
                 raise TransportError("no router yet")
             session.put(keyspace.detections(session.swarm, self._ego), message)
         except TransportError:
             self.unpublished += 1
-
-
-def _forms(frame: AskedFrame, result: FrameResult) -> dict[str, Algorithm]:
-    """What each participant has sent, where that differs."""
-    if frame.algorithm != MIXED:
-        return {}
-    return {robot: frame.round.algorithm_of(robot) for robot in result.participants[1:]}
-
-
-def _tracks(told: Remembered) -> messages.Tracks:
-    """What is remembered, as the swarm hears of it."""
-    boxes = told.boxes
-    table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
-    return messages.Tracks(
-        ids=tuple(told.ids.tolist()),
-        labels=boxes.labels,
-        boxes=pack(table),
-        scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
-        velocities=pack(told.velocities.astype(np.float32)),
-        ages_s=pack(told.ages_s.astype(np.float32).reshape(-1, 1)),
-    )
-
-
-def _told(known: KnownRobot, doubts: Mapping[str, str]) -> messages.KnownRobot:
-    """A known robot as the swarm hears of it."""
-    box = known.box()
-    x, y, z = box.centers[0].tolist()
-    return messages.KnownRobot(
-        robot=known.robot,
-        label=known.body.label,
-        center=(x, y, z),
-        size=known.body.size,
-        heading=float(box.headings[0]),
-        age_s=known.age_s,
-        doubt=doubts.get(known.robot, ""),
-    )

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ego_agent.__main__ import run
-from ego_agent.execute.fusion_loop import FrameResult
+from ego_agent.execute.frame_fuser import FrameResult
 from ego_agent.settings import load_settings
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points

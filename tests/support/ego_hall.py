@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
-from ego_agent.execute.fusion_loop import FrameResult
+from ego_agent.execute.frame_fuser import FrameResult
 from ego_agent.execute.sense import OwnFrame
 from ego_agent.metrics import EgoMetrics
 from ego_agent.settings import EgoSettings

@@ -79,7 +79,7 @@ def test_a_memory_that_fails_costs_no_frame(ego: Ego, monkeypatch: pytest.Monkey
     def fails(*_: object) -> None:
         raise ValueError("broken")
 
-    monkeypatch.setattr("ego_agent.execute.fusion_loop.remember", fails)
+    monkeypatch.setattr("ego_agent.execute.frame_fuser.remember", fails)
     result = ego.fuse()
     assert len(result.boxes) == 1
     assert result.tracks is None

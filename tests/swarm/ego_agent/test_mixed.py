@@ -9,7 +9,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from ego_agent.execute.fusion_loop import FrameResult
+from ego_agent.execute.frame_fuser import FrameResult
 from ego_agent.knowledge.pace import algorithm_of, due
 from perception.detector.weight_files import has_weights
 from perception.fusion.base import Contribution, EncodeOptions, Fusion

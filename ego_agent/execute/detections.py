@@ -1,0 +1,78 @@
+"""A fused frame as the swarm hears of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ego_agent.execute.frame_fuser import FrameResult
+from ego_agent.execute.pipeline import AskedFrame
+from perception.fusion.known import KnownRobot
+from perception.memory.memory import Remembered
+from swarm import messages
+from swarm.arrays import pack
+from swarm.messages import MIXED, Algorithm, Detections
+from swarm.messages.ego import MAX_NAMED
+
+
+def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -> Detections:
+    """The message of a frame that was asked for; `age_s`: since the ego's scan was captured."""
+    decision, boxes = frame.decision, result.boxes
+    table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
+    return Detections(
+        ego=ego,
+        cycle=decision.cycle,
+        frame=result.own.frame,
+        capture_ns=result.own.capture_ns,
+        algorithm=frame.algorithm,
+        participants=result.participants,
+        missing={robot: str(why) for robot, why in result.missing.items()},
+        missing_kinds=result.missing_kinds(),
+        known=tuple(_told(one, decision.doubted) for one in result.known[:MAX_NAMED]),
+        boxes=pack(table),
+        scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
+        operating_point=result.operating_point,
+        labels=boxes.labels,
+        bytes=result.round.bytes,
+        latency_ms=result.latency_ms,
+        age_ms=max(0.0, age_s * 1e3),
+        tracks=None if result.tracks is None else _tracks(result.tracks),
+        forms=_forms(frame, result),
+    )
+
+
+def _forms(frame: AskedFrame, result: FrameResult) -> dict[str, Algorithm]:
+    """What each participant has sent, where that differs."""
+    if frame.algorithm != MIXED:
+        return {}
+    return {robot: frame.round.algorithm_of(robot) for robot in result.participants[1:]}
+
+
+def _tracks(told: Remembered) -> messages.Tracks:
+    """What is remembered, as the swarm hears of it."""
+    boxes = told.boxes
+    table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
+    return messages.Tracks(
+        ids=tuple(told.ids.tolist()),
+        labels=boxes.labels,
+        boxes=pack(table),
+        scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
+        velocities=pack(told.velocities.astype(np.float32)),
+        ages_s=pack(told.ages_s.astype(np.float32).reshape(-1, 1)),
+    )
+
+
+def _told(known: KnownRobot, doubts: Mapping[str, str]) -> messages.KnownRobot:
+    """A known robot as the swarm hears of it."""
+    box = known.box()
+    x, y, z = box.centers[0].tolist()
+    return messages.KnownRobot(
+        robot=known.robot,
+        label=known.body.label,
+        center=(x, y, z),
+        size=known.body.size,
+        heading=float(box.headings[0]),
+        age_s=known.age_s,
+        doubt=doubts.get(known.robot, ""),
+    )

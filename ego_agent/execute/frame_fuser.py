@@ -1,0 +1,180 @@
+"""Fuses what arrives of one frame, and remembers what it shows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ego_agent.execute.frame_round import FrameRound, Missing
+from ego_agent.execute.pipeline import AskedFrame
+from ego_agent.execute.sense import OwnFrame
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.monitor.known import KnownRobots
+from perception.fusion.base import Fusion
+from perception.fusion.known import KnownRobot, seen_at
+from perception.fusion.mixed import Mixed, scored_by
+from perception.fusion.publishing import operating_point, publish
+from perception.memory.memory import Frame, Memory, Remembered, View
+from perception.memory.remembering import remember
+from perception.types import Boxes
+from swarm.errors import PerceptionError
+from swarm.log import Logger
+
+
+@dataclass(frozen=True, slots=True)
+class FrameResult:
+    """One fused frame."""
+
+    own: OwnFrame
+    round: FrameRound
+    boxes: Boxes
+    """Detections in the world frame."""
+    known: tuple[KnownRobot, ...]
+    """Robots of which fresh beacons tell, in the world frame."""
+    participants: tuple[str, ...]
+    missing: Mapping[str, Missing]
+    latency_ms: float
+    """From the first query to the fused boxes."""
+    wait_ms: float
+    """How long the answers that were there waited for the frame before to be fused."""
+    add_ms: float
+    """Taking up what arrived, while others still encode."""
+    fuse_ms: float
+    """From all that was taken up to the fused boxes."""
+    tracks: Remembered | None = None
+    """What is there by all that was found until now; None without a memory."""
+    operating_point: float | None = None
+    """The score from which on boxes are among the detections; None where nobody has calibrated."""
+
+    def missing_kinds(self) -> dict[str, str]:
+        """The kind of why each missing robot is not in it."""
+        return {robot: why.kind for robot, why in self.missing.items()}
+
+
+class FrameFuser:
+    """Fuses frames in their order. Used by one thread."""
+
+    def __init__(
+        self,
+        ego: str,
+        fusions: Mapping[str, Fusion],
+        knowledge: Knowledge,
+        log: Logger,
+        *,
+        detector: str,
+        known: KnownRobots,
+        memory: Memory | None,
+    ) -> None:
+        """`knowledge` learns what fusing costs. `detector`: the world's. `known`: of whom beacons
+        tell. `memory`: of objects."""
+        self._ego = ego
+        self._fusions = fusions
+        self._knowledge = knowledge
+        self._log = log
+        self._detector = detector
+        self._known = known
+        self._memory = memory
+        self.remembered: Remembered | None = None
+        """What was there at the newest frame; None without a memory. Any thread may read."""
+
+    def fuse(self, frame: AskedFrame, taken_at: float) -> FrameResult:
+        """Takes up what arrives until the frame's round is closed, and fuses it; `taken_at`: when
+        that began, `time.monotonic()` seconds."""
+        own, gathering, done = frame.own, frame.gathering, frame.round
+        prepare_at = time.monotonic()
+        gathering.prepare()
+        prepare_s = time.monotonic() - prepare_at
+        rejected: dict[str, Missing] = {}
+        add_s = 0.0
+        for contribution in done.contributions_in_turn():
+            begun_at = time.monotonic()
+            # One robot's payload must not end the frame, whatever is wrong with it.
+            try:
+                gathering.add(contribution)
+            except Exception as error:
+                rejected[contribution.robot] = self._fault(error, own)
+            add_s += time.monotonic() - begun_at
+        fuse_at = time.monotonic()
+        try:
+            found, corrections = gathering.finish(), gathering.corrections()
+            clouds = gathering.sent_points()
+        except Exception as error:
+            if not done.contributions:
+                raise
+            why = self._fault(error, own)
+            rejected = {c.robot: why for c in done.contributions}
+            found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
+            corrections, clouds = {}, {}
+        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
+        judged_as = self._judged_as(frame, used)
+        known = seen_at(self._known.at(own.capture_ns), corrections)
+        boxes = publish(found, self._detector, judged_as, len(used), known)
+        clouds[self._ego] = (own.points, own.world_from_sensor)
+        tracks = self._remembered(frame, judged_as, found, frozenset(used), known, clouds)
+        self.remembered = tracks
+        end_at = time.monotonic()
+        fixed_s = prepare_s + end_at - fuse_at
+        count = len(done.contributions)
+        self._knowledge.own_costs.record(frame.algorithm, count, fixed_s, add_s)
+        assert done.closed_at is not None
+        return FrameResult(
+            own=own,
+            round=done,
+            boxes=boxes,
+            known=known,
+            participants=(self._ego, *sorted(used)),
+            missing=done.missing | rejected,
+            latency_ms=(end_at - done.begun_at) * 1e3,
+            wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,
+            add_ms=add_s * 1e3,
+            fuse_ms=(end_at - fuse_at) * 1e3,
+            tracks=tracks,
+            operating_point=operating_point(self._detector, judged_as),
+        )
+
+    def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
+        """Whose calibration the scores of a frame have to which these robots contributed."""
+        if not isinstance(frame.fusion, Mixed):
+            return frame.fusion
+        sent = [frame.round.algorithm_of(robot) for robot in used]
+        return self._fusions[scored_by(sent) if sent else next(iter(frame.fusion.forms))]
+
+    def _remembered(
+        self,
+        frame: AskedFrame,
+        judged_as: Fusion,
+        found: Boxes,
+        helpers: frozenset[str],
+        known: tuple[KnownRobot, ...],
+        views: Mapping[str, View],
+    ) -> Remembered | None:
+        """What memory makes of a frame's boxes, which `helpers` have shown beside the ego."""
+        if self._memory is None:
+            return None
+        try:
+            return remember(
+                self._memory,
+                Frame(
+                    frame.own.capture_ns * 1e-9,
+                    found,
+                    helpers,
+                    views,
+                    frame.own.world_from_sensor,
+                ),
+                self._detector,
+                judged_as,
+                known,
+            )
+        except Exception:
+            # What was seen now is published all the same.
+            self._log.error("memory_failed", frame=frame.own.frame, exc_info=True)
+            self._memory.clear()
+            return None
+
+    def _fault(self, error: Exception, own: OwnFrame) -> Missing:
+        """Why a contribution is rejected; a fault that is not the payload's is logged."""
+        if isinstance(error, PerceptionError):
+            return Missing("rejected", str(error))
+        self._log.error("fusion_failed", frame=own.frame, exc_info=True)
+        return Missing("rejected", f"fusion failed: {type(error).__name__}")
