@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from ego_agent.knowledge.weighed import MAX_WEIGHED, Other, Verdict, Weighed, Weighing
 from ego_agent.plan.choices.hysteresis import best_option
 from ego_agent.plan.choices.mixes import Brought, Mixes
 from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.union import Union
 from swarm.messages import Decision
 
 DIGITS = 4
@@ -51,12 +56,37 @@ def weighings(scorer: Scorer, decision: Decision) -> tuple[Score, dict[str, Weig
     candidate brings to it."""
     able = [r for r in decision.participants if scorer.known(r, decision.algorithm)]
     chosen = scorer.score(able, decision.algorithm)
+    joined = _joined(scorer, chosen)
     robots = (candidate.robot for candidate in scorer.scene.candidates)
-    return chosen, {robot: _weighing(scorer, robot, decision, chosen) for robot in robots}
+    return chosen, {robot: _weighing(scorer, robot, decision, chosen, joined) for robot in robots}
 
 
-def _weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> Weighing:
-    """One candidate; `chosen` is the decision's own score."""
+def _joined(scorer: Scorer, chosen: Score) -> dict[str, Score]:
+    """The choice with one candidate more, by each that it lacks and that can send: what they add
+    is counted together."""
+    algorithm, members = chosen.algorithm, [scorer.row_of[r] for r in chosen.participants]
+    robots = [c.robot for c in scorer.scene.candidates if scorer.can(c.robot, algorithm)]
+    robots = [robot for robot in robots if robot not in chosen.participants]
+    rows = np.array([scorer.row_of[robot] for robot in robots], dtype=np.intp)
+    arrival, union = scorer.arrival(algorithm), Union(scorer.views)
+    for row in members:
+        union.add(row, float(arrival[row]))
+    share = scorer.share([0, *members], algorithm)
+    return {
+        robot: scorer.score_of(
+            (*chosen.participants, robot),
+            algorithm,
+            share + float(gain),
+            chosen.cost_bytes + scorer.size(robot, algorithm),
+        )
+        for robot, gain in zip(robots, union.gains(rows, arrival[rows]), strict=True)
+    }
+
+
+def _weighing(
+    scorer: Scorer, robot: str, decision: Decision, chosen: Score, joined: Mapping[str, Score]
+) -> Weighing:
+    """One candidate; `chosen` is the decision's own score, `joined` that with one more."""
     algorithm = decision.algorithm
     if not scorer.known(robot, algorithm):
         return Weighing(adds=None, costs=None, why="size")
@@ -65,7 +95,7 @@ def _weighing(scorer: Scorer, robot: str, decision: Decision, chosen: Score) -> 
     taken = robot in decision.participants
     others = [r for r in chosen.participants if r != robot]
     without = scorer.score(others, algorithm) if taken else chosen
-    with_it = chosen if taken else scorer.score([*others, robot], algorithm)
+    with_it = chosen if taken else joined[robot]
     adds, costs = with_it.quality - without.quality, with_it.cost - without.cost
     why: Verdict = "pays" if adds >= costs else "kept"
     if taken and adds < costs:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
+from ego_agent.knowledge.answers import AnswerTimes, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
@@ -14,7 +15,7 @@ from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from ego_agent.plan.choices.explain import explain
 from ego_agent.plan.choices.options import Compared, compare
 from ego_agent.plan.choices.scoring import Scorer
-from ego_agent.plan.choices.weigh import weigh
+from ego_agent.plan.choices.weigh import weigh, weighings
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.policies.coverage import Coverage
@@ -92,3 +93,31 @@ def test_people_are_told_what_the_journal_holds(rarer_hz: tuple[float, ...]) -> 
         for robot, one in weighed.items():
             assert (told[robot]["adds"], told[robot]["costs"]) == (one.adds, one.costs)
             assert told[robot]["chosen"] == (robot in decision.participants)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_each_robot_adds_is_what_scoring_the_choice_with_it_says(seed: int) -> None:
+    rng = random.Random(seed)
+    known = knowing(())
+    usual = floor(16, known, 10 ** rng.uniform(5.0, 7.0))
+    late = AnswerTimes(own=(Weighted(0.6, rng.uniform(1.0, 4.0), False),), frames=9.0)
+    scene = replace(
+        usual,
+        candidates=tuple(
+            replace(one, answers={"early": late}) if rng.random() < 0.4 else one
+            for one in usual.candidates
+        ),
+        preferred=frozenset({"R5", "R9"}),
+    )
+    decision, compared = decided(Coverage(), scene, known, None, NOW_NS)
+    scorer = compared[0].scorer.at_rate(decision.rate_hz)
+    chosen, found = weighings(scorer, decision)
+    outside = [robot for robot in found if robot not in decision.participants]
+    assert any(found[robot].adds for robot in outside)
+    for robot in outside:
+        if not scorer.can(robot, decision.algorithm):
+            assert found[robot].adds is None
+            continue
+        joined = scorer.score([*chosen.participants, robot], decision.algorithm)
+        assert found[robot].adds == pytest.approx(joined.quality - chosen.quality, abs=1e-4)
+        assert found[robot].costs == pytest.approx(joined.cost - chosen.cost, abs=1e-4)
