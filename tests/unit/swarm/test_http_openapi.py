@@ -16,11 +16,13 @@ from starlette.routing import Route
 from llm_gateway.http_app import make_app
 from llm_gateway.http_operations import API as GATEWAY
 from network_controller.qod.openapi import document as quality_on_demand
+from options.console.operations import API as CONSOLE
 from swarm.http.access import Access
 from swarm.http.openapi import OPENAPI_PATH
 from tests.support.llm_endpoint import LOG, Scripted
 
 DOCUMENTS: dict[str, Callable[..., dict[str, Any]]] = {
+    "console": CONSOLE.document,
     "gateway": GATEWAY.document,
     "quality on demand": quality_on_demand,
 }
