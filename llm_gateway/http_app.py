@@ -1,45 +1,42 @@
-"""The HTTP endpoint's application: routes, the token, bodies and clients that go away."""
+"""The HTTP endpoint's application: routes, bodies and clients that go away."""
 
 from __future__ import annotations
 
 import asyncio
 import time
 from collections.abc import AsyncGenerator, Awaitable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
-from prometheus_client import CollectorRegistry, Counter
+from prometheus_client import CollectorRegistry
 from starlette.applications import Starlette
-from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 
 from llm_gateway.http_chat import Asked, read_request, unknown_model, write_answer
-from llm_gateway.http_errors import STATUSES, HttpError, of_gateway
+from llm_gateway.http_errors import HttpError, of_gateway
+from llm_gateway.http_gate import Gate
+from llm_gateway.http_messages import Model, Models
+from llm_gateway.http_operations import API
 from llm_gateway.http_stream import AnswerStream
-from llm_gateway.http_wishes import PATH, read_wish, write_wish
+from llm_gateway.http_wishes import read_wish, write_wish
 from llm_gateway.model import Completer
 from llm_gateway.schemas import Schemas
 from llm_gateway.wish_reading import TrainedModel, WishReading
 from swarm.errors import GatewayError
 from swarm.http.access import Access
 from swarm.http.events import EventStream
+from swarm.http.openapi import OPENAPI_PATH, Health
 from swarm.http.serving import media_type
 from swarm.log import Logger
-from swarm.metrics import start_at_zero
 
-ANOTHER_NAME = (
-    "this gateway answers under this host's own addresses, as localhost, and under the names that "
-    "COADAPT_LLM_HTTP_NAMES lists"
-)
 MAX_BODY_BYTES = 2_000_000
 DRAINED_BYTES = 16_000_000
 """How much of a longer body is read and thrown away, so that its sender sees the refusal."""
 BODY_S = 20.0
-HEALTH_PATH = "/healthz"
 T = TypeVar("T")
 
 
@@ -53,6 +50,7 @@ def make_app(
     """The application, for those whom `access` lets in; `trained` understands wishes."""
     began = int(time.time())
     schemas = Schemas()
+    document = msgspec.json.encode(API.document(token=access.needs_token))
 
     async def complete(request: Request) -> Response:
         # Also keeps web pages out: a browser does not send JSON elsewhere without asking first.
@@ -66,7 +64,7 @@ def make_app(
         if asked.stream:
             return await _streamed(request, gateway, asked)
         completion = await _unless_gone(request, gateway.complete(job))
-        return Response(write_answer(completion), media_type="application/json")
+        return _json(write_answer(completion))
 
     async def wish(request: Request) -> Response:
         if media_type(request.headers) != "application/json":
@@ -74,22 +72,25 @@ def make_app(
         asked = read_wish(await _read(request))
         reading = WishReading(gateway, asyncio.get_running_loop(), trained)
         # On a thread of its own: it waits for the model, which this loop works for.
-        return write_wish(await _unless_gone(request, asyncio.to_thread(reading.answer, asked)))
+        answer = await _unless_gone(request, asyncio.to_thread(reading.answer, asked))
+        return _json(write_wish(answer))
 
-    def described() -> dict[str, Any]:
-        return {"id": gateway.model, "object": "model", "created": began, "owned_by": "coadapt"}
+    def described() -> Model:
+        return Model(id=gateway.model, created=began)
 
     async def models(request: Request) -> Response:
-        raw = msgspec.json.encode({"object": "list", "data": [described()]})
-        return Response(raw, media_type="application/json")
+        return _json(msgspec.json.encode(Models(data=(described(),))))
 
     async def model(request: Request) -> Response:
         if (name := request.path_params["name"]) != gateway.model:
             raise unknown_model(name, gateway.model)
-        return Response(msgspec.json.encode(described()), media_type="application/json")
+        return _json(msgspec.json.encode(described()))
 
     async def health(request: Request) -> Response:
-        return Response(b'{"status":"ok"}', media_type="application/json")
+        return _json(msgspec.json.encode(Health()))
+
+    async def openapi(request: Request) -> Response:
+        return _json(document)
 
     async def refused(request: Request, error: Exception) -> Response:
         assert isinstance(error, HttpError)
@@ -111,14 +112,17 @@ def make_app(
     async def broken(request: Request, error: Exception) -> Response:
         return HttpError(500, "the gateway's log says what failed").response()
 
+    endpoints = {
+        "createChatCompletion": complete,
+        "readWish": wish,
+        "listModels": models,
+        "retrieveModel": model,
+        "getHealth": health,
+    }
     app = Starlette(
         routes=[
-            Route("/v1/chat/completions", complete, methods=["POST"]),
-            Route(PATH, wish, methods=["POST"]),
-            Route("/v1/models", models, methods=["GET"]),
-            # Names of models have slashes in them.
-            Route("/v1/models/{name:path}", model, methods=["GET"]),
-            Route(HEALTH_PATH, health, methods=["GET"]),
+            *(Route(o.path, endpoints[o.name], methods=[o.method]) for o in API.operations),
+            Route(OPENAPI_PATH, openapi, methods=["GET"]),
         ],
         exception_handlers={
             HttpError: refused,
@@ -129,7 +133,11 @@ def make_app(
         },
     )
     app.router.redirect_slashes = False
-    return _Gate(app, access, registry, log)
+    return Gate(app, access, registry, log)
+
+
+def _json(raw: bytes) -> Response:
+    return Response(raw, media_type="application/json")
 
 
 def _check(schemas: Schemas, schema: str) -> None:
@@ -200,48 +208,3 @@ async def _unless_gone(request: Request, awaited: Awaitable[T]) -> T:
         work.cancel()
         gone.cancel()
         await asyncio.gather(work, gone, return_exceptions=True)
-
-
-class _Gate:
-    """Around everything: checks the name that was asked for and the token, counts, and logs what
-    fails."""
-
-    def __init__(
-        self, app: ASGIApp, access: Access, registry: CollectorRegistry, log: Logger
-    ) -> None:
-        self._app = app
-        self._access = access
-        self._log = log
-        self._requests = Counter(
-            "coadapt_llm_http_requests_total",
-            "Requests at the HTTP endpoint by status; 499 where the client left first.",
-            ["status"],
-            registry=registry,
-        )
-        start_at_zero(self._requests, ("200", "499", *map(str, set(STATUSES.values()))))
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def counted(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                self._requests.labels(message["status"]).inc()
-            await send(message)
-
-        try:
-            await (self._refusal(scope) or self._app)(scope, receive, counted)
-        except Exception:
-            path = scope["path"][:200]
-            self._log.error("llm_http_failed", method=scope["method"], path=path, exc_info=True)
-
-    def _refusal(self, scope: Scope) -> Response | None:
-        open_path = scope["path"] == HEALTH_PATH
-        match self._access.refusal(Headers(scope=scope), without_token=open_path):
-            case "name":
-                return HttpError(403, ANOTHER_NAME, code="host").response()
-            case "token":
-                return HttpError(
-                    401,
-                    "this needs the header Authorization: Bearer and the gateway's token",
-                    code="invalid_api_key",
-                    headers={"WWW-Authenticate": "Bearer"},
-                ).response()
-        return None

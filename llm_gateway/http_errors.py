@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import msgspec
 from starlette.responses import Response
 
+from llm_gateway.http_messages import ErrorBody, ErrorDetail
 from llm_gateway.model import PromptRefusedError
 from swarm.errors import GatewayCode, GatewayError
 
@@ -45,13 +46,13 @@ class HttpError(Exception):
     def body(self) -> bytes:
         """OpenAI's error body."""
         kind = "invalid_request_error" if self.status < 500 else "server_error"
-        error = {
-            "message": self.message,
-            "type": _TYPES.get(self.status, kind),
-            "param": self.param,
-            "code": self.code,
-        }
-        return msgspec.json.encode({"error": error})
+        error = ErrorDetail(
+            message=self.message,
+            type=_TYPES.get(self.status, kind),
+            param=self.param,
+            code=self.code,
+        )
+        return msgspec.json.encode(ErrorBody(error))
 
     def response(self) -> Response:
         """The whole answer."""

@@ -6,16 +6,18 @@ import asyncio
 import time
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
-from typing import Any
 
 import msgspec
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 
-from llm_gateway.http_chat import origin_of, usage_of
 from llm_gateway.http_errors import of_gateway
-from llm_gateway.model import Completion, Hear
+from llm_gateway.http_messages import ChatChunk, ChunkChoice, Delta, Origin, Usage
+from llm_gateway.http_operations import DONE
+from llm_gateway.model import Completion, Finish, Hear
 from swarm.errors import GatewayError
 
-DONE = b"data: [DONE]\n\n"
+_DONE = f"data: {DONE}\n\n".encode()
 
 
 class AnswerStream:
@@ -29,12 +31,9 @@ class AnswerStream:
         self._work = asyncio.ensure_future(complete(self._heard.put_nowait))
         # So that whoever waits for words wakes up at the end.
         self._work.add_done_callback(lambda _: self._heard.put_nowait(""))
-        self._head = {
-            "id": f"chatcmpl-{uuid.uuid4().hex}",
-            "object": "chat.completion.chunk",
-            "created": int(time.time()),
-            "model": model,
-        }
+        self._head = ChatChunk(
+            id=f"chatcmpl-{uuid.uuid4().hex}", created=int(time.time()), model=model, choices=()
+        )
         self._include_usage = include_usage
         self._first = ""
 
@@ -46,12 +45,12 @@ class AnswerStream:
 
     async def events(self) -> AsyncIterator[bytes]:
         """Chunks, then `[DONE]`; an error after the first words is an event of its own."""
-        yield self._chunk({"role": "assistant", "content": ""})
+        yield self._chunk(Delta(role="assistant", content=""))
         told, words = "", self._first
         while True:
             if words:
                 told += words
-                yield self._chunk({"content": words})
+                yield self._chunk(Delta(content=words))
             if self._work.done() and self._heard.empty():
                 break
             words = await self._heard.get()
@@ -61,22 +60,24 @@ class AnswerStream:
             yield b"data: " + of_gateway(error).body() + b"\n\n"
             return
         if rest := done.text[len(told) :]:
-            yield self._chunk({"content": rest})
-        yield self._chunk({}, done.finish, coadapt=origin_of(done))
+            yield self._chunk(Delta(content=rest))
+        yield self._chunk(Delta(), done.finish, Origin.of(done))
         if self._include_usage:
-            yield _event(self._head | {"choices": [], "usage": usage_of(done)})
-        yield DONE
+            yield _event(replace(self._head, usage=Usage.of(done)))
+        yield _DONE
 
     async def close(self) -> None:
         """Takes the work back, if it is not done."""
         self._work.cancel()
         await asyncio.gather(self._work, return_exceptions=True)
 
-    def _chunk(self, delta: dict[str, str], finish: str | None = None, **more: Any) -> bytes:
-        choice = {"index": 0, "delta": delta, "finish_reason": finish}
-        usage = {"usage": None} if self._include_usage else {}
-        return _event(self._head | {"choices": [choice]} | usage | more)
+    def _chunk(
+        self, delta: Delta, finish: Finish | None = None, origin: Origin | UnsetType = UNSET
+    ) -> bytes:
+        usage = None if self._include_usage else UNSET
+        choices = (ChunkChoice(0, delta, finish),)
+        return _event(replace(self._head, choices=choices, usage=usage, coadapt=origin))
 
 
-def _event(chunk: dict[str, Any]) -> bytes:
+def _event(chunk: ChatChunk) -> bytes:
     return b"data: " + msgspec.json.encode(chunk) + b"\n\n"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import msgspec
-from starlette.responses import Response
 
 from llm_gateway.http_errors import HttpError
+from llm_gateway.wish_reading import said_at
+from swarm.errors import GatewayError
 from swarm.messages import WishRequest, intent_to_json
 from swarm.messages.wish import WishAnswer
-
-PATH = "/v1/wishes"
 
 
 def read_wish(raw: bytes) -> WishRequest:
@@ -18,12 +17,15 @@ def read_wish(raw: bytes) -> WishRequest:
     Raises HttpError that says what is not allowed.
     """
     try:
-        return msgspec.json.decode(raw, type=WishRequest)
+        asked = msgspec.json.decode(raw, type=WishRequest)
+        said_at(asked.now)
+        return asked
+    except GatewayError as error:
+        raise HttpError(400, f"the wish is not valid: {error}", param="now") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise HttpError(400, f"the wish is not valid: {error}") from error
 
 
-def write_wish(answer: WishAnswer) -> Response:
+def write_wish(answer: WishAnswer) -> bytes:
     """The intent alone, in the form of docs/wishes.md."""
-    raw = msgspec.json.encode(intent_to_json(answer.understood))
-    return Response(raw, media_type="application/json")
+    return msgspec.json.encode(intent_to_json(answer.understood))

@@ -100,7 +100,7 @@ class WishReading:
     def answer(self, request: WishRequest) -> WishAnswer:
         """What a wish means. Raises GatewayError where the model does not answer, or the time of
         the request is none."""
-        now = _time(request.now)
+        now = said_at(request.now)
         understood = understand(request.wish, request.site, now, self._reader(request))
         return WishAnswer(request=request.request, understood=understood)
 
@@ -115,7 +115,8 @@ class WishReading:
         )
 
 
-def _time(text: str) -> datetime:
+def said_at(text: str) -> datetime:
+    """The time of a wish. Raises GatewayError `invalid` for one that is none or has no zone."""
     try:
         now = datetime.fromisoformat(text)
     except ValueError:

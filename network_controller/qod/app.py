@@ -19,17 +19,19 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from network_controller.qod import problems
 from network_controller.qod.messages import read
 from network_controller.qod.metrics import QodMetrics
-from network_controller.qod.openapi import CORRELATOR, document
-from network_controller.qod.operations import OPEN_PATHS, OPENAPI_PATH, OPERATIONS, Operation
+from network_controller.qod.openapi import API, CORRELATOR, document
+from network_controller.qod.operations import OPERATIONS
 from network_controller.qod.problems import ErrorInfo, Problem
 from network_controller.qod.service import Service
 from swarm.errors import NetworkError
 from swarm.http.access import Access
+from swarm.http.openapi import OPENAPI_PATH, Operation
 from swarm.http.serving import media_type
 from swarm.log import Logger
 
 MAX_BODY_BYTES = 65_536
 _CORRELATOR = re.compile(CORRELATOR.strip("^$"))
+_OPEN_PATHS = API.open_paths
 _CODES = {404: "NOT_FOUND", 405: "METHOD_NOT_ALLOWED"}
 
 
@@ -149,7 +151,7 @@ class _Gate:
             await send(message)
 
         try:
-            wrong = self._access.refusal(headers, without_token=scope["path"] in OPEN_PATHS)
+            wrong = self._access.refusal(headers, without_token=scope["path"] in _OPEN_PATHS)
             if wrong == "token":
                 refusal = _error(problems.unauthenticated().info, {"www-authenticate": "Bearer"})
                 await refusal(scope, receive, marked)

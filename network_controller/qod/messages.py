@@ -232,12 +232,6 @@ class StatusEvent(msgspec.Struct, frozen=True, kw_only=True):
     datacontenttype: Literal["application/json"] = "application/json"
 
 
-class Health(msgspec.Struct, frozen=True, kw_only=True):
-    """The process answers."""
-
-    status: Literal["ok"] = "ok"
-
-
 def read(raw: bytes, kind: Any) -> Any:
     """A body of the given kind. Raises msgspec.DecodeError with the place and what is allowed."""
     try:

@@ -2,42 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 from network_controller.qod.messages import (
     CreateSession,
     ExtendSessionDuration,
-    Health,
     QosProfile,
     QosProfileRequest,
     RetrieveSessionsInput,
     SessionInfo,
 )
+from swarm.http.openapi import Health, Operation
 
 BASE = "/quality-on-demand/v1"
 SESSIONS = f"{BASE}/sessions"
 PROFILES = "/qos-profiles/v1"
-OPENAPI_PATH = "/openapi.json"
 HEALTH_PATH = "/health"
-OPEN_PATHS = frozenset({OPENAPI_PATH, HEALTH_PATH})
-"""Answered without a token."""
-
-
-@dataclass(frozen=True, slots=True)
-class Operation:
-    """One method on one path."""
-
-    method: str
-    path: str
-    name: str
-    """CAMARA's operationId, where it has one."""
-    summary: str
-    status: int
-    answer: Any = None
-    body: Any = None
-    errors: tuple[int, ...] = ()
-
 
 OPERATIONS = (
     Operation(
@@ -48,7 +26,7 @@ OPERATIONS = (
         201,
         SessionInfo,
         CreateSession,
-        (400, 401, 404, 409, 415, 422, 429, 503),
+        (404, 409, 415, 422, 429, 503),
     ),
     Operation(
         "GET",
@@ -58,7 +36,7 @@ OPERATIONS = (
         200,
         SessionInfo,
         None,
-        (400, 401, 404),
+        (404,),
     ),
     Operation(
         "DELETE",
@@ -68,7 +46,7 @@ OPERATIONS = (
         204,
         None,
         None,
-        (400, 401, 404),
+        (404,),
     ),
     Operation(
         "POST",
@@ -78,7 +56,7 @@ OPERATIONS = (
         200,
         SessionInfo,
         ExtendSessionDuration,
-        (400, 401, 404, 409, 415),
+        (404, 409, 415),
     ),
     Operation(
         "POST",
@@ -88,7 +66,7 @@ OPERATIONS = (
         200,
         list[SessionInfo],
         RetrieveSessionsInput,
-        (400, 401, 404, 415, 422, 503),
+        (404, 415, 422, 503),
     ),
     Operation(
         "POST",
@@ -98,7 +76,7 @@ OPERATIONS = (
         200,
         list[QosProfile],
         QosProfileRequest,
-        (400, 401, 404, 415, 422, 503),
+        (404, 415, 422, 503),
     ),
     Operation(
         "GET",
@@ -108,7 +86,6 @@ OPERATIONS = (
         200,
         list[QosProfile],
         None,
-        (401,),
     ),
     Operation(
         "GET",
@@ -118,7 +95,15 @@ OPERATIONS = (
         200,
         QosProfile,
         None,
-        (401, 404),
+        (404,),
     ),
-    Operation("GET", HEALTH_PATH, "getHealth", "Whether the API answers", 200, Health),
+    Operation(
+        "GET",
+        HEALTH_PATH,
+        "getHealth",
+        "Whether the API answers",
+        200,
+        Health,
+        without_token=True,
+    ),
 )

@@ -17,7 +17,6 @@ from network_controller.qod.events import Notifier
 from network_controller.qod.messages import (
     CreateSession,
     ExtendSessionDuration,
-    Health,
     QosProfile,
     QosProfileRequest,
     RetrieveSessionsInput,
@@ -28,6 +27,7 @@ from network_controller.qod.messages import (
 from network_controller.qod.metrics import QodMetrics
 from network_controller.qod.network import Network
 from network_controller.qod.operations import SESSIONS
+from swarm.http.openapi import Health
 from swarm.log import Logger
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator
 from pathlib import Path
-from typing import Any
 from urllib.parse import parse_qs
 
 import msgspec
@@ -15,11 +14,13 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
+from options.console.answers import Floor, History
 from options.console.controls import CONTROLS, Control
 from options.console.files import Recordings
 from options.console.guard import COOKIE, LOGIN, SIGNED_IN_S, Guard, same_origin
 from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
+from options.console.operations import API, CSRF_HEADER
 from options.console.past import STEPS_S
 from options.console.seats import Seat, Seats
 from options.console.watch import Watch
@@ -27,13 +28,13 @@ from swarm.controllers import merged
 from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
 from swarm.http.events import EventStream
 from swarm.http.hosts import Hosts
+from swarm.http.openapi import OPENAPI_PATH
 from swarm.http.serving import media_type
 from swarm.log import Logger
 from swarm.messages import Message, ShapeRequest
 
 PAGE = Path(__file__).parent / "page"
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
-CSRF_HEADER = "x-coadapt-csrf"
 OPERATOR = "console"
 WHO = {
     "shape": "the network controller",
@@ -48,7 +49,7 @@ WRONG_TOKEN_S = 1.0
 
 def make_app(
     seats: Seats,
-    floor: Mapping[str, Any],
+    floor: Floor,
     hosts: Hosts,
     token: str,
     metrics: ConsoleMetrics,
@@ -63,6 +64,7 @@ def make_app(
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
     plan = msgspec.json.encode(floor)
+    document = msgspec.json.encode(API.document(token=bool(token)))
     spans = {str(span_s): span_s for span_s in STEPS_S}
 
     async def index(request: Request) -> Response:
@@ -96,7 +98,7 @@ def make_app(
         return EventStream(_counted(seat.hub, metrics), stalled=metrics.stalled.inc)
 
     async def floor_plan(request: Request) -> Response:
-        return Response(plan, media_type="application/json")
+        return _json(plan)
 
     async def history(request: Request) -> Response:
         span = request.query_params.get("span", "")
@@ -109,10 +111,10 @@ def make_app(
             rows = await past.rows(spans[span])
         except TransportError as error:
             return _refused(503, str(error))
-        return Response(msgspec.json.encode({"rows": rows}), media_type="application/json")
+        return _json(msgspec.json.encode(History(rows=rows)))
 
     async def recorded(request: Request) -> Response:
-        return JSONResponse(await asyncio.to_thread(recordings.found))
+        return _json(msgspec.json.encode(await asyncio.to_thread(recordings.found)))
 
     async def recording(request: Request) -> Response:
         return await asyncio.to_thread(recordings.file, request.path_params["name"])
@@ -150,7 +152,10 @@ def make_app(
             return _refused(504, f"{WHO[what]} does not answer: {error}")
         metrics.requests.labels(what, "done").inc()
         log.debug("console_asked", what=what, robot=robot)
-        return Response(msgspec.json.encode(reply), media_type="application/json")
+        return _json(msgspec.json.encode(reply))
+
+    async def openapi(request: Request) -> Response:
+        return _json(document)
 
     app = Starlette(
         routes=[
@@ -162,6 +167,7 @@ def make_app(
             Route("/api/history", history, methods=["GET"]),
             Route("/api/recordings", recorded, methods=["GET"]),
             Route("/recordings/{name}", recording, methods=["GET"]),
+            Route(OPENAPI_PATH, openapi, methods=["GET"]),
             Route("/api/{what}", control, methods=["POST"]),
             Route("/api/{what}/{robot}", control, methods=["POST"]),
         ],
@@ -201,6 +207,10 @@ async def _asked(watch: Watch, control: Control, request: Message, robot: str) -
     futures = watch.ask_controllers(request)
     answers = await asyncio.gather(*map(asyncio.wrap_future, futures.values()))
     return merged(dict(zip(futures, (answer.message for answer in answers), strict=True)))
+
+
+def _json(raw: bytes) -> Response:
+    return Response(raw, media_type="application/json")
 
 
 def _refused(status: int, why: str) -> JSONResponse:

@@ -7,11 +7,13 @@ import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from starlette.exceptions import HTTPException
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
+
+from options.console.answers import Recorded
 
 MAX_SHOWN = 100
 """How many are listed; older ones can still be asked for by name."""
@@ -25,19 +27,19 @@ class Recordings:
     def __init__(self, folder: str) -> None:
         self._folder = Path(folder) if folder else None
 
-    def found(self) -> list[dict[str, Any]]:
-        """Name, bytes and time of the last change (seconds since the epoch), newest first."""
+    def found(self) -> list[Recorded]:
+        """The newest first."""
         if self._folder is None:
             return []
-        found: list[dict[str, Any]] = []
+        found: list[Recorded] = []
         for path in self._folder.glob("*.mcap"):
             try:
                 facts = path.stat()
             except OSError:  # Taken away meanwhile.
                 continue
             if _NAME.fullmatch(path.name) and stat.S_ISREG(facts.st_mode):
-                found.append({"name": path.name, "bytes": facts.st_size, "at": facts.st_mtime})
-        return sorted(found, key=lambda one: one["at"], reverse=True)[:MAX_SHOWN]
+                found.append(Recorded(name=path.name, bytes=facts.st_size, at=facts.st_mtime))
+        return sorted(found, key=lambda one: one.at, reverse=True)[:MAX_SHOWN]
 
     def file(self, name: str) -> StreamingResponse:
         """One of them, to be saved: as much as there is now of one that is being written.

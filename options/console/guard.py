@@ -14,12 +14,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from swarm.http.access import Bearer
 from swarm.http.hosts import Hosts
+from swarm.http.openapi import OPENAPI_PATH
 
 COOKIE = "coadapt_console"
 SIGNED_IN_S = 12 * 3600
 MAX_SIGNED_IN = 256
 LOGIN = "/login"
-PUBLIC = (LOGIN, "/assets/")
+PUBLIC = (LOGIN, "/assets/", OPENAPI_PATH)
 """Paths that show nothing of the swarm."""
 HEADERS = {
     "Content-Security-Policy": (

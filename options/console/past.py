@@ -7,6 +7,9 @@ import math
 import time
 from typing import Any
 
+import msgspec
+
+from options.console.answers import Step
 from options.console.prometheus import Prometheus
 
 STEPS_S = {120: 2, 900: 5, 3600: 15, 21600: 60}
@@ -22,12 +25,10 @@ class Past:
     def __init__(self, server: Prometheus, ego: str) -> None:
         self._server = server
         self._ego = ego
-        self._told: dict[int, tuple[float, asyncio.Task[list[dict[str, Any]]]]] = {}
+        self._told: dict[int, tuple[float, asyncio.Task[tuple[Step, ...]]]] = {}
 
-    async def rows(self, span_s: int) -> list[dict[str, Any]]:
-        """What was decided and used, a row a step, as `View` tells it of a decision: `at`,
-        `capacity_bps`, `used_bps`, `robots` (the ego included), `algorithm`, `source`,
-        `latency_ms`; None where there was nothing. Steps without a decision are left out.
+    async def rows(self, span_s: int) -> tuple[Step, ...]:
+        """What was decided and used, a row a step; steps without a decision are left out.
 
         Raises TransportError where Prometheus does not answer, or not as Prometheus does.
         """
@@ -40,12 +41,12 @@ class Past:
         # A page that goes away does not take the answer from the others.
         return await asyncio.shield(task)
 
-    def _forget_failed(self, span_s: int, done: asyncio.Task[list[dict[str, Any]]]) -> None:
+    def _forget_failed(self, span_s: int, done: asyncio.Task[tuple[Step, ...]]) -> None:
         """So that whoever asks next has Prometheus asked again."""
         if (done.cancelled() or done.exception()) and self._told[span_s][1] is done:
             del self._told[span_s]
 
-    def _ask(self, span_s: int) -> list[dict[str, Any]]:
+    def _ask(self, span_s: int) -> tuple[Step, ...]:
         step_s = STEPS_S[span_s]
         # On whole steps, so that rows stand still while new ones come.
         end_s = time.time() // step_s * step_s
@@ -63,11 +64,11 @@ class Past:
                         best[at] = value
                         row[name] = labels.get(name)
         names = [*_expressions(self._ego, WINDOW_S)]
-        return [
-            dict.fromkeys(names) | row
+        return tuple(
+            msgspec.convert(dict.fromkeys(names) | row, Step)
             for _, row in sorted(rows.items())
             if "robots" in row and "capacity_bps" in row
-        ]
+        )
 
 
 def _expressions(ego: str, window_s: int) -> dict[str, str]:

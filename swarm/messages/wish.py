@@ -23,7 +23,7 @@ class WishRequest(Message, frozen=True, kw_only=True):
     wish: Annotated[str, msgspec.Meta(max_length=MAX_SAID_CHARS)]
     site: Site
     """The names that it may use."""
-    now: Annotated[str, msgspec.Meta(max_length=64)]
+    now: Annotated[str, msgspec.Meta(max_length=64, extra_json_schema={"format": "date-time"})]
     """When it was said: ISO 8601 with the time zone in which times are meant."""
     deadline_s: Annotated[float, msgspec.Meta(ge=0.05, le=600)] = 10.0
     """How long the asker waits, from receipt."""

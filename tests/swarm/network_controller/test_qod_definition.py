@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.support.definition_judge import RIGHT, TOKEN, hold, judge
 from tests.support.first_hour import Figure
-from tests.support.paths import REPOSITORY
 from tests.support.qod_client import (
     LOOPBACK,
     PROFILES,
@@ -31,49 +29,8 @@ from tests.support.qod_client import (
     wish,
 )
 
-TOKEN = "definitions-token"
-RIGHT = {"Authorization": f"Bearer {TOKEN}"}
-EXAMPLES = 40
-"""Requests of the kind that chance makes, for each operation; the systematic ones come on top."""
+HOOKS = "tests.support.qod_hooks"
 SESSION = f"{SESSIONS}/00000000-0000-4000-8000-000000000001"
-
-
-def judge(definition: str, url: str, folder: Path) -> dict[str, Any]:
-    """Schemathesis' own report of a run."""
-    report = folder / "report.json"
-    ended = subprocess.run(
-        [
-            *(sys.executable, "-m", "schemathesis.cli"),
-            *("--config-file", str(REPOSITORY / "tests" / "support" / "schemathesis.toml")),
-            *("run", definition, "--url", url, "--header", f"Authorization: Bearer {TOKEN}"),
-            *("--checks", "all", "--max-examples", str(EXAMPLES), "--seed", "1"),
-            *("--generation-database", "none", "--no-color"),
-            *("--report", "json", "--report-json-path", str(report)),
-        ],
-        cwd=folder,
-        env=os.environ
-        | {
-            "PYTHONPATH": os.pathsep.join([str(REPOSITORY), *sys.path]),
-            "SCHEMATHESIS_HOOKS": "tests.support.qod_hooks",
-        },
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-    )
-    assert report.exists(), ended.stdout[-2000:] + ended.stderr[-2000:]
-    found: dict[str, Any] = json.loads(report.read_text())
-    found["said"] = ended.stdout.partition("= FAILURES =")[2][:6000]
-    return found
-
-
-def hold(found: dict[str, Any], operations: int) -> None:
-    """The run was whole, and has found nothing."""
-    assert found["complete"]
-    assert found["operations"]["tested"] == operations, found["operations"]
-    assert found["test_cases"]["generated"] > 10 * operations
-    assert not found["failures"], found["said"]
-    assert not found["errors"], found["errors"]
 
 
 @pytest.fixture
@@ -91,7 +48,7 @@ def test_the_api_does_what_its_own_definition_says(
     api: Api, tmp_path: Path, figure: Figure
 ) -> None:
     base = f"http://127.0.0.1:{api.server.port}"
-    found = judge(f"{base}/openapi.json", base, tmp_path)
+    found = judge(f"{base}/openapi.json", base, tmp_path, HOOKS)
     figure("schemathesis_failures", len(found["failures"]) + len(found["errors"]))
     hold(found, 9)
     for method in ("POST", "GET", "DELETE"):
@@ -114,7 +71,7 @@ def test_the_api_does_what_camaras_definition_says(
     if not folder:
         pytest.skip("CAMARA's definitions are not here: name their folder in $QOD_OPENAPI")
     url = f"http://127.0.0.1:{api.server.port}{base}"
-    found = judge(str(Path(folder) / f"{name}.yaml"), url, tmp_path)
+    found = judge(str(Path(folder) / f"{name}.yaml"), url, tmp_path, HOOKS)
     figure(f"schemathesis_failures_{name}", len(found["failures"]) + len(found["errors"]))
     hold(found, operations)
 

@@ -286,7 +286,7 @@ def test_older_recordings_than_are_listed_can_be_had(tmp_path: Path) -> None:
         path.write_bytes(b"recorded")
         os.utime(path, (number, number))
     recordings = Recordings(str(tmp_path))
-    assert "0.mcap" not in {one["name"] for one in recordings.found()}
+    assert "0.mcap" not in {one.name for one in recordings.found()}
     assert taken(recordings, "0.mcap") == (200, b"recorded")
 
 
