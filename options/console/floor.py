@@ -1,16 +1,12 @@
-"""The floor plan behind the map, where the world is a simulated factory, and names of places."""
+"""The floor plan behind the map, and the world's own places, where it is a simulated factory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 
 from swarm.messages import Place
-from swarm.site_file import read_site
 from worlds.factory.layout import build_floor
 from worlds.factory.places import named_places
 
@@ -20,29 +16,25 @@ LOW_M = 1.0
 """Neither is what stands on something else."""
 
 
-def plan(world: str, robots: int, seed: int, site: str = "") -> dict[str, Any]:
+class Floor(NamedTuple):
+    """What is known of a floor without looking at it."""
+
+    plan: dict[str, Any]
     """The footprints of what stands still, metres in the world frame: `rects` are (low x, low y,
-    high x, high y), `width_m` and `depth_m` None where no plan is known; `places` are
-    those of the site file, else the world's own. Raises SettingError for a site file that is none.
-    """
-    places = _plain(read_site(Path(site))) if site else []
+    high x, high y), `width_m` and `depth_m` None where no plan is known."""
+    places: tuple[Place, ...]
+    """What the world itself has names for."""
+
+
+def floor_of(world: str, robots: int, seed: int) -> Floor:
+    """The floor of a swarm's world."""
     if world != "factory":
-        return {"width_m": None, "depth_m": None, "rects": [], "places": places}
+        return Floor({"width_m": None, "depth_m": None, "rects": []}, ())
     # As `FactoryWorld` lays it out: the floor is the first that its generator makes.
     floor = build_floor(robots, np.random.default_rng(seed))
     low, high = floor.boxes[:, :3], floor.boxes[:, 3:]
     area = (high[:, 0] - low[:, 0]) * (high[:, 1] - low[:, 1])
     shown = (area >= MIN_AREA_M2) & (low[:, 2] < LOW_M)
     rects = np.unique(np.round(np.hstack([low[shown, :2], high[shown, :2]]), 2), axis=0)
-    if not site:
-        places = _plain(Place(name, polygon) for name, polygon in named_places(floor))
-    return {
-        "width_m": floor.width_m,
-        "depth_m": floor.depth_m,
-        "rects": rects.tolist(),
-        "places": places,
-    }
-
-
-def _plain(places: Iterable[Place]) -> list[Any]:
-    return [msgspec.to_builtins(place) for place in places]
+    plan = {"width_m": floor.width_m, "depth_m": floor.depth_m, "rects": rects.tolist()}
+    return Floor(plan, tuple(Place(name, polygon) for name, polygon in named_places(floor)))
