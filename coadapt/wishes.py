@@ -16,7 +16,13 @@ from deploy.progress import typed
 from deploy.spec import SwarmSpec
 from deploy.state import State
 from swarm import keyspace
-from swarm.errors import DecisionError, DeployError, RefusedError, TransportError
+from swarm.errors import (
+    DecisionError,
+    DeployError,
+    IdentityError,
+    RefusedError,
+    TransportError,
+)
 from swarm.intent_words import in_words
 from swarm.messages import (
     EgoSteered,
@@ -30,6 +36,8 @@ from swarm.messages import (
 )
 from swarm.messages.steer import IntentAct
 from swarm.session import Session
+from swarm.site_file import SiteFile
+from swarm.trust.roles import role_of
 
 CONNECT_S = 5.0
 NOBODY = "nobody"
@@ -49,13 +57,20 @@ class Given:
 
 @contextmanager
 def egos_of(state: State) -> Iterator[Egos]:
-    """The egos of a swarm that runs. Raises DeployError where its router does not answer."""
+    """The egos of a swarm that runs. Raises DeployError where its router does not answer,
+    IdentityError for a certificate that may only look."""
     spec = state.spec
     try:
         session = Session(state.router, spec.swarm, timeout_s=CONNECT_S)
     except TransportError as error:
         raise DeployError(f"the router of swarm {spec.swarm!r} does not answer: {error}") from error
     with session:
+        # The router lets none of its requests through: nobody would say why.
+        if session.name and role_of(session.name).kind == "reader":
+            raise IdentityError(
+                f"{session.name} may only look at swarm {spec.swarm!r}; wishes need the "
+                "certificate of an operator: `coadapt certs issue operator-NAME`"
+            )
         yield Egos(session, spec)
 
 
@@ -73,11 +88,15 @@ class Egos:
         """What the first ego that answers obeys. Raises DeployError where none does."""
         return self._each(EgoSteering(operator=self.operator, wish=EgoWish()))[0]
 
-    def site(self, places: Sequence[Place], classes: Sequence[str]) -> Site:
+    def site(self, named: SiteFile, classes: Sequence[str]) -> Site:
         """The names that a wish may use here."""
         robots = dict.fromkeys((*self._robots, *self._session.alive()))
-        named = dict.fromkeys(place.name for place in places)
-        return Site(robots=tuple(robots), places=tuple(named), classes=tuple(classes))
+        return Site(
+            robots=tuple(robots),
+            places=named.names(),
+            classes=tuple(classes),
+            words=named.words,
+        )
 
     def ask(self, act: IntentAct, given: Given) -> EgoSteered:
         """Tries or confirms an intent. Raises RefusedError where the ego refuses, DeployError where

@@ -13,6 +13,7 @@ from deploy.paths import (
     identity_path,
     journal_path,
     net_journal_path,
+    site_path,
 )
 from deploy.roster import Place, Role
 from deploy.spec import EMBEDDED, SwarmSpec
@@ -121,6 +122,7 @@ def of_console(spec: SwarmSpec, place: Place) -> dict[str, str]:
         **_range_environment(spec),
         "COADAPT_CONSOLE_PORT": str(spec.console_port),
         "COADAPT_CONSOLE_RECORDINGS": f"{place.var_dir}/{RECORDINGS}",
+        "COADAPT_CONSOLE_SITE": site_path(place.var_dir),
         **(_prometheus_environment(spec, place) if spec.prometheus else {}),
         "COADAPT_WORLD": spec.world,
         "COADAPT_WORLD_ROBOTS": str(spec.room()),

@@ -14,12 +14,15 @@ LLM = "llm"
 """The gateway's."""
 RECORDINGS = "recordings"
 """Where `coadapt record` writes; the console shows it."""
+SITE = "site"
+"""Names of the site's places, which the console may change: a folder, for a file that is replaced
+is not seen through a mount of its own."""
 KEYSTORE = "keystore"
 """A secure swarm's certificates (`deploy.trust.keystore`)."""
 TARGETS = "targets"
 """Where the router tells Prometheus of processes that joined: a folder, for a file that is replaced
 is not seen through a mount of its own."""
-FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, TARGETS, "prometheus")
+FOLDERS = (JOURNAL, NET, LLM, RECORDINGS, SITE, TARGETS, "prometheus")
 
 
 def identity_path(var_dir: str, common_name: str) -> str:
@@ -30,6 +33,11 @@ def identity_path(var_dir: str, common_name: str) -> str:
 def authority_path(var_dir: str) -> str:
     """Where the certificate of a swarm's authority lies."""
     return f"{var_dir}/{KEYSTORE}/ca/{CA}"
+
+
+def site_path(var_dir: str) -> str:
+    """Where the site file lies that a swarm uses."""
+    return f"{var_dir}/{SITE}/site.json"
 
 
 def journal_path(spec: SwarmSpec, var_dir: str, ego: str = "") -> str:

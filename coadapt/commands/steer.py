@@ -16,7 +16,7 @@ from coadapt.asking import ask_patiently
 from coadapt.elsewhere import add_router, state_of
 from coadapt.intent_flags import add_intent, intent_of
 from coadapt.operator import operator
-from coadapt.site import classes_of, places_of
+from coadapt.site import classes_of, site_of
 from coadapt.wishes import NOBODY, Given, check, egos_of, line_of
 from deploy.progress import typed
 from deploy.spec import SwarmSpec
@@ -92,12 +92,12 @@ def _give(args: argparse.Namespace, state: State, intent: Intent) -> int:
         raise DecisionError(
             "--stop and --start are commands of their own: name no wish beside them"
         )
-    places = places_of(args.site, state.spec)
+    named = site_of(args.site, state.spec)
     with egos_of(state) as egos:
-        check(intent, egos.site(places, classes_of(state.spec)), datetime.now(UTC))
+        check(intent, egos.site(named, classes_of(state.spec)), datetime.now(UTC))
         try:
             reply = egos.ask(
-                "confirm-nobody" if args.yes else "confirm", Given(intent, places=places)
+                "confirm-nobody" if args.yes else "confirm", Given(intent, places=named.places)
             )
         except RefusedError as error:
             sure = "; say --yes if you mean it" if error.code == NOBODY else ""

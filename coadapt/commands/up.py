@@ -35,7 +35,7 @@ from deploy.spec import (
 )
 from deploy.state import State, need_state, read_state
 from swarm.defaults import POLICY
-from swarm.errors import DeployError, PropertyError, not_installed
+from swarm.errors import DeployError, PropertyError, SettingError, not_installed
 from swarm.process import ProcessSettings
 from worlds.kinds import WorldRequest
 from worlds.registry import data_words, swarm_worlds
@@ -216,9 +216,12 @@ def _up(args: argparse.Namespace, runtime: Runtime, spec: SwarmSpec) -> int:
 def _bring_site(spec: SwarmSpec) -> None:
     """Writes down how the site's places are called; a swarm runs without, too."""
     try:
-        bring_site(spec)
-    except OSError as error:
+        aside = bring_site(spec)
+    except (OSError, SettingError) as error:
         say(f"the site file is not written: {error}")
+        return
+    if aside is not None:
+        say(f"the floor is another one; the places that were drawn before are in {aside}")
 
 
 @contextmanager

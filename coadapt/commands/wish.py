@@ -12,7 +12,7 @@ import msgspec
 
 from coadapt.arguments import add_ego, add_swarm
 from coadapt.elsewhere import add_router, state_of
-from coadapt.site import classes_of, places_of
+from coadapt.site import classes_of, site_of
 from coadapt.understanding import OTHERWISE
 from coadapt.wish_batch import understood_batch
 from coadapt.wishes import NOBODY, Egos, Given, check, egos_of, line_of, listed, read_back
@@ -76,13 +76,13 @@ def run(args: argparse.Namespace) -> int:
             reply = _asked(lambda: egos.withdraw(args.withdraw))
             _tell(args, reply.intents, f"wish {args.withdraw} has ended")
             return 0
-        places = places_of(args.site, state.spec)
-        site = egos.site(places, classes_of(state.spec))
+        named = site_of(args.site, state.spec)
+        site = egos.site(named, classes_of(state.spec))
         if args.intent is not None:
-            given = Given(intent_from_json(_text(args.intent)), places=places)
+            given = Given(intent_from_json(_text(args.intent)), places=named.places)
         else:
             intent = egos.understood(args.text, site, now)
-            given = Given(intent, said=args.text[:MAX_WISH_CHARS], places=places)
+            given = Given(intent, said=args.text[:MAX_WISH_CHARS], places=named.places)
         if given.intent.is_empty() and given.intent.unclear:
             words = "; ".join(map(repr, given.intent.unclear))
             raise DecisionError(f"no wish was understood in {words}; {OTHERWISE}")

@@ -75,6 +75,7 @@ FOLDERS: dict[roster.Role, str] = {
     "ego": paths.JOURNAL,
     "controller": paths.NET,
     "gateway": paths.LLM,
+    "console": paths.SITE,
     "authority": paths.KEYSTORE,
     "prometheus": "prometheus",
 }

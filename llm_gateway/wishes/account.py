@@ -19,8 +19,15 @@ def settle(text: Text, reading: Reading) -> Reading:
         if told and mention.kind == "share" and _is_told(text, mention):
             continue
         if role == "doubt" or told:
-            unclear.append(text.said(mention.first, mention.last))
+            unclear.append(_question(text, mention))
     return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
+
+
+def _question(text: Text, mention: Mention) -> str:
+    """The words in doubt, and what to ask about them where code knows."""
+    said = text.said(mention.first, mention.last)
+    asked = "" if mention.when is None else mention.when.question
+    return f"{said} {asked}".strip()
 
 
 def _unread(text: Text) -> list[str]:

@@ -60,6 +60,8 @@ class Point:
     date: date | None = None
     impossible: bool = False
     """Past, or no time that a clock shows."""
+    half: str = ""
+    """Of the day, as it was said: "am" or "pm"."""
 
 
 def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
@@ -147,13 +149,17 @@ def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | N
         marks = [_text(words, end + n) for n in range(1, 4)]
         end += 1 + next((n for n, mark in enumerate(marks) if mark not in {".", "m"}), 3)
         half += "m"
-    elif half in _HALVES and not (half == "am" and _text(words, end + 1) in {*PARTS, "morgen"}):
+    elif half == "am" and _text(words, end + 1) in {*PARTS, "morgen"}:
+        half = ""  # "um 8 am Abend"
+    elif half in _HALVES:
         end += 1
     if half in _HALVES and 1 <= hour <= 12:
         hour, exact = hour % 12 + _HALVES[half], True
+    else:
+        half = ""
     if hour > 24 or minute > 59 or (hour == 24 and minute):
         return replace(found, hour=0, impossible=True), end
-    return replace(found, hour=hour, minute=minute, exact=exact), end
+    return replace(found, hour=hour, minute=minute, exact=exact, half=half), end
 
 
 def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:

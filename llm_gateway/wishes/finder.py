@@ -55,7 +55,9 @@ class Finder:
             digits[0]: name for name in site.robots if len(digits := _NUMBERED.findall(name)) == 1
         }
         self._prefixes = {k[0] for k in self._robots if len(k) == 2 and k[0].isalpha()}
-        self._places = {key(name): name for name in site.places}
+        self._places = {
+            key(said): name for name in site.places for said in site.words.get(name, ())
+        } | {key(name): name for name in site.places}
         self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
         self._classes = {key(name): name for name in site.classes}
 
@@ -87,11 +89,11 @@ class Finder:
         return here
 
     def _place(self, at: int) -> Mention | None:
-        hits = {}
+        hits: dict[str, int] = {}
         for name, place in self._places.items():
             end = self._named(name, at, also=True)
             if end is not None:
-                hits[place] = end
+                hits[place] = max(end, hits.get(place, end))
         if not hits:
             return None
         end = max(hits.values())
@@ -118,7 +120,9 @@ class Finder:
         return Mention("place", mention.first, last, tuple(dict.fromkeys(names)))
 
     def _spelt(self, place: str, at: int, end: int) -> bool:
-        return key(place) == tuple(w.text for w in self._words[at:end] if w.text not in "-_")
+        """Whether a place's name, or a word that the site has for it, is written so."""
+        said = tuple(word.text for word in self._words[at:end] if word.text not in "-_")
+        return self._places.get(said) == place
 
     def _robot(self, at: int) -> Mention | None:
         for name, robot in sorted(self._robots.items(), key=lambda item: -len(item[0])):

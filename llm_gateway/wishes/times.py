@@ -6,10 +6,10 @@ Code does the arithmetic, in the time zone of `now`: the model never sees a cloc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
-from llm_gateway.wishes import clock
+from llm_gateway.wishes import clock, doubts
 from llm_gateway.wishes.moments import resolve
 from llm_gateway.wishes.numbers import decimal, whole
 from llm_gateway.wishes.words import Word
@@ -56,6 +56,8 @@ class When:
     """Whether it is known which time is meant, and it is to come."""
     past: bool = False
     """Whether it lies before now: a report may name it."""
+    question: str = ""
+    """What to ask about it, behind the words themselves."""
 
 
 def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -84,9 +86,30 @@ def _span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When 
     two = clock.point_at(words, one[1] + 1)
     if two is None:
         return None
-    start = resolve(_shared(one[0], two[0]), now, now)
-    until = None if start is None else resolve(_shared(two[0], one[0]), now, start)
-    return When(first, two[1], start, until, clear=until is not None)
+    return _ranged(first, two[1], _shared(one[0], two[0]), _shared(two[0], one[0]), now)
+
+
+def _ranged(first: int, last: int, begin: clock.Point, end: clock.Point, now: datetime) -> When:
+    begin = doubts.halved(begin, end)
+    if question := doubts.of_range(begin, end, now):
+        return When(first, last, clear=False, question=question)
+    start = resolve(begin, now, now)
+    until = None if start is None else resolve(end, now, start)
+    return When(first, last, start, until, clear=until is not None)
+
+
+def _starting(first: int, last: int, point: clock.Point, now: datetime) -> When:
+    if question := doubts.of_start(point, now):
+        return When(first, last, clear=False, question=question)
+    start = resolve(point, now, now)
+    return When(first, last, start, clear=start is not None)
+
+
+def _ending(first: int, last: int, point: clock.Point, now: datetime) -> When:
+    if question := doubts.of_end(point, now):
+        return When(first, last, clear=False, question=question)
+    until = resolve(point, now, now)
+    return When(first, last, until=until, clear=until is not None)
 
 
 def _shared(point: clock.Point, other: clock.Point) -> clock.Point:
@@ -94,10 +117,14 @@ def _shared(point: clock.Point, other: clock.Point) -> clock.Point:
     days = other.days if point.days is None else point.days
     weekday = other.weekday if point.weekday is None else point.weekday
     part = point.part or ("" if other.part in {"midnight", "noon", "mitternacht"} else other.part)
-    return clock.Point(
-        point.hour, point.minute, point.exact, part, days, weekday, point.date or other.date,
-        point.impossible or other.impossible,
-    )  # fmt: skip
+    return replace(
+        point,
+        part=part,
+        days=days,
+        weekday=weekday,
+        date=point.date or other.date,
+        impossible=point.impossible or other.impossible,
+    )
 
 
 def _between(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -129,19 +156,15 @@ def _on_day(
         return None
     point = _shared(first[0], day[0])
     if here in _UNTIL:
-        until = resolve(point, now, now)
-        return When(at, first[1], until=until, clear=until is not None)
-    start = resolve(point, now, now)
+        return _ending(at, first[1], point, now)
     last = first[1] + (1 if _text(words, first[1]) in {"on", "onwards", "an"} else 0)
     if _text(words, first[1]) not in _TO | {"and", "und"}:
-        return When(at, last, start, clear=start is not None)
+        return _starting(at, last, point, now)
     second = clock.point_at(words, first[1] + 1)
     if second is None:
-        return When(at, last, start, clear=start is not None)
+        return _starting(at, last, point, now)
     point = _shared(first[0], _shared(second[0], day[0]))
-    start = resolve(point, now, now)
-    until = None if start is None else resolve(_shared(second[0], point), now, start)
-    return When(at, second[1], start, until, clear=until is not None)
+    return _ranged(at, second[1], point, _shared(second[0], point), now)
 
 
 def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -161,8 +184,7 @@ def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if point is None:
         return None
     last = point[1] + (1 if _text(words, point[1]) in {"on", "onwards", "an"} else 0)
-    start = resolve(point[0], now, now)
-    return When(at, last, start, clear=start is not None)
+    return _starting(at, last, point[0], now)
 
 
 def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -171,8 +193,7 @@ def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
     point = clock.point_at(words, at + 1)
     if point is None:
         return None
-    until = resolve(point[0], now, now)
-    return When(at, point[1], until=until, clear=until is not None)
+    return _ending(at, point[1], point[0], now)
 
 
 def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:

@@ -12,8 +12,9 @@ from options.console.alerts import watch_alerts
 from options.console.app import make_app
 from options.console.endpoint import Endpoint
 from options.console.files import Recordings
-from options.console.floor import plan
+from options.console.floor import floor_of
 from options.console.metrics import ConsoleMetrics
+from options.console.places import SitePlaces
 from options.console.prometheus import Prometheus
 from options.console.seats import Seats
 from options.console.settings import ConsoleSettings, load_settings
@@ -58,14 +59,16 @@ async def serve(
     metrics = ConsoleMetrics(registry)
     server = Prometheus(settings.console_prometheus) if settings.console_prometheus else None
     seats = Seats(settings, server, log)
+    floor = floor_of(settings.world, settings.world_robots, settings.world_seed)
     app = make_app(
         seats,
-        plan(settings.world, settings.world_robots, settings.world_seed, settings.console_site),
+        floor.plan,
         Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
         settings.console_token,
         metrics,
         log,
         recordings=Recordings(settings.console_recordings),
+        places=SitePlaces(settings.console_site, floor.places),
     )
     metrics.show(seats)
     serving = asyncio.create_task(endpoint.serve(app))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncGenerator
 from pathlib import Path
+from typing import Any, TypeVar
 from urllib.parse import parse_qs
 
 import msgspec
@@ -22,10 +23,18 @@ from options.console.hub import Hub
 from options.console.metrics import ConsoleMetrics
 from options.console.operations import API, CSRF_HEADER
 from options.console.past import STEPS_S
+from options.console.places import PlaceChange, SitePlaces
 from options.console.seats import Seat, Seats
 from options.console.watch import Watch
 from swarm.controllers import merged
-from swarm.errors import CoAdaptError, KeyspaceError, NetworkError, RefusedError, TransportError
+from swarm.errors import (
+    CoAdaptError,
+    KeyspaceError,
+    NetworkError,
+    RefusedError,
+    SettingError,
+    TransportError,
+)
 from swarm.http.events import EventStream
 from swarm.http.hosts import Hosts
 from swarm.http.openapi import OPENAPI_PATH
@@ -45,6 +54,7 @@ WHO = {
 MAX_BODY_BYTES = 1_500_000
 """A trace of 100,000 rates fits, also where each is 10 Gbit/s."""
 WRONG_TOKEN_S = 1.0
+_T = TypeVar("_T")
 
 
 def make_app(
@@ -56,6 +66,7 @@ def make_app(
     log: Logger,
     *,
     recordings: Recordings,
+    places: SitePlaces,
 ) -> Guard:
     """The application; with a token, viewers must show it, as a header or in the login form.
 
@@ -63,8 +74,7 @@ def make_app(
     """
     pages = {name: (PAGE / name).read_bytes() for name in ("index.html", "login.html")}
     assets = {f.name: f.read_bytes() for f in PAGE.iterdir() if f.suffix in KINDS}
-    plan = msgspec.json.encode(floor)
-    document = msgspec.json.encode(API.document(token=bool(token)))
+    document = API.document(token=bool(token))
     spans = {str(span_s): span_s for span_s in STEPS_S}
 
     async def index(request: Request) -> Response:
@@ -98,7 +108,8 @@ def make_app(
         return EventStream(_counted(seat.hub, metrics), stalled=metrics.stalled.inc)
 
     async def floor_plan(request: Request) -> Response:
-        return _json(plan)
+        shown = await asyncio.to_thread(places.shown)
+        return _json(msgspec.structs.replace(floor, **msgspec.structs.asdict(shown)))
 
     async def history(request: Request) -> Response:
         span = request.query_params.get("span", "")
@@ -111,33 +122,38 @@ def make_app(
             rows = await past.rows(spans[span])
         except TransportError as error:
             return _refused(503, str(error))
-        return _json(msgspec.json.encode(History(rows=rows)))
+        return _json(History(rows=rows))
 
     async def recorded(request: Request) -> Response:
-        return _json(msgspec.json.encode(await asyncio.to_thread(recordings.found)))
+        return _json(await asyncio.to_thread(recordings.found))
 
     async def recording(request: Request) -> Response:
         return await asyncio.to_thread(recordings.file, request.path_params["name"])
 
+    async def place(request: Request) -> Response:
+        _check_page(request, seats)
+        asked = await _asked(request, PlaceChange)
+        robots = {robot for seat in seats.taken for robot in seat.view.robots()}
+        try:
+            shown = await asyncio.to_thread(places.change, asked, robots)
+        except SettingError as error:
+            metrics.requests.labels("place", "refused").inc()
+            return _refused(409, str(error))
+        metrics.requests.labels("place", "done").inc()
+        log.info("console_place", act=asked.act, place=asked.name, operator=OPERATOR)
+        seats.tell_places()
+        return _json(shown)
+
     async def control(request: Request) -> Response:
-        if not same_origin(request.headers):
-            return _refused(403, "controls answer to the console's own page only")
-        if not seats.may_control(request.headers.get(CSRF_HEADER, "")):
-            return _refused(403, "this page is not connected any more: reload it")
-        if media_type(request.headers) != "application/json":
-            return _refused(415, "the body must be application/json")
+        _check_page(request, seats)
         seat, what = _seat(seats, request), request.path_params["what"]
         if what not in CONTROLS:
             raise HTTPException(404)
-        body = await _read(request)
-        try:
-            asked = msgspec.json.decode(body, type=CONTROLS[what].request)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            return _refused(400, f"the request is not valid: {error}")
+        asked = await _asked(request, CONTROLS[what].request)
         asked = msgspec.structs.replace(asked, operator=OPERATOR)
         robot = request.path_params.get("robot", "")
         try:
-            reply = await _asked(seat.watch, CONTROLS[what], asked, robot)
+            reply = await _answer(seat.watch, CONTROLS[what], asked, robot)
         except RefusedError as error:
             metrics.requests.labels(what, "refused").inc()
             log.info("console_refused", what=what, robot=robot, why=str(error)[:300])
@@ -152,7 +168,7 @@ def make_app(
             return _refused(504, f"{WHO[what]} does not answer: {error}")
         metrics.requests.labels(what, "done").inc()
         log.debug("console_asked", what=what, robot=robot)
-        return _json(msgspec.json.encode(reply))
+        return _json(reply)
 
     async def openapi(request: Request) -> Response:
         return _json(document)
@@ -168,6 +184,7 @@ def make_app(
             Route("/api/recordings", recorded, methods=["GET"]),
             Route("/recordings/{name}", recording, methods=["GET"]),
             Route(OPENAPI_PATH, openapi, methods=["GET"]),
+            Route("/api/place", place, methods=["POST"]),
             Route("/api/{what}", control, methods=["POST"]),
             Route("/api/{what}/{robot}", control, methods=["POST"]),
         ],
@@ -199,7 +216,7 @@ async def _counted(hub: Hub, metrics: ConsoleMetrics) -> AsyncGenerator[bytes]:
         await stream.aclose()
 
 
-async def _asked(watch: Watch, control: Control, request: Message, robot: str) -> Message:
+async def _answer(watch: Watch, control: Control, request: Message, robot: str) -> Message:
     """The reply; of several controllers, theirs as one. Raises what `Watch.ask` does."""
     if not isinstance(request, ShapeRequest):
         reply: Message = (await asyncio.wrap_future(watch.ask(control, request, robot))).message
@@ -209,8 +226,27 @@ async def _asked(watch: Watch, control: Control, request: Message, robot: str) -
     return merged(dict(zip(futures, (answer.message for answer in answers), strict=True)))
 
 
-def _json(raw: bytes) -> Response:
-    return Response(raw, media_type="application/json")
+def _check_page(request: Request, seats: Seats) -> None:
+    """Raises HTTPException for what does not come from a page that is open now."""
+    if not same_origin(request.headers):
+        raise HTTPException(403, "controls answer to the console's own page only")
+    if not seats.may_control(request.headers.get(CSRF_HEADER, "")):
+        raise HTTPException(403, "this page is not connected any more: reload it")
+    if media_type(request.headers) != "application/json":
+        raise HTTPException(415, "the body must be application/json")
+
+
+async def _asked(request: Request, kind: type[_T]) -> _T:
+    """What is asked for. Raises HTTPException for a body that is not of that kind."""
+    body = await _read(request)
+    try:
+        return msgspec.json.decode(body, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise HTTPException(400, f"the request is not valid: {error}") from error
+
+
+def _json(value: Any) -> Response:
+    return Response(msgspec.json.encode(value), media_type="application/json")
 
 
 def _refused(status: int, why: str) -> JSONResponse:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from options.console.board import Board
+from options.console.board import Board, now_s
 from options.console.hub import MAX_VIEWERS, Hub
 from options.console.past import Past
 from options.console.prometheus import Prometheus
@@ -64,6 +64,11 @@ class Seats:
     def may_control(self, csrf: str) -> bool:
         """Whether this is the token of a page that is open now."""
         return any(seat.hub.may_control(csrf) for seat in self._taken.values())
+
+    def tell_places(self) -> None:
+        """Has every page ask anew for the site's places."""
+        for seat in self.taken:
+            seat.board.put("places", now_s())
 
     def _take(self, ego: str) -> Seat:
         settings, board = self._settings, Board()

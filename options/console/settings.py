@@ -55,7 +55,8 @@ class ConsoleSettings(ProcessSettings, frozen=True, kw_only=True):
     console_recordings: str = ""
     """The folder of the swarm's recordings; empty: none is shown."""
     console_site: str = ""
-    """A site file, with names of places; empty: a simulated factory's own."""
+    """The site file, with names of places, which pages may change; one that is not there is made.
+    Empty: none can be drawn. Without a file a simulated factory has its own places."""
 
     def __repr__(self) -> str:
         return shown(self)

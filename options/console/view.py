@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from time import monotonic
 from typing import Any
 
@@ -76,6 +76,11 @@ class View:
     def connected(self) -> bool:
         """Whether the router is reached."""
         return bool(self._swarm["connected"])
+
+    def robots(self) -> Collection[str]:
+        """Those that were heard of and are not forgotten."""
+        with self._lock:
+            return tuple(self._robots)
 
     def tick(self, connected: bool) -> None:
         """Once a second or so: rates, and what is missing. `connected`: the router is reached."""

@@ -30,6 +30,11 @@ Resource = Literal["bandwidth", "compute"]
 LinkShare = Annotated[float, msgspec.Meta(gt=0, le=1)]
 Words = Annotated[str, msgspec.Meta(max_length=MAX_WISH_CHARS)]
 Time = Annotated[str, msgspec.Meta(max_length=64)]
+OtherWords = Annotated[
+    dict[Name, Annotated[tuple[Name, ...], msgspec.Meta(max_length=16)]],
+    msgspec.Meta(max_length=MAX_NAMES),
+]
+"""By a place's name, what people call it besides."""
 Robots = Annotated[tuple[RobotId, ...], msgspec.Meta(max_length=MAX_NAMES)]
 
 
@@ -100,12 +105,14 @@ class Intent(msgspec.Struct, frozen=True, kw_only=True):
         return not (self.is_hard() or self.is_soft())
 
 
-class Site(msgspec.Struct, frozen=True, kw_only=True):
+class Site(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The names that a wish may use."""
 
     robots: Robots = ()
     places: Annotated[tuple[Name, ...], msgspec.Meta(max_length=MAX_NAMES)] = ()
     classes: Annotated[tuple[Name, ...], msgspec.Meta(max_length=MAX_NAMES)] = ()
+    words: OtherWords = msgspec.field(default_factory=dict)
+    """Other words for places; those of names that are none of `places` mean nothing."""
 
 
 def problems(intent: Intent, site: Site, now: datetime) -> tuple[str, ...]:

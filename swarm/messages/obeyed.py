@@ -16,14 +16,15 @@ MAX_INTENTS = 16
 MAX_SENTENCE = 2_000
 Sentence = Annotated[str, msgspec.Meta(max_length=MAX_SENTENCE)]
 Corner = tuple[Bounded, Bounded]
+Polygon = Annotated[tuple[Corner, ...], msgspec.Meta(min_length=3, max_length=64)]
+"""Corners in order, x and y in the world frame, metres."""
 
 
 class Place(msgspec.Struct, frozen=True):
     """A part of the floor with a name; several with one name are one place."""
 
     name: Name
-    polygon: Annotated[tuple[Corner, ...], msgspec.Meta(min_length=3, max_length=64)]
-    """Corners in order, x and y in the world frame, metres."""
+    polygon: Polygon
 
 
 Places = Annotated[tuple[Place, ...], msgspec.Meta(max_length=MAX_NAMES)]

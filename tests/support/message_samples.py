@@ -355,7 +355,12 @@ SAMPLES: tuple[Message, ...] = (
         request=16,
         operator="ann@floor",
         wish="leave R3 alone",
-        site=Site(robots=("R1", "R3"), places=("docks",), classes=("person",)),
+        site=Site(
+            robots=("R1", "R3"),
+            places=("docks",),
+            classes=("person",),
+            words={"docks": ("loading bay",)},
+        ),
         now="2027-01-15T08:00:00+01:00",
         deadline_s=5.0,
     ),

@@ -6,6 +6,7 @@ import { Controls } from "./controls.js";
 import { FloorMap } from "./map.js";
 import * as panels from "./panels.js";
 import { Past } from "./past.js";
+import { Places } from "./places.js";
 import { watchRecordings } from "./recordings.js";
 import { RobotPanel } from "./robot.js";
 import { Stream } from "./stream.js";
@@ -40,15 +41,17 @@ map.onChoose = (robot) => panel.open(robot);
 watchRecordings(stream);
 const controls = new Controls(stream);
 const wishes = new Wishes(stream, (what, request) => controls.wish(what, request));
+const places = new Places(map, (what, request) => controls.wish(what, request), (site) => wishes.name(site));
 let pending = 0;
-let floorOf = ""; // The connection that the floor plan was asked over.
+let floorOf = ""; // The connection that the floor plan was asked over, and which places it had.
 
 function update(news = false) {
   map.changed();
-  // A console that has been started anew may show another world.
-  if (stream.csrf && stream.csrf !== floorOf) {
-    floorOf = stream.csrf;
-    loadFloor(floorOf);
+  // A console that has been started anew may show another world; somebody may have drawn a place.
+  const wanted = stream.csrf && floorNow();
+  if (wanted && wanted !== floorOf) {
+    floorOf = wanted;
+    loadFloor(wanted);
   }
   if (news) headlines();
   pending ||= setTimeout(words, 1000 * WORDS_S);
@@ -90,15 +93,18 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   update();
 });
 
-async function loadFloor(connection) {
+function floorNow() {
+  return `${stream.csrf} ${stream.get("places") ?? ""}`;
+}
+
+async function loadFloor(wanted) {
   try {
     const answer = await fetch("/api/floor");
     if (!answer.ok) throw new Error(answer.statusText);
     map.floor = await answer.json();
-    wishes.name(map.floor.places);
-    map.changed();
+    places.show(map.floor);
   } catch {
-    setTimeout(() => stream.csrf === connection && loadFloor(connection), 3000);
+    setTimeout(() => stream.csrf && floorNow() === wanted && loadFloor(wanted), 3000);
   }
 }
 words();

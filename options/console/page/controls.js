@@ -83,7 +83,7 @@ export class Controls {
   #allow(may) {
     $("why").disabled = !may;
     const focused = document.activeElement;
-    for (const id of ["controls", "steering", "wishing"]) {
+    for (const id of ["controls", "steering", "wishing", "placing"]) {
       if (!may && !$(id).disabled && $(id).contains(focused)) this.focused = focused;
       $(id).disabled = !may;
     }

@@ -3,6 +3,7 @@
 import { CELL_M, covered, markSeen } from "./ground.js";
 import { listen } from "./mapinput.js";
 import { decided, part, state } from "./part.js";
+import { drawOutline, drawPlaces } from "./placemark.js";
 import { CROWD, drawRobot } from "./robotmark.js";
 import { OLD_S, byId } from "./words.js";
 
@@ -28,6 +29,8 @@ export class FloorMap {
     this.selected = ""; // The robot that the page tells more of.
     this.leastScore = () => 0; // Boxes of a lower score are not drawn.
     this.onChoose = () => {};
+    this.outline = null; // {corners, closed} of a place that is being drawn, metres.
+    this.onPoint = () => {}; // Hears of clicks then: x and y, metres, and whether on the first corner.
     listen(this);
     new ResizeObserver(() => this.changed()).observe(canvas);
   }
@@ -93,6 +96,7 @@ export class FloorMap {
     const extent = this.#extent(robots);
     const view = this.#view(extent, width, height);
     this.scale = view.scale;
+    this.shownAt = { ...view, width, height };
     const at = (x, y) => [(x - view.x) * view.scale + width / 2, height / 2 - (y - view.y) * view.scale];
 
     c.save();
@@ -107,7 +111,7 @@ export class FloorMap {
     if (this.layers.range) this.#drawRange(c, robots, view.scale);
     c.restore();
 
-    if (this.layers.places) this.#drawPlaces(c, at);
+    if (this.layers.places) drawPlaces(c, this.floor.places, at, t);
     if (this.layers.objects) this.#drawObjects(c, scenes, at, view.scale);
     if (this.layers.boxes) this.#drawBoxes(c, now, at, view.scale);
     this.#drawLinks(c, robots, now, at);
@@ -115,6 +119,7 @@ export class FloorMap {
     const order = [...robots].sort((a, b) => a.ego - b.ego || a.chosen - b.chosen);
     const how = { theme: t, count: robots.length, named: robots.length <= CROWD || this.zoom >= 2 };
     for (const robot of order) drawRobot(c, robot, at(robot.x, robot.y), now, how);
+    if (this.outline) drawOutline(c, this.outline, at, t);
     this.shown = robots.map((robot) => [robot.robot, ...at(robot.x, robot.y)]);
     this.#drawScale(c, width, height);
     if (!robots.length) {
@@ -158,24 +163,6 @@ export class FloorMap {
       c.fillRect(x, y, right - x, top - y);
       c.strokeRect(x, y, right - x, top - y);
     }
-  }
-
-  // The site's places with their names, each name where it has most room.
-  #drawPlaces(c, at) {
-    c.strokeStyle = c.fillStyle = this.theme("--quiet");
-    c.font = "12px system-ui, sans-serif";
-    c.textAlign = "center";
-    c.setLineDash([4, 4]);
-    for (const { name, polygon } of this.floor.places) {
-      const corners = polygon.map(([x, y]) => at(x, y));
-      c.beginPath();
-      for (const [x, y] of corners) c.lineTo(x, y);
-      c.closePath();
-      c.stroke();
-      const middle = (axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length;
-      c.fillText(name, middle(0), middle(1));
-    }
-    c.setLineDash([]);
   }
 
   // What robots see now; what they saw earlier says nothing about the floor of today.
@@ -351,13 +338,25 @@ export class FloorMap {
     c.fillText(`${metres} m`, right, y - 9);
   }
 
-  // The robot at a place of the canvas, if there is one.
+  // A click on the canvas: the next corner of what is being drawn, else the robot there, if any.
   choose(x, y) {
+    if (this.outline) {
+      this.#point(x, y);
+      return;
+    }
     const near = this.shown
       .map(([robot, rx, ry]) => [Math.hypot(rx - x, ry - y), robot])
       .filter(([distance]) => distance <= REACH_PX)
       .sort((a, b) => a[0] - b[0])[0];
     if (near) this.onChoose(near[1]);
+  }
+
+  #point(x, y) {
+    const { x: middleX, y: middleY, scale, width, height } = this.shownAt;
+    const [corner] = this.outline.corners;
+    const metres = [middleX + (x - width / 2) / scale, middleY + (height / 2 - y) / scale];
+    const first = corner && Math.hypot(corner[0] - metres[0], corner[1] - metres[1]) * scale <= REACH_PX;
+    this.onPoint(...metres, Boolean(first));
   }
 
   moveBy(dx, dy) {

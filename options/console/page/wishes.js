@@ -12,6 +12,7 @@ export class Wishes {
     this.stream = stream;
     this.ask = ask;
     this.places = []; // Of the site: {name, polygon}.
+    this.words = {}; // What people call them besides.
     this.read = null; // What was read back and not confirmed yet.
     $("wish").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -31,10 +32,13 @@ export class Wishes {
   }
 
   // The places that a site has names for.
-  name(places) {
+  name({ places, words }) {
     this.places = places;
+    this.words = words;
+    const chosen = $("wish-place").value;
     const names = [...new Set(places.map((place) => place.name))];
     $("wish-place").replaceChildren(new Option("no place", ""), ...names.map((name) => new Option(name, name)));
+    if (names.includes(chosen)) $("wish-place").value = chosen;
   }
 
   #line({ number, operator, since, says, bound }) {
@@ -56,7 +60,7 @@ export class Wishes {
     if (!wish) return;
     this.#tell(async () => {
       const robots = this.stream.all("robot/").map((robot) => robot.robot);
-      const site = { robots, places: [...new Set(this.places.map((place) => place.name))], classes: CLASSES };
+      const site = { robots, places: [...new Set(this.places.map((place) => place.name))], classes: CLASSES, words: this.words };
       const reply = await this.ask("wish", { wish, site, now: local(new Date()) }).catch((error) => {
         $("wish-by-fields").open = true;
         throw Object.assign(error, { message: `${error.message}; wishes in force stay, and the fields below say the same` });

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,10 @@ from deploy.paths import KEYSTORE, journal_path, net_journal_path
 from deploy.prometheus import Prometheus
 from deploy.state import State, need_state
 from ego_agent.knowledge.journal import read_journal
+from swarm import keyspace
+from swarm.errors import TransportError
+from swarm.messages import EgoSteered, EgoSteering, EgoWish, Intent
+from swarm.session import Session
 from swarm.trust.identity import ISSUED
 from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import WAIT_S, await_
@@ -25,6 +30,8 @@ from tests.support.free_ports import free_port, free_ports
 READY_S = 120.0
 SWARM = "trusty"
 NAME = ("--swarm", SWARM)
+UNANSWERED_S = 5.0
+"""A request that the router lets through is answered in less."""
 LIFE_S = 60
 """Renewed when a third of it is left."""
 
@@ -132,6 +139,44 @@ def test_who_has_a_certificate_operates_it_without_its_run_directory(
     assert (table["processes"], table["trust"]) == ([], None)
     await_(lambda: "R1 decides by" in cli("steer", *router).stdout, "the ego is asked")
     await_(lambda: cli("net", "show", *router).returncode == 0, "the controller is asked")
+
+
+def test_a_wish_needs_the_certificate_of_an_operator(swarm: State, cli: Cli) -> None:
+    await_(lambda: all_take_part(cli), "all robots are fused")
+    wish = ("wish", "--intent", '{"exclude": ["R3"]}', "--apply", "--router")
+
+    def router_for(name: str) -> str:
+        place = f"tls/127.0.0.1:{swarm.spec.router_port}"
+        return f"{place}#identity={identity_of(swarm, cli, name)}"
+
+    def told_so() -> bool:
+        done = cli(*wish, router_for("reader-bob"))
+        return done.returncode == 1 and "reader-bob may only look at swarm" in done.stderr
+
+    await_(told_so, "who may only look is told so")
+    # Nor does the router let such a request through, whoever makes it.
+    asked = EgoSteering(wish=EgoWish(), act="confirm", intent=Intent(exclude=("R3",)))
+    key = keyspace.ego_steering(SWARM, "R1")
+    with Session(router_for("reader-bob"), SWARM, timeout_s=WAIT_S) as reader:
+        answer = reader.ask(key, asked, EgoSteered, timeout_s=UNANSWERED_S)
+        assert type(answer.exception()) is TransportError
+    none = "R1 obeys no wish\n"
+    await_(lambda: cli("wish", "--list").stdout == none, "nothing is in force")
+
+    def obeyed() -> str:
+        done = cli(*wish, router_for("operator-ann"))
+        found = re.search(r"R1 obeys wish (\d+) of operator-ann since", done.stdout)
+        return found[1] if found else ""
+
+    number = await_(obeyed, "an operator's wish is obeyed")
+    shown = f"wish       {number} of operator-ann since"
+    await_(lambda: shown in cli("status").stdout, "it is shown")
+    await_(lambda: "R3" not in (status(cli)["selected"] or ("R3",)), "R3 is left out")
+    # The router opens anew for its certificate now and then: one may have been heard twice.
+    for one in range(1, int(number) + 1):
+        cli("wish", "--withdraw", str(one), "--router", router_for("operator-ann"))
+    await_(lambda: cli("wish", "--list").stdout == none, "it is withdrawn")
+    await_(lambda: all_take_part(cli), "R3 takes part again")
 
 
 def test_a_robot_that_joins_is_chosen_until_it_leaves(swarm: State, cli: Cli) -> None:

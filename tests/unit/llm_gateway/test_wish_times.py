@@ -41,6 +41,8 @@ def when(text: str, now: datetime = NOW) -> When:
         ("bis heute Abend", "2026-11-23T18:00"),
         ("bis heute Abend um acht", "2026-11-23T20:00"),
         ("bis morgen früh", "2026-11-24T06:00"),
+        ("bis 8 am Abend", "2026-11-23T20:00"),
+        ("bis 8 Uhr am Morgen", "2026-11-24T08:00"),
     ],
 )
 def test_an_end_is_the_next_time_that_is_meant(text: str, until: str) -> None:
@@ -75,7 +77,16 @@ def test_a_length_is_read(text: str, minutes: int) -> None:
     [
         ("from 15:00 to 17:00", "15:00", "17:00"),
         ("from five to seven", "17:00", "19:00"),
-        ("between 10 and 12 o'clock", "22:00", "00:00"),
+        ("between 10 and 12 o'clock tonight", "22:00", "00:00"),
+        ("from 8 to 10 pm", "20:00", "22:00"),
+        ("from 8 to 10 am", "08:00", "10:00"),
+        ("from 11 to 2 am", "23:00", "02:00"),
+        ("from 8 to 10 today in the evening", "20:00", "22:00"),
+        ("today from 8 pm to 10", "20:00", "22:00"),
+        ("von 8 bis 10 Uhr abends", "20:00", "22:00"),
+        ("heute Abend von 8 bis 10 Uhr", "20:00", "22:00"),
+        ("heute von 18 bis 20 Uhr", "18:00", "20:00"),
+        ("morgen von 8 bis 10 Uhr", "08:00", "10:00"),
         ("von 17 bis 19 Uhr", "17:00", "19:00"),
         ("zwischen 15 und 16 Uhr", "15:00", "16:00"),
         ("in ten minutes", "14:15", None),

@@ -28,6 +28,24 @@ def weights(wish: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
+    "wish",
+    [
+        "people near the loading bay matter most",
+        "people near the lodaing bays matter most",
+        "Personen bei der Laderampe sind am wichtigsten",
+        "people at dock 7 matter most",
+    ],
+)
+def test_a_place_has_the_words_that_its_site_knows(wish: str) -> None:
+    words = {"dock 7": ("loading bay", "Laderampe"), "moon": ("docks",)}
+    site = Site(robots=("R1",), places=("dock 7", "ramp"), classes=("person",), words=words)
+    intent = understand(wish, site, NOW, None)
+    assert {focus.place: focus.weight for focus in intent.focus} == {"dock 7": "high"}
+    assert intent.classes == {"person": "high"}
+    assert intent.unclear == ()
+
+
+@pytest.mark.parametrize(
     ("wish", "saved"),
     [
         ("go easy on the wifi", "bandwidth"),

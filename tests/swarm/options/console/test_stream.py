@@ -7,7 +7,6 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,16 +15,15 @@ import pytest
 from options.console.answers import Floor
 from options.console.board import Board
 from options.console.faults import SILENT_S
-from options.console.floor import plan
+from options.console.floor import floor_of
 from options.console.hub import STEP_S
 from options.console.view import View
 from options.console.watch import Watch
 from swarm.arrays import Array, pack
 from swarm.errors import TransportError
 from swarm.log import make_logger
-from swarm.messages import Beacon, Message, Place
+from swarm.messages import Beacon, Message
 from swarm.session import Session
-from swarm.site_file import write_site
 from tests.support.console_swarm import EGO, Speakers, Viewer, console, rows
 from tests.support.zenoh_fixtures import RouterProcess, SessionMaker, until
 from worlds.factory.world import FactoryWorld
@@ -340,7 +338,7 @@ def test_a_model_server_that_is_away_is_one_event_and_its_return_another(
 
 
 def test_the_floor_plan_is_that_of_the_simulated_factory() -> None:
-    shown = plan("factory", 6, 1)
+    shown = floor_of("factory", 6, 1)
     floor = FactoryWorld(robots=6, seed=1).floor
     assert (shown.width_m, shown.depth_m) == (floor.width_m, floor.depth_m)
     pairs = {tuple(round(float(v), 2) for v in box[[0, 1, 3, 4]]) for box in floor.boxes}
@@ -348,12 +346,4 @@ def test_the_floor_plan_is_that_of_the_simulated_factory() -> None:
     assert set(shown.rects) <= pairs
     names = {place.name for place in shown.places}
     assert {"docks", "crossing", "racks", "aisle 1"} <= names
-    assert plan("opv2v", 2, 1) == Floor(width_m=None, depth_m=None, rects=(), places=())
-
-
-def test_a_site_file_names_the_places_of_the_floor(tmp_path: Path) -> None:
-    site = tmp_path / "site.json"
-    docks = Place("docks", ((0.0, 0.0), (5.0, 0.0), (5.0, 5.0)))
-    write_site(site, [docks])
-    for world in ("factory", "opv2v"):
-        assert plan(world, 6, 1, str(site)).places == (docks,)
+    assert floor_of("opv2v", 2, 1) == Floor(width_m=None, depth_m=None, rects=(), places=())
