@@ -29,6 +29,7 @@ from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
 from perception.memory.memory import Frame, Memory, Remembered, View
+from perception.memory.poses import PoseMemory
 from perception.memory.remembering import remember
 from perception.types import Boxes
 from swarm import keyspace, messages
@@ -48,9 +49,11 @@ TIMELY_SCANS = 1.1
 these are busy, and another pass through the detector would make them busier."""
 
 
-def live_motion(detector: str, scan_rate_hz: float) -> MotionCompensation:
-    """What an ego with sensors of that rate remembers of motion."""
-    return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz)
+def live_motion(detector: str, scan_rate_hz: float, *, remembers: bool) -> MotionCompensation:
+    """What an ego with sensors of that rate remembers of motion and, where it `remembers`, of what
+    robots' poses are off by."""
+    poses = PoseMemory() if remembers else None
+    return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz, poses=poses)
 
 
 def live_memory(detector: str) -> Memory:
