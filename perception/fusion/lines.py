@@ -23,8 +23,8 @@ Floats = NDArray[np.float64]
 
 CELL_M = 0.15
 """What the ego sees is thinned to one place of each cell, the mean."""
-REACH_CELLS = 303
-"""Half of the thinned area's side; a little more than an outline's reach."""
+WIDE = 10_000
+"""More cells than there are in a row."""
 LINE = 6
 """Places that make a line."""
 THIN = 0.1
@@ -110,12 +110,13 @@ class Lines:
 
 def _thinned(places: NDArray[np.floating]) -> Floats:
     """The mean (K, 2) of the places in each cell."""
-    side = 2 * REACH_CELLS
-    column, row = (np.floor(places / CELL_M).astype(np.int64) + REACH_CELLS).T
-    inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
-    cells = row[inside] * side + column[inside]
-    count = np.bincount(cells, minlength=side * side)
-    used = np.flatnonzero(count)
-    sums = [np.bincount(cells, places[inside, i], minlength=side * side)[used] for i in (0, 1)]
-    means: Floats = np.column_stack(sums) / count[used, None]
-    return means
+    if not len(places):
+        return np.zeros((0, 2))
+    column, row = np.floor(places / CELL_M).astype(np.int32).T
+    cells = row * WIDE + column
+    order = np.argsort(cells)
+    ranked = cells[order]
+    starts = np.flatnonzero(np.concatenate([[True], ranked[1:] != ranked[:-1]]))
+    count = np.diff(starts, append=len(places))
+    sums: Floats = np.add.reduceat(places[order].astype(np.float64), starts, axis=0)
+    return sums / count[:, None]

@@ -10,9 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.fusion.alignment import Estimate
+from perception.fusion.base import Contribution, EncodeOptions
+from perception.fusion.compensation import MotionCompensation, OwnScan
+from perception.fusion.registry import make_fusion
 from perception.memory.memory import FASTEST_M_S, JUMP_M
 from perception.memory.poses import FORGOTTEN_S, MOST_SENDERS, PoseMemory
 from swarm.geometry import Matrix, Pose, invert
+from worlds.cooperative.fusing import disturbed
+from worlds.factory.world import FactoryWorld
 
 Floats = NDArray[np.float64]
 
@@ -167,3 +172,21 @@ def test_memory_is_bounded_and_keeps_those_heard_last() -> None:
     for number in range(3 * MOST_SENDERS):
         swarm.frame(0.0, ERROR, robot=f"R{number}")
     assert len(swarm.memory) == MOST_SENDERS
+
+
+def test_an_ego_remembers_from_frame_to_frame() -> None:
+    floor, memory = FactoryWorld(robots=2, seed=1_000_003), PoseMemory()
+    motion, fusion = MotionCompensation("factory", poses=memory), make_fusion("late", "factory")
+    for frame in range(40, 44):
+        mine, theirs = floor.scan("R1", frame), floor.scan("R2", frame)
+        claimed = disturbed(theirs.pose, "R2", frame, 0.2, "fixed", run=1)
+        own = OwnScan(frame / 10.0, mine.points, mine.pose.matrix())
+        gathering = motion.begin(fusion, own)
+        payload = fusion.encode(theirs.points, EncodeOptions(pose=claimed))
+        gathering.add(Contribution("R2", payload, claimed.matrix()))
+        gathering.finish()
+        (correction,) = gathering.corrections().values()
+    right = correction @ claimed.matrix()
+    assert np.hypot(*(right - theirs.pose.matrix())[:2, 3]) < 0.05
+    assert np.hypot(claimed.x - theirs.pose.x, claimed.y - theirs.pose.y) > 0.1
+    assert len(memory) == 1
