@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.fusion.alignment import (
+    MIN_GAIN,
     PRIOR_SHIFT_M,
     PRIOR_TURN_RAD,
     Estimate,
@@ -165,6 +166,9 @@ class PosesAt:
     def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
         """See `Corrections.corrected`."""
         self.memory.follow(self.time_s, self.world_from_own[:2, 3])
+        if shown.gain < MIN_GAIN and not small(shown.move):
+            # Frames look alike: many that show a little each would be taken for a lot.
+            shown = Estimate.nothing()
         turn = _turn(yaw_of(self.world_from_own))
         stands = (self.world_from_own @ own_from_sender)[:2, 3]
         move = self.memory.take(

@@ -28,7 +28,8 @@ def believed(places: Floats, move: Floats) -> Floats:
     """Where a sender sees places that this move brings to where they are."""
     x, y, turn = move
     back = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
-    return (places - SENDER - [x, y]) @ back.T + SENDER
+    seen: Floats = (places - SENDER - [x, y]) @ back.T + SENDER
+    return seen
 
 
 def rough(*move: float) -> Estimate:

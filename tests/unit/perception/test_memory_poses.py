@@ -190,3 +190,13 @@ def test_an_ego_remembers_from_frame_to_frame() -> None:
     assert np.hypot(*(right - theirs.pose.matrix())[:2, 3]) < 0.05
     assert np.hypot(claimed.x - theirs.pose.x, claimed.y - theirs.pose.y) > 0.1
     assert len(memory) == 1
+
+
+def test_many_frames_that_show_a_little_are_not_taken_for_a_lot() -> None:
+    swarm = Swarm()
+    little = np.diag(np.square([0.1, 0.3, math.radians(0.5)]))
+    for number in range(FRAMES):
+        shown = Estimate(np.array([-0.3, -0.1, 0.0]), little, 1.0)
+        frame = swarm.memory.at(number / 10.0, swarm.own)
+        found = frame.corrected("R2", invert(swarm.own) @ swarm.sender, shown)
+        assert found is None or np.allclose(found, np.eye(4))
