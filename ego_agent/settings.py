@@ -62,7 +62,8 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     link_prior_bps: Annotated[float, msgspec.Meta(ge=1000, le=1e12)] = 55e6
     """C(t) before anything was measured."""
     memory: bool = True
-    """Whether objects are followed from frame to frame: `Detections.tracks`."""
+    """Whether objects, and what poses are off by, are followed from frame to frame:
+    `Detections.tracks`."""
     rarer: bool = False
     """Whether each robot may be asked for another algorithm, and less often than frames are fused,
     where `memory` carries on what they showed."""

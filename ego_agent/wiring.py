@@ -101,7 +101,7 @@ def ego_of(
         sensor,
         asker,
         fusions,
-        live_motion(world.detector, world.rate_hz),
+        live_motion(world.detector, world.rate_hz, remembers=settings.memory),
         tally,
         log,
         detector=world.detector,

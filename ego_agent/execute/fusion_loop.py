@@ -26,6 +26,7 @@ from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.mixed import Mixed
 from perception.memory.memory import Memory, Remembered
+from perception.memory.poses import PoseMemory
 from swarm import keyspace
 from swarm.errors import TransportError
 from swarm.log import Logger
@@ -41,9 +42,11 @@ TIMELY_SCANS = 1.1
 these are busy, and another pass through the detector would make them busier."""
 
 
-def live_motion(detector: str, scan_rate_hz: float) -> MotionCompensation:
-    """What an ego with sensors of that rate remembers of motion."""
-    return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz)
+def live_motion(detector: str, scan_rate_hz: float, *, remembers: bool) -> MotionCompensation:
+    """What an ego with sensors of that rate remembers of motion and, where it `remembers`, of what
+    robots' poses are off by."""
+    poses = PoseMemory() if remembers else None
+    return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz, poses=poses)
 
 
 def live_memory(detector: str) -> Memory:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.fusion.alignment import Field, align
+from perception.fusion.alignment import Estimate, Field, correction, estimate
+from perception.fusion.lines import Lines
 from perception.fusion.outline import standing
 from perception.types import clean_points
 from swarm.errors import PayloadError
@@ -22,64 +25,114 @@ SECOND_HAND_GAIN = 3.0
 """What others show, or little of what the ego sees, is weaker evidence: see `align`."""
 
 
+class Corrections(Protocol):
+    """What is known of senders from the frames before, at the time of one frame."""
+
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
+        """The correction, 4 x 4 in the ego's frame, by all that was shown until now; None where
+        this frame is to speak for itself."""
+        ...
+
+
+class Remembering(Protocol):
+    """What is known of senders from frame to frame."""
+
+    def at(self, time_s: float, world_from_own: Matrix) -> Corrections:
+        """For a frame of that time, seconds of one clock. Any thread may ask."""
+        ...
+
+
+@dataclass(slots=True)
+class _Sender:
+    robot: str
+    own_from_sender: Matrix
+    there: Floats
+    """Where it believes to see its outline (N, 2)."""
+    shown: Estimate
+    correction: Matrix
+    settled: bool
+
+    @property
+    def stands(self) -> Floats:
+        """Where it believes to stand (2,)."""
+        return self.own_from_sender[:2, 3]
+
+
 class Aligner:
     """Lays senders over the ego's own scan, float32 (N, 3) in its frame, and over each other."""
 
     def __init__(self, own: Points) -> None:
         self._own = own
         self._field: Field | None = None
-        self._senders: list[tuple[Floats, Floats]] = []
-        """Of each: where it believes to see its outline and to stand itself."""
-        self._corrections: list[Matrix] = []
-        self._unsettled: list[int] = []
+        self._lines: Lines | None = None
+        self._senders: list[_Sender] = []
+        self._done = False
 
     def prepare(self) -> None:
         """Does what needs no sender."""
         if self._field is None:
-            self._field = Field.of(standing(clean_points(self._own)))
+            places = standing(clean_points(self._own))
+            self._field, self._lines = Field.of(places), Lines(places)
+            self._lines.prepare()
 
-    def add(self, places: Floats, own_from_sender: Matrix) -> None:
+    def add(self, places: Floats, own_from_sender: Matrix, robot: str = "") -> None:
         """A sender with this outline (N, 2), metres in its own frame.
 
         Raises PayloadError for one that does not align, which counts as never added.
         """
         self.prepare()
         assert self._field is not None
+        assert self._lines is not None
         there = _moved(places, own_from_sender)
-        sender = own_from_sender[:2, 3]
-        correction = align(self._field, there, sender)
-        here = _moved(there, correction)
-        agreement = float(self._field.at(here).mean()) if len(here) else 0.0
-        if agreement < SETTLED_AGREEMENT:
-            self._unsettled.append(len(self._senders))
-            correction = align(self._field, there, sender, SECOND_HAND_GAIN)
-        self._senders.append((there, sender))
-        self._corrections.append(correction)
+        stands = own_from_sender[:2, 3]
+        shown = self._lines.refine(estimate(self._field, there, stands), there, stands)
+        found = correction(shown.told(), stands)
+        here = _moved(there, found)
+        settled = len(here) > 0 and float(self._field.at(here).mean()) >= SETTLED_AGREEMENT
+        if not settled:
+            found = correction(shown.told(SECOND_HAND_GAIN), stands)
+        self._senders.append(_Sender(robot, own_from_sender, there, shown, found, settled))
 
-    def corrections(self) -> list[Matrix]:
+    def corrections(self, remembered: Corrections | None = None) -> list[Matrix]:
         """The corrections, 4 x 4 in the ego's frame, in the order of `add`; the identity where
-        nothing better can be told."""
-        settled = [
-            _moved(there, correction)
-            for i, ((there, _), correction) in enumerate(
-                zip(self._senders, self._corrections, strict=True)
-            )
-            if i not in self._unsettled
-        ]
-        if not settled or not self._unsettled:
-            return self._corrections
+        nothing better can be told. `remembered`: what the frames before showed, which counts when
+        they are asked for first."""
+        if not self._done:
+            self._done = True
+            settled = [one for one in self._senders if one.settled]
+            others = [one for one in self._senders if not one.settled]
+            _remember(settled, remembered)
+            if settled and others:
+                self._lay_over(others, settled)
+            _remember(others, remembered)
+        return [one.correction for one in self._senders]
+
+    def _lay_over(self, others: Sequence[_Sender], settled: Sequence[_Sender]) -> None:
+        """Lays senders over what the ego and the settled ones show together."""
         assert self._field is not None
-        field = self._field.and_of(np.concatenate(settled))
-        for i in self._unsettled:
+        assert self._lines is not None
+        shown = np.concatenate([_moved(one.there, one.correction) for one in settled])
+        field, lines = self._field.and_of(shown), self._lines.and_of(shown)
+        for one in others:
             try:
-                found = align(field, *self._senders[i], SECOND_HAND_GAIN)
+                rough = estimate(field, one.there, one.stands)
             except PayloadError:
                 # It was let in by what the ego sees itself, and the others may err.
                 continue
-            if not np.array_equal(found, np.eye(4)):
-                self._corrections[i] = found
-        self._unsettled.clear()
-        return self._corrections
+            one.shown = lines.refine(rough, one.there, one.stands)
+            move = one.shown.told(SECOND_HAND_GAIN)
+            if move.any():
+                one.correction = correction(move, one.stands)
+
+
+def _remember(senders: Sequence[_Sender], remembered: Corrections | None) -> None:
+    """Takes what was known before into account, and lets what is shown be known from now on."""
+    if remembered is None:
+        return
+    for one in senders:
+        found = remembered.corrected(one.robot, one.own_from_sender, one.shown)
+        if found is not None:
+            one.correction = found
 
 
 def in_world(

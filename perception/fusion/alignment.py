@@ -43,10 +43,11 @@ BORDER = 2 * SHIFT_CELLS + 1
 TURNS_RAD = np.radians(np.arange(-1.8, 1.81, 0.6))
 FINE_SHIFTS_M = np.arange(-0.12, 0.121, 0.04)
 FINE_TURNS_RAD = np.radians(np.arange(-0.45, 0.451, 0.15))
+PRIOR = np.diag(np.square([PRIOR_SHIFT_M, PRIOR_SHIFT_M, PRIOR_TURN_RAD]))
 MIN_GAIN = 2.0
 """By how much a correction's log likelihood must exceed that of none, unless told otherwise."""
-STILL_M = 0.08
-STILL_RAD = np.radians(0.25)
+STILL_M = 0.02
+STILL_RAD = np.radians(0.06)
 """Smaller corrections are within the outlines' own error."""
 MIN_POINTS = 40
 """Fewer show too little: two sides of one car, each seen by one of two, fit in many ways."""
@@ -127,37 +128,74 @@ class Field:
         return flat
 
 
-def align(field: Field, places: Floats, sender: Floats, min_gain: float = MIN_GAIN) -> Matrix:
-    """The correction, 4 x 4 in the ego's frame, of a sender that believes to stand at `sender` (2,)
-    and to see `places` (N, 2), metres; the identity where nothing better can be told.
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """By what a sender's pose is off, as one frame shows it."""
 
-    Raises PayloadError for a sender near the ego whose outline agrees with the ego's nowhere.
-    """
-    if len(places) < MIN_POINTS or not field.likelihood.any():
-        return np.eye(4)
-    around = places - sender
-    still = _score(field, around, sender, np.zeros((1, 3)))[0]
-    best = _coarse(field, around, sender)
-    fine = best + _fine_moves()
-    scores = _score(field, around, sender, fine)
-    # The mean of what is likely errs less than the likeliest.
-    weights = np.exp(scores - scores.max())
-    x, y, turn = weights @ fine / weights.sum()
-    moved = _moved(around, sender, np.array([[x, y, turn]]))[0]
-    agreement = float(field.at(moved).mean())
-    if np.hypot(*sender) < NEAR_M and agreement < MIN_AGREEMENT:
-        raise PayloadError(
-            f"the contribution does not align: from {np.hypot(*sender):.1f} m away, its outline "
-            f"agrees with the ego's to {agreement:.2f}; at least {MIN_AGREEMENT} is needed"
-        )
-    small = np.hypot(x, y) < STILL_M and abs(turn) < STILL_RAD
-    if small or scores.max() - still < min_gain:
-        return np.eye(4)
+    move: Floats
+    """(3,): the correction's shift along x and y, metres, and turn about the sender, radians; the
+    mean given how far poses usually err."""
+    covariance: Floats
+    """(3, 3), of the same."""
+    gain: float
+    """Log likelihood of the best move above that of none."""
+
+    @classmethod
+    def nothing(cls) -> Estimate:
+        """What is known where too little is seen."""
+        return cls(np.zeros(3), PRIOR, 0.0)
+
+    def told(self, min_gain: float = MIN_GAIN) -> Floats:
+        """The move (3,) where the evidence is enough and it is no error of the outlines' own;
+        otherwise zeros."""
+        return np.zeros(3) if self.gain < min_gain or small(self.move) else self.move
+
+
+def small(move: Floats) -> bool:
+    """Whether a move (3,) is within the outlines' own error."""
+    return bool(np.hypot(move[0], move[1]) < STILL_M and abs(move[2]) < STILL_RAD)
+
+
+def correction(move: Floats, sender: Floats) -> Matrix:
+    """The move (3,) of a sender at (2,) as a 4 x 4 matrix in the same frame."""
+    x, y, turn = move
     matrix = np.eye(4)
     cos, sin = np.cos(turn), np.sin(turn)
     matrix[:2, :2] = [[cos, -sin], [sin, cos]]
     matrix[:2, 3] = sender + np.array([x, y]) - matrix[:2, :2] @ sender
     return matrix
+
+
+def estimate(field: Field, places: Floats, sender: Floats) -> Estimate:
+    """By what a sender is off that believes to stand at `sender` (2,) and to see `places` (N, 2),
+    metres in the ego's frame.
+
+    Raises PayloadError for a sender near the ego whose outline agrees with the ego's nowhere.
+    """
+    if len(places) < MIN_POINTS or not field.likelihood.any():
+        return Estimate.nothing()
+    around = places - sender
+    still = _score(field, around, sender, np.zeros((1, 3)))[0]
+    best, roughly = _coarse(field, around, sender)
+    fine = best + _fine_moves()
+    scores = _score(field, around, sender, fine)
+    # The mean of what is likely errs less than the likeliest.
+    move, closely = _moments(fine, scores)
+    agreement = float(field.at(_moved(around, sender, move[None])[0]).mean())
+    if np.hypot(*sender) < NEAR_M and agreement < MIN_AGREEMENT:
+        raise PayloadError(
+            f"the contribution does not align: from {np.hypot(*sender):.1f} m away, its outline "
+            f"agrees with the ego's to {agreement:.2f}; at least {MIN_AGREEMENT} is needed"
+        )
+    return Estimate(move, closely + roughly, float(scores.max() - still))
+
+
+def _moments(moves: Floats, scores: Floats) -> tuple[Floats, Floats]:
+    """Mean (3,) and covariance (3, 3) of moves (K, 3) with these log likelihoods."""
+    weights = np.exp(scores - scores.max())
+    mean: Floats = weights @ moves / weights.sum()
+    off = moves - mean
+    return mean, (off * weights[:, None]).T @ off / weights.sum()
 
 
 def _spread(image: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -170,8 +208,8 @@ def _spread(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return spread
 
 
-def _coarse(field: Field, around: Floats, sender: Floats) -> Floats:
-    """The likeliest turn and shift (x, y, turn) of whole cells."""
+def _coarse(field: Field, around: Floats, sender: Floats) -> tuple[Floats, Floats]:
+    """The likeliest turn and shift (x, y, turn) of whole cells, and the covariance of all."""
     moves, prior = _coarse_moves()
     turned = np.zeros((len(TURNS_RAD), 3))
     turned[:, 2] = TURNS_RAD
@@ -190,9 +228,8 @@ def _coarse(field: Field, around: Floats, sender: Floats) -> Floats:
         # Of each place all shifts at once: whole rows of the field are read faster than cells.
         shifted = sliding_window_view(field.log, (wide, wide))
         sums = shifted[row - SHIFT_CELLS, column - SHIFT_CELLS].sum(axis=1)
-    found = sums.transpose(2, 1, 0).reshape(-1)
-    best: Floats = moves[int((found * INDEPENDENT + prior).argmax())]
-    return best
+    scores = sums.transpose(2, 1, 0).reshape(-1) * INDEPENDENT + prior
+    return moves[int(scores.argmax())], _moments(moves, scores)[1]
 
 
 @cache

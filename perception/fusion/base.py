@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from perception.fusion.aligner import Corrections
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, Points, Pose
@@ -71,6 +72,8 @@ class Gathering(ABC):
     stood_at: tuple[float, float] = (0.0, 0.0)
     """Where the ego stood when the scan was taken, in the frame of its points: elsewhere where an
     older scan is told in the present's frame."""
+    remembered: Corrections | None = None
+    """What is known of senders' poses from the frames before."""
 
     def ask(self) -> Ask:
         """What robots must be told before they encode."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 from perception.boxes import SHARPNESS, weighted_fusion
 from perception.detector.config import configuration
+from perception.fusion.aligner import Remembering
 from perception.fusion.base import Ask, Contribution, Fusion, Gathering
 from perception.fusion.tracks import Tracks
 from perception.types import Boxes
@@ -41,10 +42,14 @@ class OwnScan:
 class MotionCompensation:
     """What an ego remembers from frame to frame: its scans of late, and how objects move."""
 
-    def __init__(self, detector: str, timely_s: float = 0.0) -> None:
+    def __init__(
+        self, detector: str, timely_s: float = 0.0, poses: Remembering | None = None
+    ) -> None:
         """`detector`: the world's detector configuration. Raises PerceptionError for an unknown
         one. `timely_s`: contributions this much older or newer than the ego's scan are fused with
-        it all the same: each other time takes another pass through the detector."""
+        it all the same: each other time takes another pass through the detector. `poses`: by what
+        senders' poses are off; None: each frame estimates it anew."""
+        self._poses = poses
         self._timely_s = timely_s
         self._tracks = Tracks(configuration(detector).usual_speed_m_s)
         self._scans: deque[OwnScan] = deque(maxlen=KEPT_SCANS)
@@ -61,21 +66,27 @@ class MotionCompensation:
         """Starts a frame. Contributions tell by `age_s` how long before `own` they were captured;
         each is fused with the ego's scan nearest to that."""
         self.remember(own)
-        return _Compensated(fusion, tuple(self._scans), self._tracks, self._timely_s)
+        return _Compensated(fusion, tuple(self._scans), self._tracks, self._timely_s, self._poses)
 
 
 class _Compensated(Gathering):
     """A gathering for the present and one for each past scan that a contribution belongs to."""
 
     def __init__(
-        self, fusion: Fusion, scans: tuple[OwnScan, ...], tracks: Tracks, timely_s: float
+        self,
+        fusion: Fusion,
+        scans: tuple[OwnScan, ...],
+        tracks: Tracks,
+        timely_s: float,
+        poses: Remembering | None,
     ) -> None:
         self._fusion = fusion
+        self._poses = poses
         self._scans = scans
         self._own = scans[-1]
         self._timely_s = timely_s
         self._tracks = tracks
-        self._now = fusion.begin(self._own.points, self._own.world_from_own)
+        self._now = self._begun(self._own.points, self._own.time_s)
         self._gatherings = {len(scans) - 1: self._now}
         self._views = [1] * len(scans)
         """Robots that show each scan's time, the ego included."""
@@ -140,8 +151,16 @@ class _Compensated(Gathering):
         """As if the ego had stood then where it stands now: that is the frame it asked for."""
         here = self._own.world_from_own
         here_from_then = invert(here) @ scan.world_from_own
-        gathering = self._fusion.begin(transform(here_from_then, scan.points), here)
+        gathering = self._begun(transform(here_from_then, scan.points), scan.time_s)
         gathering.stood_at = (float(here_from_then[0, 3]), float(here_from_then[1, 3]))
+        return gathering
+
+    def _begun(self, points: Points, time_s: float) -> Gathering:
+        """A gathering where the ego stands now, for what was captured at that time."""
+        here = self._own.world_from_own
+        gathering = self._fusion.begin(points, here)
+        if self._poses is not None:
+            gathering.remembered = self._poses.at(time_s, here)
         return gathering
 
     def _at_present(self, boxes: Boxes, time_s: float) -> Boxes:

@@ -137,15 +137,15 @@ class OnePass(Gathering):
         match form:
             case PointForm():
                 points = form.read(payload)
-                self._align(places, sender)
+                self._align(places, sender, contribution.robot)
                 self._clouds[number] = points
             case MapForm():
                 one = form.read(payload, self._reference)
-                self._align(places, sender)
+                self._align(places, sender, contribution.robot)
                 self._maps.setdefault(form, {})[number] = one
             case BoxForm():
                 boxes = form.read(payload)
-                self._align(places, sender)
+                self._align(places, sender, contribution.robot)
                 self._sent[number] = boxes
         self._robots.append(contribution.robot)
         self._senders.append(sender)
@@ -176,12 +176,12 @@ class OnePass(Gathering):
         """Senders in the ego's frame, and by what they are corrected there."""
         by = [np.eye(4) for _ in self._senders]
         if self._aligner is not None:
-            by = self._aligner.corrections()
+            by = self._aligner.corrections(self.remembered)
         return [turn @ sender for turn, sender in zip(by, self._senders, strict=True)], by
 
-    def _align(self, places: NDArray[np.float64], sender: Matrix) -> None:
+    def _align(self, places: NDArray[np.float64], sender: Matrix, robot: str) -> None:
         if self._aligner is not None:
-            self._aligner.add(places, sender)
+            self._aligner.add(places, sender, robot)
 
     def _decoded(self, senders: list[Matrix], by: list[Matrix]) -> Boxes:
         """The boxes of all points and maps, in the ego's frame. `senders` in it, and by what they

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
@@ -24,6 +26,11 @@ SINGLE = "single"
 """Not a fusion: the ego's own scan alone."""
 HISTORY_FRAMES = 3
 """Where contributions come late, the ego has fused the frame this long before, too."""
+
+
+PoseErrors = Literal["anew", "drifting", "fixed"]
+"""How long what poses err by lasts."""
+DRIFT_FRAMES = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,14 +177,20 @@ def _published(
 
 
 def known_robots(
-    world: World, frame: int, ego: str, pose_noise_m: float = 0.0
+    world: World,
+    frame: int,
+    ego: str,
+    pose_noise_m: float = 0.0,
+    errors: PoseErrors = "anew",
+    run: int = 0,
 ) -> tuple[KnownRobot, ...]:
-    """All robots but the ego, where they believe to be in a frame: what fresh beacons tell."""
+    """All robots but the ego, where they believe to be in a frame: what fresh beacons tell. The
+    noise is that of `disturbed`."""
     return tuple(
         KnownRobot(
             robot,
             body_of(world, robot),
-            disturbed(world.pose(robot, frame), robot, frame, pose_noise_m).matrix(),
+            disturbed(world.pose(robot, frame), robot, frame, pose_noise_m, errors, run).matrix(),
         )
         for robot in world.robots
         if robot != ego
@@ -189,12 +202,33 @@ def _own_scan(world: World, ego: str, frame: int) -> OwnScan:
     return OwnScan(frame / world.rate_hz, scan.points, scan.pose.matrix())
 
 
-def disturbed(pose: Pose, robot: str, frame: int, sigma: float) -> Pose:
+def disturbed(
+    pose: Pose,
+    robot: str,
+    frame: int,
+    sigma: float,
+    errors: PoseErrors = "anew",
+    run: int = 0,
+) -> Pose:
     """Where a robot believes that its sensor is: off by `sigma` metres and degrees (standard
-    deviation), drawn from (robot, frame) alone."""
+    deviation). Anew in each frame, drawn from (robot, frame) alone; or, drawn from (robot, run),
+    fixed, or drifting from one draw to the next in DRIFT_FRAMES."""
     if sigma == 0.0:
         return pose
-    x, y, turn = np.random.default_rng([frame, *robot.encode()]).normal(0.0, sigma, 3).tolist()
+    if errors == "anew":
+        error = _drawn(sigma, frame, *robot.encode())
+    else:
+        at, along = divmod(frame, DRIFT_FRAMES) if errors == "drifting" else (0, 0)
+        angle = math.pi / 2 * along / DRIFT_FRAMES
+        # Sine and cosine keep the standard deviation on the way.
+        first, second = (_drawn(sigma, run, at + i, *robot.encode()) for i in (0, 1))
+        error = math.cos(angle) * first + math.sin(angle) * second
+    x, y, turn = error.tolist()
     return Pose(
         pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + math.radians(turn)
     )
+
+
+def _drawn(sigma: float, *key: int) -> NDArray[np.float64]:
+    """x, y and turn (3,)."""
+    return np.random.default_rng(key).normal(0.0, sigma, 3)

@@ -11,13 +11,14 @@ from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.registry import make_fusion
 from perception.memory.memory import View
+from perception.memory.poses import PoseMemory
 from perception.types import Boxes
 from research.evaluation.splits import nearest_first
 from research.evaluation.windows.frames import OnceWorld
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, Points
 from worlds.base import World
-from worlds.cooperative.fusing import SINGLE, disturbed, known_robots
+from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
 from worlds.registry import open_world
 
 
@@ -34,6 +35,9 @@ class Drive:
     frames: int
     folder: Path | None = None
     pose_noise_m: float = 0.0
+    pose_errors: PoseErrors = "anew"
+    pose_memory: bool = False
+    """Whether the ego remembers by what poses are off."""
 
     def open(self) -> World:
         """The world; no scan is computed yet."""
@@ -67,10 +71,18 @@ class Driven:
         self.seed = drive.seed
         self._fusions: dict[str, Fusion] = {}
         self._payloads: dict[tuple[int, str, str, float], tuple[Contribution, int]] = {}
+        self._poses = PoseMemory()
+        self._newest = -1
         self._fused: dict[tuple[int, tuple[tuple[str, str], ...], float], FusedOnce] = {}
 
     def fused(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
-        """The frame with these robots, each in the form asked for; points within the error."""
+        """The frame with these robots, each in the form asked for; points within the error. Where
+        the ego remembers poses, frames follow each other, and an earlier one begins anew."""
+        if self.drive.pose_memory:
+            if frame <= self._newest:
+                self._poses = PoseMemory()
+            self._newest = frame
+            return self._fuse(frame, asked, max_error_m)
         key = (frame, tuple(sorted(asked.items())), max_error_m)
         if key not in self._fused:
             self._fused[key] = self._fuse(frame, asked, max_error_m)
@@ -94,6 +106,8 @@ class Driven:
         forms = {name: self.fusion(name) for name in dict.fromkeys(asked.values())}
         here = own.pose.matrix()
         gathering = Mixed(forms or {"early": self.fusion("early")}).begin(own.points, here)
+        if self.drive.pose_memory:
+            gathering.remembered = self._poses.at(frame / self.world.rate_hz, here)
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
         for robot, name in asked.items():
@@ -104,7 +118,8 @@ class Driven:
             except PerceptionError:
                 continue
         found = gathering.finish()
-        known = known_robots(self.world, frame, self.ego, self.drive.pose_noise_m)
+        noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
+        known = known_robots(self.world, frame, self.ego, *noise)
         views = {self.ego: (own.points, here), **gathering.sent_points()}
         return FusedOnce(
             found,
@@ -123,7 +138,8 @@ class Driven:
         fusion, scan = self.fusion(name), self.world.scan(robot, frame)
         here = self.world.pose(self.ego, frame).matrix()
         ask = fusion.begin(own, here).ask()
-        pose = disturbed(scan.pose, robot, frame, self.drive.pose_noise_m)
+        noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
+        pose = disturbed(scan.pose, robot, frame, *noise)
         options = EncodeOptions(
             max_error_m=max_error_m, pose=pose, reference=ask.reference, demand=ask.demand
         )

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from perception.fusion import alignment, maps, outline
-from perception.fusion.alignment import Field, align
+from perception.fusion.alignment import Field, correction, estimate
 from perception.kernels import library
 from swarm.errors import PayloadError
 from tests.support.codec_scans import room_scan
@@ -54,7 +54,7 @@ def test_a_correction_is_the_same(monkeypatch: pytest.MonkeyPatch, seed: int) ->
 
     def found() -> np.ndarray | str:
         try:
-            return align(field, believed, sender)
+            return correction(estimate(field, believed, sender).told(), sender)
         except PayloadError as error:
             return str(error)
 

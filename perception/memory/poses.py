@@ -1,0 +1,205 @@
+"""By what senders' poses are off, remembered from frame to frame.
+
+For each sender a Kalman filter in information form follows the shift along the world's x and y and
+the turn about the sender that put what it sees in its place; these wander (a random walk). What a
+frame shows of them (`perception.fusion.alignment.Estimate`) holds what poses usually err by, which
+is taken out again before it is joined with what is known.
+
+Whether an error lasts is learnt for each sender: a frame shows either the error that is known or
+one that is drawn anew, and how often it is anew is counted (Adams and MacKay, "Bayesian online
+changepoint detection", 2007, with the likelier of the two kept). So a pose that was set anew is
+estimated anew at once, and poses that err anew in each frame are believed frame by frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.fusion.alignment import (
+    MIN_GAIN,
+    PRIOR_SHIFT_M,
+    PRIOR_TURN_RAD,
+    Estimate,
+    correction,
+    small,
+)
+from perception.memory.memory import FASTEST_M_S, JUMP_M
+from swarm.geometry import Matrix, yaw_of
+
+Floats = NDArray[np.float64]
+
+MOST_SENDERS = 64
+FORGOTTEN_S = 30.0
+"""Of a sender that was not heard for so long nothing is known."""
+UNIT = np.array([PRIOR_SHIFT_M, PRIOR_SHIFT_M, PRIOR_TURN_RAD])
+"""Moves (x, y, turn) are kept in these, what poses usually err by: the usual covariance is 1."""
+OUTLINE = np.square(np.array([0.005, 0.005, math.radians(0.01)]) / UNIT)
+"""Variances of what a frame shows beyond those that it tells: an outline's own error."""
+WANDERS = np.square(np.array([0.1, 0.1, math.radians(0.1)]) / UNIT)
+"""Variances of what an error changes by in a second."""
+ANEW, COUNTED = 0.2, 3.0
+"""How likely an error is anew in a frame before that was counted, and for as many frames this
+counts."""
+COUNTS_FOR = 10.0
+"""Frames that are counted; those before fade."""
+DOUBT = 0.15
+"""From this chance on that an error is anew, the frame speaks for itself. This and what is above
+were set on floors of the seeds from 1,780,000 on."""
+SURE = 4.0
+"""By how much the log likelihood of an error must exceed that of none."""
+
+
+@dataclass(slots=True)
+class _Sender:
+    """What is known of one sender."""
+
+    time_s: float
+    stands: Floats
+    """Where it believed to stand then, (2,) metres in the world frame."""
+    move: Floats
+    """(3,): x and y in the world's axes and turn, in UNIT."""
+    covariance: Floats
+    """(3, 3), of the same."""
+    anew: float = ANEW * COUNTED
+    frames: float = COUNTED
+    """How often its error was anew, of so many frames."""
+
+    def wait(self, time_s: float) -> None:
+        """Its error wanders."""
+        waited_s = max(0.0, time_s - self.time_s)
+        self.covariance = self.covariance + np.diag(WANDERS * waited_s)
+        self.time_s += waited_s
+
+    def take(self, sure: Floats, weighed: Floats) -> bool:
+        """Takes up what a frame shows: its information (3, 3) and that times the move (3,).
+        Returns whether the error was known before."""
+        inverse = np.linalg.inv(self.covariance)
+        known = inverse @ self.move
+        lasts = _evidence(
+            float(self.move @ known), known + weighed, self.covariance, inverse + sure
+        )
+        fresh = np.eye(3)
+        drawn = _evidence(0.0, weighed, fresh, fresh + sure)
+        chance = self.anew / self.frames
+        odds = math.log(chance / (1.0 - chance)) + drawn - lasts
+        anew = 1.0 / (1.0 + math.exp(min(-odds, 700.0)))
+        fades = 1.0 - 1.0 / COUNTS_FOR
+        # As with Laplace's rule, neither becomes impossible.
+        self.anew = min(max(fades * self.anew + anew, 0.01), fades * self.frames + 0.99)
+        self.frames = fades * self.frames + 1.0
+        if anew > DOUBT:
+            inverse, known = fresh, np.zeros(3)
+        self.covariance = np.asarray(np.linalg.inv(inverse + sure), dtype=np.float64)
+        self.move = self.covariance @ (known + weighed)
+        return anew <= DOUBT
+
+    def told(self) -> Floats:
+        """The move (3,) in metres and radians; zeros where it is as likely that there is none."""
+        gain = 0.5 * self.move @ np.linalg.solve(self.covariance, self.move)
+        move: Floats = self.move * UNIT
+        return np.zeros(3) if gain < SURE or small(move) else move
+
+
+class PoseMemory:
+    """By what each sender's pose is off. For one thread."""
+
+    def __init__(self) -> None:
+        self._senders: dict[str, _Sender] = {}
+        """The one that was heard last stands last."""
+        self._stood: tuple[float, Floats] | None = None
+        """When, and where the ego stood, (2,) metres in the world frame."""
+
+    def __len__(self) -> int:
+        return len(self._senders)
+
+    def at(self, time_s: float, world_from_own: Matrix) -> PosesAt:
+        """The memory for a frame of that time, seconds of one clock. Changes nothing: any thread
+        may ask for it."""
+        return PosesAt(self, time_s, world_from_own)
+
+    def follow(self, time_s: float, stands: Floats) -> None:
+        """Forgets everything where the ego, which stands there (2,) at that time, has jumped, or
+        its clock was put back. Contributions of up to FORGOTTEN_S before are no jump of it."""
+        if self._stood is not None:
+            last_s, before = self._stood
+            if time_s < last_s - FORGOTTEN_S or _jumped(last_s, before, time_s, stands):
+                self._senders.clear()
+            elif time_s < last_s:
+                return
+        self._stood = time_s, stands
+
+    def take(
+        self, time_s: float, robot: str, stands: Floats, move: Floats, covariance: Floats
+    ) -> Floats | None:
+        """What a frame shows of a sender that believes to stand at (2,): the move (3,) that would
+        put it right, in the world's axes, and its covariance. Returns the move by all that was
+        shown until now; None where its error was not known before."""
+        one = self._senders.pop(robot, None)
+        if one is not None and (
+            time_s - one.time_s > FORGOTTEN_S or _jumped(one.time_s, one.stands, time_s, stands)
+        ):
+            one = None
+        known = one is not None
+        if one is None:
+            one = _Sender(time_s, stands, np.zeros(3), np.eye(3))
+        one.wait(time_s)
+        lasts = one.take(*_information(move, covariance))
+        one.stands = stands
+        self._senders[robot] = one
+        if len(self._senders) > MOST_SENDERS:
+            del self._senders[next(iter(self._senders))]
+        return one.told() if known and lasts else None
+
+
+@dataclass(frozen=True, slots=True)
+class PosesAt:
+    """The memory of poses for one frame: see `perception.fusion.aligner.Corrections`."""
+
+    memory: PoseMemory
+    time_s: float
+    world_from_own: Matrix
+
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
+        """See `Corrections.corrected`."""
+        self.memory.follow(self.time_s, self.world_from_own[:2, 3])
+        if shown.gain < MIN_GAIN and not small(shown.move):
+            # Frames look alike: many that show a little each would be taken for a lot.
+            shown = Estimate.nothing()
+        turn = _turn(yaw_of(self.world_from_own))
+        stands = (self.world_from_own @ own_from_sender)[:2, 3]
+        move = self.memory.take(
+            self.time_s, robot, stands, turn @ shown.move, turn @ shown.covariance @ turn.T
+        )
+        return None if move is None else correction(turn.T @ move, own_from_sender[:2, 3])
+
+
+def _turn(yaw: float) -> Floats:
+    """(3, 3): moves in axes that are turned by yaw as moves in the world's."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _information(move: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """What a frame shows without what poses usually err by: information (3, 3) and that times the
+    move (3,), in UNIT."""
+    variances, axes = np.linalg.eigh(covariance / np.outer(UNIT, UNIT) + np.diag(OUTLINE))
+    variances = np.minimum(variances, 1.0)
+    along = np.where(variances < 1.0, axes.T @ (move / UNIT) / variances, 0.0)
+    return (axes * (1.0 / variances - 1.0)) @ axes.T, axes @ along
+
+
+def _evidence(before: float, weighed: Floats, covariance: Floats, inverse: Floats) -> float:
+    """Log likelihood of what a frame shows, up to a constant, where moves were expected with this
+    covariance and are known with this `inverse` of one afterwards."""
+    spread = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(inverse)[1]
+    return float(0.5 * (weighed @ np.linalg.solve(inverse, weighed) - before - spread))
+
+
+def _jumped(before_s: float, before: Floats, now_s: float, now: Floats) -> bool:
+    """Whether somebody is farther than one can drive from a place (2,) to another."""
+    away_m = float(np.hypot(*(now - before)))
+    return away_m > JUMP_M + FASTEST_M_S * abs(now_s - before_s)
