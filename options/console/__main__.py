@@ -62,7 +62,7 @@ async def serve(
     floor = floor_of(settings.world, settings.world_robots, settings.world_seed)
     app = make_app(
         seats,
-        floor.plan,
+        floor,
         Hosts(settings.console_names, loopback=is_loopback(settings.console_host)),
         settings.console_token,
         metrics,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -9,15 +10,26 @@ import msgspec
 from swarm.messages import Place
 
 
-class Floor(msgspec.Struct, frozen=True, kw_only=True):
-    """What stands still, metres in the world frame."""
+class Places(msgspec.Struct, frozen=True, kw_only=True):
+    """The site's places, as pages are told of them."""
+
+    places: tuple[Place, ...]
+    words: Mapping[str, tuple[str, ...]] = {}
+    """What people call a place besides, by its name."""
+    drawable: bool = False
+    """Whether there is a file to write them into."""
+    trouble: str = ""
+    """Why the file cannot be read."""
+
+
+class Floor(Places, frozen=True, kw_only=True):
+    """What stands still, metres in the world frame, and the places."""
 
     width_m: float | None
     """None where no plan is known."""
     depth_m: float | None
     rects: tuple[tuple[float, float, float, float], ...]
     """Footprints: low x, low y, high x, high y."""
-    places: tuple[Place, ...]
 
 
 class Step(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,15 +6,17 @@ from typing import Any
 
 import msgspec
 
-from options.console.answers import Error, Event, Floor, History, Recorded
+from options.console.answers import Error, Event, Floor, History, Places, Recorded
 from options.console.controls import CONTROLS
 from options.console.past import STEPS_S
+from options.console.places import PlaceChange
 from swarm.http.openapi import Api, Operation
 from swarm.messages import RobotId
 
 CSRF_HEADER = "x-coadapt-csrf"
 _EGO: dict[str, Any] = {"ego": {"type": "string"}}
 """Which ego it is about; the first one where none is named."""
+_HEADERS: dict[str, Any] = {CSRF_HEADER: {"type": "string"}, "origin": {"type": "string"}}
 _WHAT = {
     "shape": "Shapes a link",
     "ego": "Steers the ego",
@@ -34,9 +36,9 @@ def _control(what: str) -> Operation:
         control.reply,
         control.request,
         (403, 404, 409, 413, 415, 504),
-        {CSRF_HEADER: {"type": "string"}, "origin": {"type": "string"}},
+        _HEADERS,
         query=_EGO,
-        required=frozenset({CSRF_HEADER, "origin"}),
+        required=frozenset(_HEADERS),
     )
 
 
@@ -57,6 +59,18 @@ API = Api(
             events=(Event,),
         ),
         Operation("GET", "/api/floor", "floor", "What stands still", 200, Floor),
+        Operation(
+            "POST",
+            "/api/place",
+            "place",
+            "Draws, renames or deletes a place",
+            200,
+            Places,
+            PlaceChange,
+            (403, 409, 413, 415),
+            _HEADERS,
+            required=frozenset(_HEADERS),
+        ),
         Operation(
             "GET",
             "/api/history",

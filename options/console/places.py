@@ -5,10 +5,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 
+from options.console.answers import Places
 from swarm.errors import SettingError
 from swarm.messages import Place
 from swarm.messages.intent import Name
@@ -48,17 +49,16 @@ class SitePlaces:
             return self._own
         return read_site(self._path)
 
-    def shown(self) -> dict[str, Any]:
-        """As pages are told: `places`, `words`; `drawable`; `trouble` with a file that cannot be
-        read."""
+    def shown(self) -> Places:
+        """As pages are told."""
         drawable = self._path is not None
         try:
             site = self.read()
         except SettingError as error:
-            return {"places": [], "words": {}, "drawable": drawable, "trouble": str(error)}
-        return _plain(site) | {"drawable": drawable, "trouble": ""}
+            return Places(places=(), drawable=drawable, trouble=str(error))
+        return Places(places=site.places, words=site.words, drawable=drawable)
 
-    def change(self, change: PlaceChange, robots: Collection[str]) -> dict[str, Any]:
+    def change(self, change: PlaceChange, robots: Collection[str]) -> Places:
         """Makes a change, and gives what is shown then. `robots`: names that no place may have.
 
         Raises SettingError that says what is not allowed; the file stays as it was then.
@@ -94,7 +94,3 @@ def _changed(site: SiteFile, change: PlaceChange, robots: Collection[str]) -> Si
             return renamed(site, change.name, to, words=change.words, robots=robots)
         case "delete":
             return removed(site, change.name)
-
-
-def _plain(site: SiteFile) -> dict[str, Any]:
-    return {"places": msgspec.to_builtins(site.places), "words": site.words}

@@ -166,7 +166,7 @@ def test_a_gateway_goes_on_with_an_older_cache(tmp_path: Path) -> None:
 
 
 def test_a_site_file_is_read() -> None:
-    docks, gate = read_site(OLDER / "site-1.json")
+    docks, gate = read_site(OLDER / "site-1.json").places
     assert (docks.name, docks.polygon[0]) == ("docks", (8.4, 20.8))
     assert gate.name == "Tor 1 \N{EN DASH} Süd"
 
