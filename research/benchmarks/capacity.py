@@ -191,43 +191,48 @@ def _held(grid: np.ndarray, made: list[tuple[int, float]]) -> np.ndarray:
 
 def alone(rig: Rig) -> Iterator[dict[str, Any]]:
     """Rows without a controller: it stands still, and the cell is another one than it said."""
-    rig.shape(FROM_BPS)
     rig.policy("static-early")
+    for rate_bps in ALONE_BPS:
+        rig.shape(FROM_BPS)
+        since_ns = time.time_ns()
+        time.sleep(3.0)
+        control_bps = rig.heard.carried_bps(since_ns).get("control", 0.0)
+        # A process that is held for 30 s is started anew: each row holds it for less.
+        controller = process_id(rig.state, "network_controller")
+        kill(controller, signal.SIGSTOP)
+        try:
+            yield _alone_at(rig, rate_bps, control_bps)
+        finally:
+            kill(controller, signal.SIGCONT)
+    rig.policy("coverage")
+
+
+def _alone_at(rig: Rig, rate_bps: int, control_bps: float) -> dict[str, Any]:
+    time.sleep(STALE_S)
+    device = network.link_name(rig.state.spec, EGO)
+    shape = ladder.shape(rate_bps, 0)
+    lines = "\n".join(htb.lines(device, shape, shaped=True, fq_codel=False))
+    command = rig.inside("network_controller", "tc", "-batch", "-")
+    subprocess.run(command, input=lines, text=True, check=True)
+    narrowed = len(rig.heard.decisions)
+    time.sleep(SETTLE_S)
     since_ns = time.time_ns()
-    time.sleep(3.0)
-    control_bps = rig.heard.carried_bps(since_ns).get("control", 0.0)
-    controller = process_id(rig.state, "network_controller")
-    kill(controller, signal.SIGSTOP)
-    try:
-        time.sleep(STALE_S)
-        for rate_bps in ALONE_BPS:
-            device = network.link_name(rig.state.spec, EGO)
-            shape = ladder.shape(rate_bps, 0)
-            lines = "\n".join(htb.lines(device, shape, shaped=True, fq_codel=False))
-            command = rig.inside("network_controller", "tc", "-batch", "-")
-            subprocess.run(command, input=lines, text=True, check=True)
-            narrowed = len(rig.heard.decisions)
-            time.sleep(SETTLE_S)
-            since_ns = time.time_ns()
-            time.sleep(MEASURE_S)
-            found = rig.heard.capacities(since_ns)
-            fusion_bps = rate_bps - control_bps
-            after = [d.capacity_bps for _, d in rig.heard.decisions[narrowed:]]
-            near = [c <= 1.15 * fusion_bps for c in after]
-            yield {
-                "rate_bps": rate_bps,
-                "load": "static-early",
-                "controller": False,
-                "fusion_bps": round(fusion_bps),
-                "median_ratio": round(statistics.median(found) / fusion_bps, 3),
-                "median_ratio_of_rate": round(statistics.median(found) / rate_bps, 3),
-                "p95_over_p5": spread(found),
-                "cycles_to_find": near.index(True) + 1 if True in near else None,
-                "capacity_bps": [round(c) for c in after],
-            }
-    finally:
-        kill(controller, signal.SIGCONT)
-        rig.policy("coverage")
+    time.sleep(MEASURE_S)
+    found = rig.heard.capacities(since_ns)
+    fusion_bps = rate_bps - control_bps
+    after = [d.capacity_bps for _, d in rig.heard.decisions[narrowed:]]
+    near = [c <= 1.15 * fusion_bps for c in after]
+    return {
+        "rate_bps": rate_bps,
+        "load": "static-early",
+        "controller": False,
+        "fusion_bps": round(fusion_bps),
+        "median_ratio": round(statistics.median(found) / fusion_bps, 3),
+        "median_ratio_of_rate": round(statistics.median(found) / rate_bps, 3),
+        "p95_over_p5": spread(found),
+        "cycles_to_find": near.index(True) + 1 if True in near else None,
+        "capacity_bps": [round(c) for c in after],
+    }
 
 
 def synthetic_trace() -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from perception.scene import describe
 from research.benchmarks.report import write_report
 from research.benchmarks.scene_recall import match, targets
+from swarm.errors import WorldError
 from swarm.geometry import Points
 from worlds.base import Scan, World
 from worlds.sample import opv2v_sample
@@ -25,14 +27,18 @@ SPARSE = 30
 """Vehicles with fewer visible points are reported on their own: the hard ones."""
 
 
-def main() -> None:
+def main() -> int:
     """Measures, prints the figures and writes them."""
     # One thread for OpenMP (Open3D reads it when first imported) and one core for all the rest.
     os.environ["OMP_NUM_THREADS"] = "1"
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     from worlds.opv2v.world import Opv2vWorld
 
-    world = Opv2vWorld(opv2v_sample())
+    try:
+        world = Opv2vWorld(opv2v_sample())
+    except WorldError as error:
+        print(f"sam: left out: {error}", file=sys.stderr)
+        return 0
     scans = [world.scan(r, frame) for r in world.robots for frame in range(world.frame_count)]
     figures, samples = _recall(world, scans)
     times, objects = _times([scan.points for scan in scans])
@@ -50,6 +56,7 @@ def main() -> None:
     path = write_report("sam", figures, {**samples, "ms": times})
     print(json.dumps(figures, indent=1))
     print(f"wrote {path}")
+    return 0
 
 
 def _times(clouds: list[Points]) -> tuple[dict[str, list[float]], dict[str, list[int]]]:
@@ -89,4 +96,4 @@ def _recall(world: World, scans: list[Scan]) -> tuple[dict[str, Any], dict[str, 
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
