@@ -64,7 +64,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     memory: bool = True
     """Whether objects, and what poses are off by, are followed from frame to frame:
     `Detections.tracks`."""
-    rarer: bool = False
+    rarer: bool = True
     """Whether each robot may be asked for another algorithm, and less often than frames are fused,
     where `memory` carries on what they showed."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1

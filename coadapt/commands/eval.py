@@ -30,6 +30,7 @@ def register(commands: Any) -> None:
     _add_surrogate(experiments)
     _add_quality(experiments)
     _add_rates(experiments)
+    _add_fit_rates(experiments)
     _add_ways(experiments)
     published = experiments.add_parser(
         "published",
@@ -130,12 +131,33 @@ def _add_quality(experiments: Any) -> None:
 
 def _add_rates(experiments: Any) -> None:
     parser = experiments.add_parser(
-        "fit-rates",
-        help="measure what contributions are worth that come less often",
+        "rates",
+        help="measure what contributions bring that come less often",
         description="Drives factory floors and streets of their own with every algorithm at 10 to "
-        "0.5 contributions a second. Writes rates.json, and the law by which an ego chooses rates.",
+        "0.5 contributions a second. Writes rates.json.",
     )
-    for name, usual in (("floors", 8), ("streets", 4)):
+    _add_drives(parser, floors=8, streets=4)
+    _add_folder(parser)
+    parser.set_defaults(run=run_rates)
+
+
+def _add_fit_rates(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "fit-rates",
+        help="fit what precision egos with memory expect, by form and rate",
+        description="Drives floors and streets of their own with random robots, forms and rates, "
+        "and fits the law by which an ego that remembers predicts AP@0.7 of assignments.",
+    )
+    _add_drives(parser, floors=40, streets=16)
+    parser.add_argument("--law", type=Path, metavar="FILE", help="default: the one of the ego")
+    parser.add_argument(
+        "--quality", type=Path, metavar="FILE", help="default: the one of the ego"
+    )  # fmt: skip
+    parser.set_defaults(run=run_fit_rates)
+
+
+def _add_drives(parser: argparse.ArgumentParser, *, floors: int, streets: int) -> None:
+    for name, usual in (("floors", floors), ("streets", streets)):
         parser.add_argument(
             f"--{name}", type=at_least_one, default=usual, metavar="N", help="default: %(default)s"
         )
@@ -143,10 +165,7 @@ def _add_rates(experiments: Any) -> None:
         "--frames", type=at_least_one, default=60, metavar="N",
         help="of each, one after the other (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--law", type=Path, metavar="FILE", help="default: the one of the ego")
     _add_workers(parser)
-    _add_folder(parser)
-    parser.set_defaults(run=run_rates)
 
 
 def _add_ways(experiments: Any) -> None:
@@ -270,12 +289,25 @@ def run_quality(args: argparse.Namespace) -> int:
 
 def run_rates(args: argparse.Namespace) -> int:
     """Measures and writes. Raises EvaluationError for a process that ends before its work."""
+    from research.evaluation.ways.rate_table import run
+
+    run(_drives(args), args.frames, args.workers, args.output / "rates.json")
+    return 0
+
+
+def run_fit_rates(args: argparse.Namespace) -> int:
+    """Measures, fits and writes. Raises EvaluationError as `run_rates` does."""
+    from ego_agent.knowledge.quality import REMEMBERED
     from ego_agent.knowledge.rates import RATES
     from research.evaluation.ways.fit_rates import run
 
-    counts = {"factory": args.floors, "road": args.streets}
-    run(counts, args.frames, args.workers, args.output / "rates.json", args.law or RATES)
+    law, quality = args.law or RATES, args.quality or REMEMBERED
+    run(_drives(args), args.frames, args.workers, law, quality)
     return 0
+
+
+def _drives(args: argparse.Namespace) -> dict[str, int]:
+    return {"factory": args.floors, "road": args.streets}
 
 
 def run_ways(args: argparse.Namespace) -> int:

@@ -66,13 +66,15 @@ class Knowledge:
         shares: bool = True,
         rates: RateModel | None = None,
         mixable: Iterable[str] | None = None,
+        remembers: bool = False,
     ) -> None:
         """`algorithms`: those that can be fused, early to late. `quality`: what precision to
         expect, a share where None. `works`: what algorithms take of processors, where nothing was
         measured yet; nothing where None. `learns`: whether decisions heed what came of those
         before. `shares`: whether the ego takes what robots publish for several. `rates`: what rarer
         contributions are worth, USUAL_DETECTOR's where None. `mixable`: algorithms that can be
-        fused in one frame, all of them where None."""
+        fused in one frame, all of them where None. `remembers`: whether `quality` is that of an ego
+        that goes by memory."""
         self.learns = learns
         self.shares = shares
         self.experience = Experience()
@@ -85,6 +87,7 @@ class Knowledge:
             raise DecisionError("no algorithm is available")
         self.quality = quality or QualityModel()
         self.rates = rates or rates_of(USUAL_DETECTOR)
+        self._remembers = remembers
         self.mixable = frozenset(self.algorithms if mixable is None else mixable)
         self._works = dict(works or {})
         self._receipts = receipts
@@ -107,7 +110,8 @@ class Knowledge:
         """Of an ego with that detector: its quality model, and what its algorithms take of
         processors. Where it has none, Q is a share and work costs nothing until it is measured."""
         works = packaged_compute().detectors.get(detector)
-        quality = quality_of(detector)
+        remembers = objective is not None and bool(objective.rarer_hz)
+        quality = quality_of(detector, remembers=remembers)
         return cls(
             objective,
             algorithms,
@@ -117,6 +121,7 @@ class Knowledge:
             shares=shares,
             rates=rates_of(detector),
             mixable=mixable,
+            remembers=remembers,
         )
 
     def aiming_at(self, objective: Objective) -> Knowledge:
@@ -172,6 +177,11 @@ class Knowledge:
         """The algorithm that gains most of what participants show: what the ego uses alone, for
         free."""
         return max(self.algorithms, key=self.quality.gain)
+
+    def convinces(self, algorithm: Algorithm) -> float:
+        """Probability that what one robot shows in time suffices, in [0, 1]; 1 where frames stand
+        for themselves, as their quality model has it."""
+        return self.rates.convinces(algorithm) if self._remembers else 1.0
 
     def encode_s(self, algorithm: Algorithm, measured_s: float | None) -> float:
         """Seconds of a robot's processor that one observation takes: as its answers told, else as

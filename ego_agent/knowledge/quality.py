@@ -21,7 +21,9 @@ from swarm.errors import DecisionError
 from swarm.messages import Algorithm
 
 QUALITY = Path(__file__).parent / "quality.json"
-"""The fitted figures, by detector."""
+"""The fitted figures of frames that stand for themselves, by detector."""
+REMEMBERED = Path(__file__).parent / "remembered.json"
+"""The same where memory carries on what was shown, and contributions may be rarer."""
 USUAL_GAINS: Mapping[Algorithm, float] = {"early": 1.0, "intermediate": 0.97, "late": 0.90}
 """Where nothing was fitted: AP@0.7 relative to early, with everyone taking part."""
 OTHER = "intermediate"
@@ -68,15 +70,16 @@ class QualityModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         return inside
 
 
-def quality_of(detector: str) -> QualityModel:
-    """The model of a detector; the uncalibrated one where nothing was fitted for it."""
-    return packaged_quality().get(detector, QualityModel())
+def quality_of(detector: str, *, remembers: bool = False) -> QualityModel:
+    """The model of a detector, of an ego that goes by memory or by single frames; the uncalibrated
+    one where nothing was fitted for it."""
+    return packaged_quality(remembers=remembers).get(detector, QualityModel())
 
 
 @cache
-def packaged_quality() -> Mapping[str, QualityModel]:
+def packaged_quality(*, remembers: bool = False) -> Mapping[str, QualityModel]:
     """The models that come with the project, by detector."""
-    return read_quality(QUALITY)
+    return read_quality(REMEMBERED if remembers else QUALITY)
 
 
 def read_quality(path: Path) -> Mapping[str, QualityModel]:

@@ -1,7 +1,9 @@
-"""What contributions that come less often are worth, where memory carries on what they showed.
+"""What contributions are worth by form and rate, where memory carries on what they showed.
 
-Measured on floors and streets that nothing else was set on (`coadapt eval fit-rates`,
-docs/results.md): the part that is left of what contributions of every frame add to AP@0.7.
+The probability that what one contribution shows counts: less than 1 at any rate, since one view
+does not always suffice for a box in the right place, and less at lower ones. Fitted together with
+Q to random assignments on floors and streets that nothing else was set on (`coadapt eval
+fit-memory`, docs/results.md).
 """
 
 from __future__ import annotations
@@ -30,13 +32,17 @@ class RateModel(msgspec.Struct, frozen=True):
     """By algorithm, then by contributions a second."""
 
     def worth(self, algorithm: Algorithm, rate_hz: float) -> float:
-        """Of contributions at a rate against those at the highest one that was measured, in
-        [0, 1]: linear in the time between two, and nothing for what is rarer than was measured. An
-        algorithm that was not measured counts as USUAL_ALGORITHM."""
+        """Probability that contributions at a rate count, in [0, 1]: linear in the time between
+        two, and nothing for what is rarer than was measured. An algorithm that was not measured
+        counts as USUAL_ALGORITHM."""
         table = self.by_algorithm.get(algorithm) or self.by_algorithm[USUAL_ALGORITHM]
         points = sorted((1.0 / float(hz), part) for hz, part in table.items())
         gaps, left = zip(*points, strict=True)
         return float(np.interp(1.0 / rate_hz, gaps, left, right=0.0))
+
+    def convinces(self, algorithm: Algorithm) -> float:
+        """Probability that what is contributed as often as was measured counts, in [0, 1]."""
+        return self.worth(algorithm, float("inf"))
 
     def kept(self, algorithm: Algorithm, rate_hz: float, usual_hz: float) -> float:
         """The same against contributions at `usual_hz`, in [0, 1]."""

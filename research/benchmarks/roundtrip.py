@@ -152,16 +152,18 @@ def end(*processes: subprocess.Popen[bytes]) -> None:
 
 
 def row(algorithm: str, load: int, frames: Frames, decisions: list[Decision]) -> dict[str, Any]:
-    """The figures of one run. A robot that a decision left out is missing, too."""
+    """The figures of one run. A robot that no frame asked is missing, too."""
     if not frames:
         raise SystemExit(f"roundtrip: no frame of {algorithm} was fused")
     others = ROBOTS - 1
     latency = np.array([frame["latency_ms"] for frame in frames])
     age = np.array([frame["age_ms"] for frame in frames])
     shares = {
-        robot: sum(robot in frame["participants"] for frame in frames) / len(frames)
+        robot: sum(robot in frame["participants"] for frame in frames)
+        / max(1, sum(robot in frame["due"] for frame in frames))
         for robot in factory_robots(ROBOTS)[1:]
     }
+    contributions = sum(len(frame["participants"]) for frame in frames)
     kinds = [kind for frame in frames for kind in frame["missing"].values()]
     return {
         "algorithm": algorithm,
@@ -169,6 +171,7 @@ def row(algorithm: str, load: int, frames: Frames, decisions: list[Decision]) ->
         "p50_ms": _percentile(latency, 50),
         "p95_ms": _percentile(latency, 95),
         "fps": round(len(frames) / SECONDS, 2),
+        "contributions_hz": round(contributions / others / SECONDS, 2),
         "missing_ratio": round(1.0 - sum(shares.values()) / others, 4),
         "age_p50_ms": _percentile(age, 50),
         "age_p95_ms": _percentile(age, 95),
@@ -180,8 +183,8 @@ def row(algorithm: str, load: int, frames: Frames, decisions: list[Decision]) ->
 
 
 def details(frames: Frames) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Where the time of the rounds goes in which every robot answered, and their raw samples."""
-    whole = [frame for frame in frames if len(frame["participants"]) == ROBOTS - 1]
+    """Where the time of the rounds goes in which everyone asked answered, and their raw samples."""
+    whole = [frame for frame in frames if frame["due"] == sorted(frame["participants"]) != []]
     if not whole:
         return {"rounds": 0, "rounds_incomplete": len(frames)}, {}
     total = np.array([frame["latency_ms"] for frame in whole])

@@ -59,6 +59,7 @@ class Notes:
                 "add_ms": result.add_ms,
                 "fuse_ms": result.fuse_ms,
                 "age_ms": (time.time_ns() - result.own.capture_ns) * 1e-6,
+                "due": sorted(done.questions),
                 "participants": result.participants[1:],
                 "missing": result.missing_kinds(),
                 "bytes": sum(done.bytes.values()),

@@ -32,7 +32,7 @@ def grow(
     able = sorted((c for c in candidates if scorer.can(c.robot, algorithm)), key=lambda c: c.robot)
     rows = np.array([scorer.row_of[c.robot] for c in able], dtype=np.intp)
     sizes = np.array([c.sizes[algorithm] for c in able], dtype=np.int64)
-    arrival, union = scorer.arrival(algorithm), Union(scorer.views)
+    arrival, union = scorer.counting(algorithm), Union(scorer.views)
     share, spent = scorer.share([0]), 0
     chosen: list[int] = []
     while rows.size:

@@ -101,7 +101,7 @@ class Mixes:
         """(n, options): whether the candidate can, for itself."""
         for o, option in enumerate(self.options):
             name = option.algorithm
-            arrival = scorer.arrival(name)[1:]
+            arrival = scorer.counting(name)[1:]
             for i, candidate in enumerate(candidates):
                 if name not in candidate.sizes:
                     continue

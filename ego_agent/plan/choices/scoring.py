@@ -137,6 +137,13 @@ class Scorer:
             self._arrival[algorithm] = known
         return known
 
+    def counting(self, algorithm: Algorithm) -> NDArray[np.float64]:
+        """Probability that each row's observation is in time and suffices for what it shows,
+        float64 (rows,); the ego's is 1."""
+        counts = self.arrival(algorithm) * self.knowledge.convinces(algorithm)
+        counts[0] = 1.0
+        return counts
+
     def in_time(self, robot: str, algorithm: Algorithm) -> float:
         """Probability that a candidate's observation is in time."""
         if self.hopes:
@@ -155,10 +162,10 @@ class Scorer:
         if self.nothing_to_see:
             return self.known_part
         first, *others = rows
-        arrival = None if algorithm is None else self.arrival(algorithm)
+        counts = None if algorithm is None else self.counting(algorithm)
         union = Union(self.views, first)
         for row in others:
-            union.add(row, 1.0 if arrival is None else float(arrival[row]))
+            union.add(row, 1.0 if counts is None else float(counts[row]))
         return min(1.0, union.share())
 
     def liking(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:

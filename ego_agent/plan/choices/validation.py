@@ -15,6 +15,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.choices.check_assignments import carried
 from ego_agent.plan.choices.greedy import grow
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import AdviceReport, Algorithm, Decision, Source
 
@@ -222,17 +223,26 @@ def _carried(scorer: Scorer, asked: list[str], wanted: object, repairs: list[str
 
 
 def _paced(fastest: Scorer, asked: list[str], proposal: Proposal) -> Scorer:
-    """At the pace that was proposed, or else at the one that suits the choice best; a slower one
-    must gain `switch_gain`."""
+    """At the pace that was proposed, or else at the one that suits the choice best, with each robot
+    as often as it is worth; a slower one must gain `switch_gain`."""
     if proposal.rate_hz is not None or proposal.algorithm not in fastest.knowledge.algorithms:
         return fastest.at_rate(proposal.rate_hz)
-    taken, best = fastest, _trimmed(fastest, asked, proposal.algorithm)
+    taken, best = fastest, _value(fastest, asked, proposal.algorithm)
     for pace in fastest.paces[1:]:
         slower = fastest.at(pace)
-        score = _trimmed(slower, asked, proposal.algorithm)
-        if score.value > best.value + fastest.objective.switch_gain:
-            taken, best = slower, score
+        value = _value(slower, asked, proposal.algorithm)
+        if value > best + fastest.objective.switch_gain:
+            taken, best = slower, value
     return taken
+
+
+def _value(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> float:
+    """Of the choice at the scorer's pace, with rates where robots may be asked less often."""
+    trimmed = _trimmed(scorer, asked, algorithm)
+    known = scorer.knowledge
+    if not known.objective.rarer_hz or algorithm not in known.mixable or not trimmed.participants:
+        return trimmed.value
+    return max(trimmed.value, Mixes(scorer).rated(trimmed.participants, algorithm).value)
 
 
 def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:

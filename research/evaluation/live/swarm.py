@@ -16,7 +16,7 @@ from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import need_state
 from perception.types import Boxes
 from research.evaluation.windows.scenarios import Scenario
-from swarm.arrays import unpack_finite
+from swarm.arrays import Array, unpack_finite
 from swarm.errors import DeployError
 from swarm.listening import Handlers, listen
 from swarm.messages import Decision, Detections
@@ -40,15 +40,28 @@ class Recorded:
 
 
 def boxes_of(frame: Detections) -> Boxes:
-    """The boxes of a message, in the world frame. Raises MessageError for a table that cannot be
-    read."""
-    table = unpack_finite(frame.boxes, "boxes", 7)
+    """The boxes of a frame alone, in the world frame. Raises MessageError for a table that cannot
+    be read."""
+    return _boxes(frame.boxes, frame.scores, frame.labels)
+
+
+def told_of(frame: Detections) -> Boxes:
+    """What is there by all that was found until then, where the ego remembers; else the frame's
+    boxes. Raises as `boxes_of` does."""
+    tracks = frame.tracks
+    if tracks is None:
+        return boxes_of(frame)
+    return _boxes(tracks.boxes, tracks.scores, tracks.labels)
+
+
+def _boxes(boxes: Array, scores: Array, labels: tuple[str, ...]) -> Boxes:
+    table = unpack_finite(boxes, "boxes", 7)
     return Boxes(
         centers=table[:, :3].astype(np.float64),
         sizes=table[:, 3:6].astype(np.float64),
         headings=table[:, 6].astype(np.float64),
-        scores=unpack_finite(frame.scores, "scores", 1)[:, 0].astype(np.float64),
-        labels=frame.labels,
+        scores=unpack_finite(scores, "scores", 1)[:, 0].astype(np.float64),
+        labels=labels,
     )
 
 

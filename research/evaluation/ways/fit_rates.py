@@ -1,177 +1,175 @@
-"""What contributions that come less often are worth, by algorithm, rate and speed of what they
-show: the law by which an ego chooses rates (ego_agent/knowledge/rates.py)."""
+"""Fits Q of an ego that remembers: what a contribution is worth, by form and rate.
+
+Contributions count like observations that arrive or not, each on its own, with a probability that
+depends on form and rate; at the highest rate it is `convinces`: one robot that shows a place does
+not always suffice for a box in the right place. Gains and probabilities are those with the least
+squares of differences within a drive, so how hard a drive is by itself plays no part. What the ego
+adds that it sees itself is as in frames that stand for themselves: drives differ too little in it.
+The base is then that with which the mean over drives is right.
+"""
 
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
 
-from perception.boxes import iou_bev
-from perception.types import Boxes
-from research.evaluation.machine import machine_facts
-from research.evaluation.ways.drive import Drive, Driven
-from research.evaluation.ways.measure import Measured, measure
-from research.evaluation.ways.way import Way
+from ego_agent.knowledge.quality import QualityModel, quality_of
+from research.evaluation.ways.sampling import (
+    FORMS,
+    RATES_HZ,
+    Look,
+    Sample,
+    Sampled,
+    drives,
+    sampled,
+)
 from research.evaluation.workers import each
-from research.training.plans import TEST_SEEDS
+from swarm.errors import EvaluationError
 from swarm.files import write_whole
-from worlds.base import World
+from worlds.cooperative.judging import EVALUATION_RANGES_M
 
-AGING_SEEDS = range(TEST_SEEDS.start + 950_000, TEST_SEEDS.start + 1_000_000)
-"""Floors and streets that nothing was trained, fitted or set on, and that test nothing else."""
-ROBOTS = {"factory": 6, "road": 4}
-FORMS = ("early", "intermediate", "late")
-RATES_HZ = (10.0, 5.0, 2.0, 1.0, 0.5)
-NOBODY = "nobody"
-HIT_IOU = 0.7
-STILL_M_S = 0.2
-"""What is slower stands."""
-SLOW_M_S = 1.0
+Floats = NDArray[np.float64]
+DIGITS = 3
+RIDGE = 0.03
+"""Weight of a curve's neighbours' likeness: a rate that few drew stays near the next ones."""
 
 
-@dataclass(slots=True)
-class BySpeed:
-    """How many of the true objects of each speed are told of in the right place."""
+@dataclass(frozen=True, slots=True)
+class Law:
+    """What contributions are worth."""
 
-    there: dict[str, int] = field(default_factory=dict)
-    hit: dict[str, int] = field(default_factory=dict)
-
-    def add(
-        self, world: World, frame: int, told: Boxes, truth: Boxes, names: Sequence[str]
-    ) -> None:
-        """One frame: told and true boxes, and whose the true ones are."""
-        speeds = _speeds(world, frame)
-        best = iou_bev(told, truth).max(axis=0, initial=0.0)
-        for name, iou in zip(names, best.tolist(), strict=True):
-            kind = _kind(speeds.get(name, 0.0))
-            self.there[kind] = self.there.get(kind, 0) + 1
-            self.hit[kind] = self.hit.get(kind, 0) + (iou >= HIT_IOU)
-
-    def take_up(self, other: BySpeed) -> None:
-        """Adds another drive."""
-        for kind, count in other.there.items():
-            self.there[kind] = self.there.get(kind, 0) + count
-            self.hit[kind] = self.hit.get(kind, 0) + other.hit[kind]
-
-    def shares(self) -> dict[str, float]:
-        """Recall by speed."""
-        return {kind: round(self.hit[kind] / n, 4) for kind, n in sorted(self.there.items())}
+    level: float
+    """AP@0.7 of an ego alone, on average over drives..."""
+    own_share: float
+    """...and the share of all that it sees itself then."""
+    gains: Mapping[str, float]
+    arrives: Mapping[str, Mapping[float, float]]
+    """By form and rate, probability that a contribution counts."""
+    error: float
+    """Root of the mean square of differences within a drive that were not foreseen."""
+    spread: float
+    """The same of the differences themselves."""
 
 
-def _kind(speed_m_s: float) -> str:
-    if speed_m_s < STILL_M_S:
-        return "still"
-    return "slow" if speed_m_s < SLOW_M_S else "fast"
+def fitted(driven: Sequence[Sampled]) -> Law:
+    """The law with the least squares over all drives with more than one sample. Raises
+    EvaluationError for fewer than two of them."""
+    used = [one for one in driven if one.looks and len(one.samples) > 1]
+    if len(used) < 2:
+        raise EvaluationError(f"{len(used)} drives are too few to fit; at least 2 are needed")
+    start = np.concatenate([np.linspace(2.0, -0.5, len(RATES_HZ)) for _ in FORMS])
+
+    def residuals(raw: Floats) -> Floats:
+        arrives = _arrives(raw)
+        inputs, target = _within(used, arrives)
+        gains = _solved(inputs, target)
+        smooth = np.diff(raw.reshape(len(FORMS), -1), 2, axis=1).ravel() * RIDGE
+        apart = (raw.reshape(len(FORMS), -1) - raw.reshape(len(FORMS), -1).mean(axis=0)).ravel()
+        return np.concatenate([inputs @ gains - target, smooth, apart * RIDGE])
+
+    found = least_squares(residuals, start, diff_step=1e-3)
+    arrives = _arrives(found.x)
+    inputs, target = _within(used, arrives)
+    steps = _solved(inputs, target)
+    error = float(np.sqrt(np.mean((inputs @ steps - target) ** 2)))
+    gains = dict(zip(reversed(FORMS), np.cumsum(steps).tolist(), strict=True))
+    rest = [
+        sample.ap_70 - float(shares(one.looks, sample, arrives) @ steps)
+        for one in used
+        for sample in one.samples
+    ]
+    own = float(np.mean([look.own for one in used for look in one.looks]))
+    spread = float(np.sqrt(np.mean(target**2)))
+    return Law(float(np.mean(rest)), own, gains, arrives, error, spread)
 
 
-def _speeds(world: World, frame: int) -> dict[str, float]:
-    """Of every actor over the last frames, m/s."""
-    back = max(0, frame - 2)
-    then, now = world.ground_truth(back), world.ground_truth(frame)
-    if back == frame:
-        return {}
-    places = dict(zip(then.ids, then.boxes.centers[:, :2], strict=True))
+def _arrives(raw: Floats) -> dict[str, dict[float, float]]:
+    values = 1.0 / (1.0 + np.exp(-raw.reshape(len(FORMS), -1)))
+    values = np.minimum.accumulate(values, axis=1)
     return {
-        name: float(np.hypot(*(center[:2] - places[name])) * world.rate_hz / (frame - back))
-        for name, center in zip(now.ids, now.boxes.centers, strict=True)
-        if name in places
+        form: dict(zip(RATES_HZ, row.tolist(), strict=True))
+        for form, row in zip(FORMS, values, strict=True)
     }
 
 
-def rates() -> tuple[Way, ...]:
-    """What is compared: everybody sends one form at one rate, in turn."""
-    return (
-        Way(NOBODY),
-        *(
-            Way(_name(form, hz), ((form, hz),), in_turn=True)
-            for form in FORMS
-            for hz in RATES_HZ
-        ),
-    )  # fmt: skip
+def shares(
+    looks: Sequence[Look], sample: Sample, arrives: Mapping[str, Mapping[float, float]]
+) -> Floats:
+    """(FORMS,): what is expected to be shown beside the ego's own share, by robots whose form
+    gains at least as much as each, the least first."""
+    found = np.zeros(len(FORMS))
+    for look in looks:
+        place = {robot: i for i, robot in enumerate(look.robots)}
+        for level, _ in enumerate(FORMS):
+            enough = FORMS[: len(FORMS) - level]
+            missed = np.ones(len(look.weights))
+            for one in sample.assignments:
+                if one.algorithm in enough and one.robot in place:
+                    counts = arrives[one.algorithm][one.rate_hz]
+                    missed *= 1.0 - counts * look.seen[place[one.robot]]
+            found[level] += float((1.0 - missed) @ look.weights)
+    return found / len(looks)
 
 
-def _name(form: str, hz: float) -> str:
-    return f"{form}-{hz:g}hz"
+def _within(
+    driven: Sequence[Sampled], arrives: Mapping[str, Mapping[float, float]]
+) -> tuple[Floats, Floats]:
+    inputs, target = [], []
+    for one in driven:
+        shown = np.array([shares(one.looks, sample, arrives) for sample in one.samples])
+        ap_70 = np.array([sample.ap_70 for sample in one.samples])
+        inputs.append(shown - shown.mean(axis=0))
+        target.append(ap_70 - ap_70.mean())
+    return np.concatenate(inputs), np.concatenate(target)
 
 
-def drives(detector: str, count: int, frames: int) -> list[Drive]:
-    """That many floors or streets; egos take turns."""
-    robots = ROBOTS[detector]
-    return [
-        Drive(
-            world=detector,
-            seed=AGING_SEEDS.start + i,
-            robots=robots,
-            ego=i % robots,
-            first=41 + (i * 701 % 5000 if detector == "factory" else 0),
-            frames=frames,
-        )
-        for i in range(count)
-    ]
+def _solved(inputs: Floats, target: Floats) -> Floats:
+    return np.asarray(nnls(inputs, target)[0])
 
 
-def drive_rates(drive: Drive) -> list[tuple[Measured, BySpeed]]:
-    """What each rate brings on a drive."""
-    driven, results = Driven(drive), []
-    for way in rates():
-        speeds = BySpeed()
-        results.append((measure(driven, way, speeds), speeds))
-    return results
-
-
-def table(parts: Sequence[Sequence[tuple[Measured, BySpeed]]]) -> dict[str, Any]:
-    """AP@0.7 and recall by speed of every rate over drives, and what each is worth of ten a
-    second. `parts`: by drive, then by rate as `rates` has them."""
-    rows: dict[str, dict[str, Any]] = {}
-    for number, way in enumerate(rates()):
-        whole, speeds = Measured(), BySpeed()
-        for at, part in enumerate(parts):
-            whole.take_up(part[number][0], at)
-            speeds.take_up(part[number][1])
-        found = whole.tally.precision()
-        rows[way.name] = {
-            "ap_70": round(found.ap_70, 4),
-            "ap_50": round(found.ap_50, 4),
-            "recall_70": speeds.shares(),
-            "bytes_per_frame": round(whole.bytes / max(1, whole.tally.frames), 1),
-            "frames": whole.tally.frames,
-        }
-    worth = {form: _worth(rows, form) for form in FORMS}
-    return {"rows": rows, "worth": worth, "drives": len(parts)}
-
-
-def _worth(rows: Mapping[str, Mapping[str, Any]], form: str) -> dict[str, float]:
-    """What is left at each rate of what contributions of every frame add, in [0, 1]; never more at
-    a lower rate."""
-    alone = rows[NOBODY]["ap_70"]
-    whole = rows[_name(form, RATES_HZ[0])]["ap_70"] - alone
-    worth, least = {}, 1.0
-    for hz in RATES_HZ:
-        added = rows[_name(form, hz)]["ap_70"] - alone
-        least = min(least, max(0.0, added / whole if whole > 0.0 else 0.0))
-        worth[f"{hz:g}"] = round(least, 3)
-    return worth
-
-
-def run(counts: Mapping[str, int], frames: int, workers: int, path: Path, law: Path) -> None:
-    """Measures so many drives with each detector; writes everything to `path`, and what rates are
-    worth to `law`. Raises as `each` does."""
-    found = {}
+def run(counts: Mapping[str, int], frames: int, workers: int, law: Path, quality: Path) -> None:
+    """Measures so many drives with each detector and fits; writes what rates are worth to `law`,
+    and Q to `quality`. Raises EvaluationError for too few drives, and as `each` does."""
+    rates: dict[str, dict[str, dict[str, float]]] = {}
+    models: dict[str, QualityModel] = {}
     for detector, count in counts.items():
-        items = drives(detector, count, frames)
-        parts = dict(each(drive_rates, items, workers, detector))
-        found[detector] = table([parts[at] for at in range(count)])
-    write(found, path, law)
+        found = []
+        for _, one in each(sampled, drives(detector, count, frames), workers, detector):
+            found.append(one)
+            print(f"{detector}: {len(found)}/{count}", file=sys.stderr, flush=True)
+        expected = fitted(found)
+        rates[detector] = {
+            form: {f"{hz:g}": round(part, 3) for hz, part in table.items()}
+            for form, table in expected.arrives.items()
+        }
+        models[detector] = model_of(expected, detector)
+        spread, left = expected.spread, expected.error
+        print(f"{detector}: differences within a drive {spread:.3f}, left {left:.3f}")
+    write_whole(law, json.dumps(rates, indent=1) + "\n")
+    write_whole(quality, msgspec.json.format(msgspec.json.encode(models), indent=1).decode() + "\n")
 
 
-def write(found: Mapping[str, Mapping[str, Any]], path: Path, law: Path) -> None:
-    """Writes tables by detector, and the law that they are."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, json.dumps({**found, "machine": machine_facts()}, indent=1) + "\n")
-    worth = {name: one["worth"] for name, one in found.items()}
-    write_whole(law, json.dumps(worth, indent=1) + "\n")
+def model_of(law: Law, detector: str) -> QualityModel:
+    """Q by the law; ways to fuse features that were not measured gain against `intermediate` what
+    they do in frames that stand for themselves."""
+    usual = quality_of(detector)
+    like = {
+        name: law.gains["intermediate"] * gain / usual.gain("intermediate")
+        for name, gain in usual.gains.items()
+    }
+    gains = {name: min(1.0, gain) for name, gain in {**like, **law.gains}.items()}
+    return QualityModel(
+        base=round(min(1.0, max(0.0, law.level - usual.own * law.own_share)), DIGITS),
+        own=usual.own,
+        gains={name: round(gain, DIGITS) for name, gain in gains.items()},
+        half_m=EVALUATION_RANGES_M[detector],
+        calibrated=True,
+    )

@@ -15,10 +15,16 @@ from research.evaluation.ways.way import Way
 OURS = "coverage-assignments"
 FREE = "coverage-assignments-free"
 """The same where bytes and processors cost nothing: as good as the link carries."""
+DEAR = "coverage-assignments-dear"
+DEAR_TIMES = 8.0
+"""The same where they cost this many times what they usually do."""
 SINGLE_FREE = "coverage-free"
 SINGLE_POLICIES = ("coverage", "static-early", "static-late", "rules", SINGLE_FREE)
 """Policies that decide one algorithm and one rate for all."""
 EVERYONE = "early-10hz-no-memory"
+CEILING = "early-10hz-all-arrives"
+"""Everybody's points in every frame, with memory, on a link that carries anything: what no choice
+can be expected to exceed."""
 STATIC = (
     ("early", 10.0, 0.1),
     ("early", 5.0, 0.1),
@@ -46,8 +52,9 @@ def ways(link: Link) -> tuple[Way, ...]:
     bps = link.bps
     return (
         Way(OURS, decided=Decided("coverage", bps, rarer=True), link_bps=bps),
-        Way(FREE, decided=Decided("coverage", bps, rarer=True, free=True), link_bps=bps),
-        Way(SINGLE_FREE, decided=Decided("coverage", bps, free=True), link_bps=bps),
+        Way(FREE, decided=Decided("coverage", bps, rarer=True, price=0.0), link_bps=bps),
+        Way(DEAR, decided=Decided("coverage", bps, rarer=True, price=DEAR_TIMES), link_bps=bps),
+        Way(SINGLE_FREE, decided=Decided("coverage", bps, price=0.0), link_bps=bps),
         *(Way(name, decided=Decided(name, bps), link_bps=bps) for name in SINGLE_POLICIES[:-1]),
         Way(RANDOM, decided=Decided(RANDOM, bps, rarer=True), link_bps=bps),
         *(
@@ -55,6 +62,7 @@ def ways(link: Link) -> tuple[Way, ...]:
             for one in STATIC
         ),
         Way(EVERYONE, (("early", 10.0),), memory=False, link_bps=bps),
+        Way(CEILING, (("early", 10.0),)),
     )
 
 
@@ -105,6 +113,7 @@ def table(link: Link, parts: Sequence[Sequence[Measured]]) -> dict[str, Any]:
         "coverage": "coverage",
         "random": RANDOM,
         "everyone": EVERYONE,
+        "ceiling": CEILING,
     }
     return {
         "robots": link.robots,
@@ -113,7 +122,7 @@ def table(link: Link, parts: Sequence[Sequence[Measured]]) -> dict[str, Any]:
         "rows": rows,
         "beside": {
             way: {what: beside(way, name) for what, name in controls.items()}
-            for way in (OURS, FREE)
+            for way in (OURS, FREE, DEAR)
         },
     }
 

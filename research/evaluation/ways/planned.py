@@ -63,8 +63,8 @@ class Decided:
     """C(t), as the ego knows it."""
     rarer: bool = False
     """Whether each robot may have an algorithm and a rate of its own."""
-    free: bool = False
-    """Whether bytes and processors cost nothing: as good as the link carries."""
+    price: float = 1.0
+    """Of bytes and processors, against the usual one; 0: as good as the link carries."""
 
 
 class Deciding:
@@ -74,8 +74,11 @@ class Deciding:
         self._drive = drive
         self._how = how
         objective = Objective(rarer_hz=RARER_HZ if how.rarer else ())
-        if how.free:
-            objective = replace(objective, lambda_link=0.0, lambda_compute=0.0)
+        objective = replace(
+            objective,
+            lambda_link=objective.lambda_link * how.price,
+            lambda_compute=objective.lambda_compute * how.price,
+        )
         self._knowledge = Knowledge.of_detector(
             drive.world.detector, objective, ALGORITHMS, learns=False
         )

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from ego_agent.knowledge.pace import in_turn
 from research.evaluation.ways.planned import Decided
+from swarm.messages import Assignment
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +29,15 @@ class Way:
     """What carries the contributions, one after the other; None: all are there at once."""
     decided: Decided | None = None
     """Who decides, in place of `forms`."""
+    assignments: tuple[Assignment, ...] = ()
+    """Who sends what and how often, in turn, in place of `forms`."""
 
     def asked(self, number: int, nearest: Sequence[str], rate_hz: float) -> Mapping[str, str]:
         """The robots that send in the frame of that number, nearest first, and what. `rate_hz`: of
         the drive's frames."""
+        if self.assignments:
+            due = in_turn({one.robot: one.rate_hz for one in self.assignments}, rate_hz, number)
+            return {one.robot: one.algorithm for one in self.assignments if one.robot in due}
         if not self.forms:
             return {}
         if self.silent is not None and number % self.silent[0] >= self.silent[0] - self.silent[1]:

@@ -178,7 +178,8 @@ def test_an_ego_follows_net_state_and_says_what_q_min_takes(swarm: Swarm, tmp_pa
         period_s="0.5",
         q_min="0.70",
         algorithms="early",
-        learn="false",  # How quick this machine is today is another matter.
+        rarer="false",  # What memory makes possible below it is another matter, and...
+        learn="false",  # ...how quick this machine is today is another matter.
         journal=str(journal),
         metrics_port=str(port),
     )

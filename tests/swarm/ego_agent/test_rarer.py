@@ -32,7 +32,9 @@ def test_each_frame_asks_whoever_is_due_and_tells_of_what_others_showed(swarm: S
     decisions: Heard[Decision] = swarm.decisions(session, "R1")
     frames: Heard[Detections] = swarm.detections(session, "R1")
     # A processor dear enough that nobody is asked ten times a second.
-    swarm.ego(rarer="true", compute_weight="0.1", q_min="0.3", algorithms="early", learn="false")
+    swarm.ego(
+        compute_weight="0.25", comm_range_m="500", q_min="0.3", algorithms="early", learn="false"
+    )
     decided = decisions.until(lambda d: bool(d.assignments))
     assert {one.robot for one in decided.assignments} == set(decided.participants) - {"R1"}
     assert {one.rate_hz for one in decided.assignments} <= {decided.rate_hz, *RARER_HZ}
@@ -69,7 +71,6 @@ def test_a_narrower_link_leads_to_rarer_and_smaller_contributions_and_memory_goe
     demands = hear(session, keyspace.net_demand("test"), NetDemand)
     # Bytes cost nothing while the link carries them.
     swarm.ego(
-        rarer="true",
         link_weight="0",
         compute_weight="0",
         comm_range_m="500",

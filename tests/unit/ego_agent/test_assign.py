@@ -132,3 +132,11 @@ def test_an_ego_alone_is_left_as_it_is() -> None:
     alone = scene(candidate("E", range(20), [1.0]))
     decision = decide(alone, knowledge())
     assert assigned(decision, alone, rarer(), None) is decision
+
+
+def test_memory_takes_the_place_of_fewer_frames() -> None:
+    dear: dict[str, Any] = {"lambda_compute": 0.0, "lambda_link": 0.2, "slower_hz": (5.0, 1.0)}
+    usual = decide(a_floor(), knowledge(q_min=0.0, **dear))
+    with_memory = decide(a_floor(), rarer(q_min=0.0, **dear))
+    assert usual.rate_hz < with_memory.rate_hz == 10.0
+    assert min(rates(with_memory).values()) < usual.rate_hz

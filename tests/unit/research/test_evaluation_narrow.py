@@ -1,4 +1,4 @@
-"""Ways that are decided, on links that do not carry everything; and what rates are worth."""
+"""Ways that are decided, on links that do not carry everything; and what rates bring."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from perception.detector.weight_files import has_weights
 from perception.types import Boxes
 from research.evaluation.ways import narrow
 from research.evaluation.ways.drive import Drive, Driven
-from research.evaluation.ways.fit_rates import FORMS, NOBODY, RATES_HZ, BySpeed, _name, _worth
 from research.evaluation.ways.measure import Measured
 from research.evaluation.ways.planned import ALGORITHMS, RANDOM, Decided, Deciding
+from research.evaluation.ways.rate_table import BySpeed
 from worlds.factory.world import FactoryWorld
 
 needs_weights = pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
@@ -33,7 +33,7 @@ def driven() -> Driven:
 @pytest.mark.parametrize("policy", ["coverage", RANDOM])
 def test_what_is_decided_fits_the_link(driven: Driven, policy: str) -> None:
     link_bps = 1e5
-    deciding = Deciding(driven, Decided(policy, link_bps, rarer=True, free=True))
+    deciding = Deciding(driven, Decided(policy, link_bps, rarer=True, price=0.0))
     sent, robots = 0, set()
     for number, frame in enumerate(driven.frames):
         asked = deciding.asked(number, frame)
@@ -61,15 +61,6 @@ def test_ours_stands_beside_each_control_in_pairs() -> None:
     assert beside["difference"] == pytest.approx(0.5, abs=0.1)
     assert beside["bytes_ratio"] == 0.5
     assert found["drives"] == 2
-
-
-def test_a_lower_rate_is_never_worth_more() -> None:
-    rows = {NOBODY: {"ap_70": 0.5}}
-    measured = dict(zip(RATES_HZ, (0.9, 0.95, 0.7, 0.72, 0.4), strict=True))
-    for form in FORMS:
-        rows |= {_name(form, hz): {"ap_70": ap} for hz, ap in measured.items()}
-    worth = _worth(rows, "early")
-    assert worth == {"10": 1.0, "5": 1.0, "2": 0.5, "1": 0.5, "0.5": 0.0}
 
 
 def test_objects_are_told_apart_by_their_speed() -> None:

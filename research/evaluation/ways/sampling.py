@@ -1,0 +1,130 @@
+"""What assignments brought, beside what their robots showed: what Q is fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.quality import QualityModel
+from ego_agent.plan.choices.scoring import Scorer
+from research.evaluation.surrogate.samples import scene_of
+from research.evaluation.ways.drive import Drive, Driven
+from research.evaluation.ways.measure import SETTLED_FRAMES, measure
+from research.evaluation.ways.way import Way
+from research.evaluation.windows import announcements
+from research.training.plans import TEST_SEEDS
+from swarm.messages import Assignment
+from worlds.cooperative.judging import EVALUATION_RANGES_M
+
+FITTING_SEEDS = range(TEST_SEEDS.start + 970_000, TEST_SEEDS.start + 1_000_000)
+"""Floors and streets that nothing was trained or set on, and that test nothing."""
+ROBOTS = {"factory": (6, 4, 6, 8, 5, 10), "road": (4, 3, 5, 4)}
+"""In turn."""
+FORMS = ("early", "intermediate", "late")
+RATES_HZ = (10.0, 5.0, 2.0, 1.0, 0.5)
+RANDOM_WAYS = 18
+"""Of each drive, beside some that are always measured."""
+LOOKS = 5
+"""How often on a drive what robots show is looked at."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What robots show at one moment of a drive."""
+
+    own: float
+    """The share of all that can be seen that the ego sees itself."""
+    robots: tuple[str, ...]
+    """The others in range."""
+    seen: NDArray[np.float32]
+    """(robots, columns): how much each shows of what the ego does not see."""
+    weights: NDArray[np.float32]
+    """(columns,): in the share of all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One way on a drive."""
+
+    assignments: tuple[Assignment, ...]
+    ap_70: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """A drive: what robots showed, and what each way brought."""
+
+    looks: tuple[Look, ...]
+    samples: tuple[Sample, ...]
+
+
+def drives(detector: str, count: int, frames: int) -> list[Drive]:
+    """That many floors or streets; egos take turns."""
+    found = []
+    for i in range(count):
+        robots = ROBOTS[detector][i % len(ROBOTS[detector])]
+        first = 47 + (i * 811 % 5000 if detector == "factory" else i * 13 % 40)
+        seed = FITTING_SEEDS.start + i
+        found.append(Drive(detector, seed, robots, i % robots, first, frames))
+    return found
+
+
+def sampled(drive: Drive) -> Sampled:
+    """Measures ways on a drive, all with memory; everything arrives at once."""
+    driven = Driven(drive)
+    looks = _looks(driven)
+    reachable = [robot for robot in driven.nearest if all(robot in at.robots for at in looks)]
+    samples = []
+    for number, assignments in enumerate(random_assignments(reachable, drive.seed)):
+        found = measure(driven, Way(str(number), assignments=assignments))
+        samples.append(Sample(assignments, found.tally.precision().ap_70))
+    return Sampled(looks, tuple(samples))
+
+
+def random_assignments(robots: list[str], seed: int) -> Iterator[tuple[Assignment, ...]]:
+    """Nobody; everybody with one form at some rates; and random robots, with one form and rate for
+    all as often as with one for each."""
+    rng = np.random.default_rng(seed)
+    yield ()
+    for form, hz in (("early", 10.0), ("early", 2.0), ("late", 10.0)):
+        yield _all(robots, form, hz)
+    for _ in range(RANDOM_WAYS if robots else 0):
+        count = int(rng.integers(1, len(robots) + 1))
+        chosen = [robots[i] for i in rng.permutation(len(robots))[:count]]
+        forms, rates = rng.choice(FORMS, count), rng.choice(RATES_HZ, count)
+        if rng.random() < 0.6:
+            forms[:] = forms[0]
+        if rng.random() < 0.5:
+            rates[:] = rates[0]
+        yield tuple(
+            Assignment(robot=robot, algorithm=str(form), rate_hz=float(hz))
+            for robot, form, hz in zip(chosen, forms, rates, strict=True)
+        )
+
+
+def _all(robots: list[str], form: str, hz: float) -> tuple[Assignment, ...]:
+    return tuple(Assignment(robot=robot, algorithm=form, rate_hz=hz) for robot in robots)
+
+
+def _looks(driven: Driven) -> tuple[Look, ...]:
+    at = np.linspace(SETTLED_FRAMES, len(driven.frames) - 1, LOOKS).astype(int)
+    return tuple(_look(driven, driven.frames[number]) for number in at)
+
+
+def _look(driven: Driven, frame: int) -> Look:
+    detector = driven.world.detector
+    messages = announcements.heard(
+        driven.world, frame, driven.ego, {"early": driven.fusion("early")}
+    )
+    scene = scene_of(driven.ego, messages, detector)
+    half_m = EVALUATION_RANGES_M[detector]
+    scorer = Scorer(scene, Knowledge(quality=QualityModel(half_m=half_m)))
+    seen, weights = scorer.views.patterns
+    robots = tuple(candidate.robot for candidate in scene.candidates)
+    return Look(scorer.own_share, robots, seen, weights)
