@@ -151,7 +151,8 @@ def test_a_run_that_was_interrupted_goes_on_where_it_was(
     assert second.train(workers=0)
     assert [batch.step for batch in shown] == [0, 1, 2, 3]
     assert all(same(a, b) for a, b in zip(shown, expected, strict=True))
-    reached, uninterrupted = (Detector(TINY.name, run.weights) for run in (second, whole))
+    # Not by which one is the faster just now: each rounds in its own way.
+    reached, uninterrupted = (Detector(TINY.name, run.weights, "torch") for run in (second, whole))
     cloud = SMALL.scan("R2", 7).points
     assert torch.allclose(reached.encode(cloud), uninterrupted.encode(cloud), atol=1e-5)
 
