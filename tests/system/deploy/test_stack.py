@@ -218,7 +218,9 @@ def test_without_a_registry_what_is_missing_is_told_and_what_is_there_goes_on(
     await_(lambda: received(manager)["R2"] > had, "the engine goes back to what ran", START_S)
 
 
-def test_removing_the_stack_leaves_nothing_but_journals(swarm: Site, manager: Node) -> None:
+def test_removing_the_stack_leaves_nothing_but_journals_and_places(
+    swarm: Site, manager: Node
+) -> None:
     assert manager.docker("secret", "ls", "--quiet")
     manager.docker("stack", "rm", STACK)
 
@@ -232,7 +234,7 @@ def test_removing_the_stack_leaves_nothing_but_journals(swarm: Site, manager: No
 
     await_(lambda: not left(), "containers, services, secrets and networks are gone", CUT_S)
     volumes = manager.docker("volume", "ls", "--quiet").split()
-    assert sorted(volumes) == [f"{STACK}_journal", f"{STACK}_prometheus"]
+    assert sorted(volumes) == [f"{STACK}_{name}" for name in ("journal", "prometheus", "site")]
     shown = [
         "docker",
         "--host",

@@ -51,6 +51,8 @@ def swarm() -> Iterator[State]:
         patch.setenv("COADAPT_WINDOW_S", "1")
         # At a fixed pace: an ego that learns slows down instead of asking for more of the link.
         patch.setenv("COADAPT_LEARN", "false")
+        # In every frame: an ego that remembers asks less often instead.
+        patch.setenv("COADAPT_RARER", "false")
         # Whoever adds anything is asked.
         patch.setenv("COADAPT_LINK_WEIGHT", "0")
         patch.setenv("COADAPT_COMPUTE_WEIGHT", "0")
