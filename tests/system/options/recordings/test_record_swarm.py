@@ -178,7 +178,12 @@ def test_a_recording_of_a_factory_is_small_and_exact(tmp_path: Path, figure: Fig
     with swarm_of(world | numerics_of_this_process(), tmp_path) as swarm:
         swarm.router()
         swarm.robot(*FLOOR[1:])
-        swarm.ego(ego="R1", policy="static-late", journal=str(tmp_path / "journal.jsonl"))
+        swarm.ego(
+            ego="R1",
+            policy="static-late",
+            rarer="false",  # all of them in one frame
+            journal=str(tmp_path / "journal.jsonl"),
+        )
         running = Running(swarm, tmp_path, robots=FLOOR, world="factory", rings=32)
         running.fused_together()
         wanted = Wanted(tmp_path / "floor.mcap", seconds=90.0)
