@@ -15,7 +15,7 @@ from swarm.messages import EgoSteering, IntentInForce
 from swarm.messages.obeyed import MAX_INTENTS
 
 
-class Kept(msgspec.Struct, frozen=True, kw_only=True):
+class StoredIntents(msgspec.Struct, frozen=True, kw_only=True):
     """The file of an ego's intents."""
 
     last: int = 0
@@ -93,7 +93,9 @@ class Intents:
         """Obeys an intent from now on. Raises DecisionError where it cannot be kept."""
         with self._lock:
             others = [kept for kept in self._kept.intents if kept.number != one.number]
-            self._write(Kept(last=max(self._kept.last, one.number), intents=(*others, one)))
+            self._write(
+                StoredIntents(last=max(self._kept.last, one.number), intents=(*others, one))
+            )
         self._log.info(
             "intent_confirmed", intent=name_of(one), wish=msgspec.to_builtins(one.intent)
         )
@@ -118,7 +120,7 @@ class Intents:
                 self._kept = kept
                 self._log.error("intents_not_kept", error=str(error))
 
-    def _write(self, kept: Kept) -> None:
+    def _write(self, kept: StoredIntents) -> None:
         if self._path is not None:
             try:
                 write_whole(self._path, msgspec.json.format(msgspec.json.encode(kept), indent=1))
@@ -127,13 +129,13 @@ class Intents:
         self._kept = kept
 
 
-def _read(path: Path | None, log: Logger) -> Kept:
+def _read(path: Path | None, log: Logger) -> StoredIntents:
     if path is None:
-        return Kept()
+        return StoredIntents()
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Kept)
+        return msgspec.json.decode(path.read_bytes(), type=StoredIntents)
     except FileNotFoundError:
-        return Kept()
+        return StoredIntents()
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
         log.error("intents_not_read", path=str(path), error=str(error))
-        return Kept()
+        return StoredIntents()

@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 
 import zenoh
 
-from swarm.chunks import Ask, Assembly, More
+from swarm.chunks import AskParts, Assembly, MoreParts
 from swarm.credit import Download, Window
 from swarm.errors import CoAdaptError, MessageError, RefusedError, TransportError
 from swarm.messages import Message, Refusal, decode, encode
@@ -54,7 +54,7 @@ class Question(Generic[M]):
     def send(self, session: zenoh.Session, request: Message, traffic: TrafficClass) -> None:
         """Sends the request. Every failure comes through the future."""
         self._session = session
-        asked = Ask(self._token, self._timeout_s, self._download.first)
+        asked = AskParts(self._token, self._timeout_s, self._download.first)
         try:
             session.get(
                 self._key,
@@ -76,7 +76,7 @@ class Question(Generic[M]):
         self._session.get(
             self._key,
             zenoh.handlers.RingChannel(1),
-            attachment=More(self._token, parts).pack(),
+            attachment=MoreParts(self._token, parts).pack(),
             timeout=self._timeout_s,
             target=zenoh.QueryTarget.BEST_MATCHING,
             consolidation=zenoh.ConsolidationMode.NONE,

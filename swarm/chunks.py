@@ -31,7 +31,7 @@ _PART = struct.Struct("<BHHI")
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class AskParts:
     """Travels with a query whose asker takes parts."""
 
     token: int
@@ -48,7 +48,7 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True)
-class More:
+class MoreParts:
     """Travels with a query without payload, which asks for more of an answer under way."""
 
     token: int
@@ -60,16 +60,16 @@ class More:
         return _MORE.pack(_VERSION, self.token, self.parts)
 
 
-def read_query(attachment: bytes | None) -> Ask | More | None:
+def read_query(attachment: bytes | None) -> AskParts | MoreParts | None:
     """What travels with a query; None when its asker knows of no parts."""
     if not attachment or attachment[0] != _VERSION:
         return None
     if len(attachment) == _ASK.size:
         _, timeout_ms, token, parts = _ASK.unpack(attachment)
-        return Ask(token, timeout_ms * 1e-3, parts)
+        return AskParts(token, timeout_ms * 1e-3, parts)
     if len(attachment) == _MORE.size:
         _, token, parts = _MORE.unpack(attachment)
-        return More(token, parts)
+        return MoreParts(token, parts)
     return None
 
 

@@ -14,7 +14,7 @@ import msgspec
 import zenoh
 
 from swarm import chunks, keyspace
-from swarm.chunks import Ask, More
+from swarm.chunks import AskParts, MoreParts
 from swarm.credit import Credits
 from swarm.errors import CoAdaptError, MessageError
 from swarm.log import Logger
@@ -32,7 +32,7 @@ class _Taken(NamedTuple, Generic[M]):
 
     query: zenoh.Query
     request: M
-    asked: Ask | None
+    asked: AskParts | None
     until: float
     """When its asker stops waiting, `time.monotonic()` seconds."""
 
@@ -81,7 +81,7 @@ class Server(Generic[M]):
         """Takes a query on Zenoh's thread and hands it over."""
         attachment = query.attachment
         asked = chunks.read_query(attachment.to_bytes() if attachment is not None else None)
-        if isinstance(asked, More):
+        if isinstance(asked, MoreParts):
             with query:
                 self._credits.give(asked.token, asked.parts)
             return
@@ -182,7 +182,9 @@ class Server(Generic[M]):
             else:
                 self._send(asker, query, data, asked, until)
 
-    def _send(self, asker: str, query: zenoh.Query, data: bytes, asked: Ask, until: float) -> None:
+    def _send(
+        self, asker: str, query: zenoh.Query, data: bytes, asked: AskParts, until: float
+    ) -> None:
         """Sends an answer as far as credit comes, and until nobody waits for it any more. One that
         stands gives way to somebody else's."""
         self._credits.open(asked.token, asked.parts)

@@ -45,7 +45,7 @@ with one; more would queue at the robot and on the link."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Ask:
+class _Query:
     """One request under way."""
 
     robot: str
@@ -59,7 +59,7 @@ class _Ask:
 class _Arrival:
     """How a request ended, and when."""
 
-    ask: _Ask
+    ask: _Query
     outcome: Outcome
     at: float
 
@@ -116,7 +116,7 @@ class Asker:
         self._share = share
         self._shared = SharedFrames(self._on_published, frame_period_s)
         self._awaited: list[_Awaited] = []
-        self._owing: dict[str, list[_Ask]] = {}
+        self._owing: dict[str, list[_Query]] = {}
         self._prompt: set[str] = set()
         """Robots whose newest answer came in time."""
         self._rounds: list[FrameRound] = []
@@ -190,7 +190,7 @@ class Asker:
                 rate_hz=question.rate_hz if sharing else 0.0,
                 deadline_s=deadline_s,
             )
-            self._send(_Ask(robot, request, done, session, tries=1))
+            self._send(_Query(robot, request, done, session, tries=1))
         self._shared.tidy(now)
         self._rounds.append(done)
         for awaited in [one for one in self._awaited if one.round is done]:
@@ -244,7 +244,7 @@ class Asker:
         most = REQUESTS_UNDER_WAY if robot in self._prompt else 1
         return len(owed) >= most or any(now >= done.due_at for done in owed)
 
-    def _send(self, ask: _Ask) -> None:
+    def _send(self, ask: _Query) -> None:
         self._owing.setdefault(ask.robot, []).append(ask)
 
         def finished(future: Future[Answer[Observation]]) -> None:
@@ -275,10 +275,10 @@ class Asker:
         if not self._monitor.is_alive(ask.robot):
             return False
         self._settle(ask)
-        self._send(_Ask(ask.robot, ask.request, ask.round, ask.session, tries=2))
+        self._send(_Query(ask.robot, ask.request, ask.round, ask.session, tries=2))
         return True
 
-    def _settle(self, ask: _Ask) -> None:
+    def _settle(self, ask: _Query) -> None:
         """The robot does not owe this answer any more."""
         owed = [other for other in self._owing.pop(ask.robot, ()) if other is not ask]
         if owed:

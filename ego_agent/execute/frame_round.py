@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from perception.fusion.base import Ask, Contribution
+from perception.fusion.base import Contribution, FrameRequest
 from swarm.messages import Algorithm
 
 LATE_S = 1.25
@@ -35,7 +35,7 @@ class Question:
     """What a robot is asked for in a frame."""
 
     algorithm: Algorithm
-    tell: Ask = field(default_factory=Ask)
+    tell: FrameRequest = field(default_factory=FrameRequest)
     """What it must know to encode."""
     rate_hz: float = 10.0
     """How often it is asked for it."""

@@ -11,7 +11,7 @@ from options.opencood.model import OpenCoodModel, Scan
 from options.opencood.payload import decode_map, encode_map
 from perception.codec.boxes import decode_boxes, encode_boxes
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
-from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.base import Contribution, EncodeOptions, FrameRequest, Fusion, Gathering
 from perception.types import Boxes, clean_points
 from swarm.errors import PayloadError, PerceptionError
 from swarm.geometry import Matrix, Points, Pose, invert, pose_of
@@ -132,8 +132,8 @@ class _Maps(Gathering):
         self._world_from_own = world_from_own
         self._maps = [model.encode(own)]
 
-    def ask(self) -> Ask:
-        return Ask(reference=pose_of(self._world_from_own))
+    def ask(self) -> FrameRequest:
+        return FrameRequest(reference=pose_of(self._world_from_own))
 
     def add(self, contribution: Contribution) -> None:
         model = self._model

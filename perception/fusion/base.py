@@ -34,7 +34,7 @@ class EncodeOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class FrameRequest:
     """What the ego tells robots when it asks them for a frame."""
 
     reference: Pose | None = None
@@ -75,11 +75,11 @@ class Gathering(ABC):
     remembered: Corrections | None = None
     """What is known of senders' poses from the frames before."""
 
-    def ask(self) -> Ask:
+    def ask(self) -> FrameRequest:
         """What robots must be told before they encode."""
-        return Ask()
+        return FrameRequest()
 
-    def ask_for(self, form: str) -> Ask:
+    def ask_for(self, form: str) -> FrameRequest:
         """The same for robots that send this form, where a frame has several."""
         return self.ask()
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from perception.boxes import SHARPNESS, weighted_fusion
 from perception.detector.config import configuration
 from perception.fusion.aligner import Remembering
-from perception.fusion.base import Ask, Contribution, Fusion, Gathering
+from perception.fusion.base import Contribution, FrameRequest, Fusion, Gathering
 from perception.fusion.tracks import Tracks
 from perception.types import Boxes
 from swarm.errors import PayloadError
@@ -91,10 +91,10 @@ class _Compensated(Gathering):
         self._views = [1] * len(scans)
         """Robots that show each scan's time, the ego included."""
 
-    def ask(self) -> Ask:
+    def ask(self) -> FrameRequest:
         return self._now.ask()
 
-    def ask_for(self, form: str) -> Ask:
+    def ask_for(self, form: str) -> FrameRequest:
         return self._now.ask_for(form)
 
     def prepare(self) -> None:

@@ -18,7 +18,7 @@ from perception.boxes import weighted_fusion
 from perception.codec.outlined import take_outline
 from perception.detector.finders import Finder, Learned
 from perception.fusion.aligner import Aligner, in_world
-from perception.fusion.base import Ask, Contribution, Fusion, Gathering
+from perception.fusion.base import Contribution, FrameRequest, Fusion, Gathering
 from perception.fusion.known import without_own
 from perception.types import Boxes, clean_points
 from swarm.errors import PerceptionError
@@ -108,15 +108,15 @@ class OnePass(Gathering):
         self._maps: dict[MapForm, dict[int, SentMap]] = {}
         self._sent: dict[int, Boxes] = {}
 
-    def ask(self) -> Ask:
+    def ask(self) -> FrameRequest:
         """See `Gathering.ask`."""
         return self.ask_for(self._first.name)
 
-    def ask_for(self, form: str) -> Ask:
+    def ask_for(self, form: str) -> FrameRequest:
         """See `Gathering.ask_for`. Raises KeyError for a form that is none of the frame's."""
         wanted = self._forms[form]
         reference = self._reference if wanted.tells_pose else None
-        return Ask(reference, wanted.demand(self._own_map()) if wanted.asks else b"")
+        return FrameRequest(reference, wanted.demand(self._own_map()) if wanted.asks else b"")
 
     def prepare(self) -> None:
         """See `Gathering.prepare`."""

@@ -29,7 +29,7 @@ from perception.codec.outlined import add_outline
 from perception.codec.points import encode_points
 from perception.types import Boxes
 from research.fuzz.targets import files, messages, payloads
-from swarm.chunks import PART_BYTES, Ask, More, split
+from swarm.chunks import PART_BYTES, AskParts, MoreParts, split
 from swarm.geometry import Pose
 from tests.support.bag_files import CLOUD, ODOMETRY, STORE, TRANSFORMS, cloud, odometry, transforms
 from tests.support.codec_scans import room_scan
@@ -77,7 +77,7 @@ def chunk_seeds() -> Seeds:
     small = [head[:5] + (3).to_bytes(4, "little") for head in heads]
     yield "two-parts", packed(small[0], b"ab", small[1], b"c")
     yield "reversed", packed(small[1], b"c", small[0], b"ab")
-    yield "queries", packed(Ask(7, 1.5, 3).pack(), b"", More(7, 9).pack(), b"")
+    yield "queries", packed(AskParts(7, 1.5, 3).pack(), b"", MoreParts(7, 9).pack(), b"")
 
 
 def array_seeds() -> Seeds:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ego_agent.plan.advice.outcomes import Ended, Outcome, plain
-from ego_agent.plan.advice.questions import Heard
+from ego_agent.plan.advice.questions import Answered
 from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import AnswerReport, LlmTokens, Source
@@ -54,7 +54,7 @@ class Cycle:
 
 
 def answer_report(
-    heard: Heard, outcome: Outcome, why: str, repaired: Sequence[str] = ()
+    heard: Answered, outcome: Outcome, why: str, repaired: Sequence[str] = ()
 ) -> AnswerReport:
     """What came of a question, as the journal has it."""
     answer = heard.answer

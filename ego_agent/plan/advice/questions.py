@@ -28,7 +28,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Answered:
     """What came of a question: an answer, or what kept it away."""
 
     question: Question
@@ -55,7 +55,7 @@ class Asking(Protocol):
         """Sends a question; only while none is pending."""
         ...
 
-    def take(self) -> Heard | None:
+    def take(self) -> Answered | None:
         """What came of the pending question, once; None while nothing has."""
         ...
 
@@ -76,7 +76,7 @@ class Questions:
         self._losses = 0
         self._number = 0
         self._pending: Question | None = None
-        self._heard: Heard | None = None
+        self._heard: Answered | None = None
         self.close = session.watch_gateway(self._on_gateway)
         """Watches for gateways no more."""
 
@@ -99,7 +99,7 @@ class Questions:
         threading.Thread(target=self._follow, args=(question,), name=name, daemon=True).start()
         return question
 
-    def take(self) -> Heard | None:
+    def take(self) -> Answered | None:
         """What came of the pending question, once; None while nothing has."""
         lost = not self.alive()
         with self._lock:
@@ -107,7 +107,7 @@ class Questions:
             if question is None:
                 return None
             if heard is None and (lost or question.loss != self._losses):
-                heard = Heard(question, time.monotonic() - question.asked_s)
+                heard = Answered(question, time.monotonic() - question.asked_s)
             if heard is not None:
                 self._pending = self._heard = None
             return heard
@@ -124,7 +124,7 @@ class Questions:
             if self._pending is question:
                 self._heard = heard
 
-    def _answer(self, question: Question) -> Heard:
+    def _answer(self, question: Question) -> Answered:
         prompt = question.prompt
         try:
             answer = self._session.ask(
@@ -144,5 +144,5 @@ class Questions:
         except Exception as error:  # whatever it is, the ego must be able to ask again
             waited_s = time.monotonic() - question.asked_s
             kind, why = trouble(error, waited_s, self._deadline_s)
-            return Heard(question, waited_s, None, kind, why)
-        return Heard(question, time.monotonic() - question.asked_s, answer.message)
+            return Answered(question, waited_s, None, kind, why)
+        return Answered(question, time.monotonic() - question.asked_s, answer.message)

@@ -15,7 +15,7 @@ from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.advice.adopted import Advice, Cycle, answer_report
 from ego_agent.plan.advice.judge import Verdict, judge
 from ego_agent.plan.advice.outcomes import Refused, plain
-from ego_agent.plan.advice.questions import Asking, Heard, Question, Questions
+from ego_agent.plan.advice.questions import Answered, Asking, Question, Questions
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.options import compare
 from ego_agent.plan.choices.scoring import Scorer
@@ -121,7 +121,7 @@ class Llm:
         alive = questions is not None and questions.alive()
         return Cycle(compared, score, reason, self._clock(), alive)
 
-    def _lose(self, cycle: Cycle, heard: Heard | None) -> None:
+    def _lose(self, cycle: Cycle, heard: Answered | None) -> None:
         """There is no gateway: nothing is held, and it is asked at once when it is back."""
         if heard is not None:
             cycle.answer = answer_report(heard, "no_gateway", heard.why)
@@ -151,7 +151,7 @@ class Llm:
         self._last, self._asked_for = questions.ask(prompt), cycle.fingerprint
         cycle.asked = True
 
-    def _hear(self, cycle: Cycle, heard: Heard) -> None:
+    def _hear(self, cycle: Cycle, heard: Answered) -> None:
         """Adopts or refuses what came of a question."""
         if heard.answer is None:
             if heard.trouble == "no_gateway":
@@ -187,7 +187,7 @@ class Llm:
         )
         self._refusal = self._refused_for = ""
 
-    def _not_followed(self, cycle: Cycle, heard: Heard, outcome: Refused, why: str) -> None:
+    def _not_followed(self, cycle: Cycle, heard: Answered, outcome: Refused, why: str) -> None:
         cycle.answer = answer_report(heard, outcome, f"refused: {why}")
         self._refuse(cycle, cycle.answer.why)
 

@@ -109,7 +109,7 @@ class LlamaCpp:
         self._waiting[ident] = future
         if hear is not None:
             self._hearing[ident] = hear
-        process.stdin.write(frames.pack(frames.Ask(ident, prompt, words=hear is not None)))
+        process.stdin.write(frames.pack(frames.Request(ident, prompt, words=hear is not None)))
         try:
             async with asyncio.timeout(timeout_s):
                 return await future

@@ -14,7 +14,7 @@ MAX_BYTES = 8_000_000
 _LENGTH = 4
 
 
-class Ask(msgspec.Struct, tag="ask", frozen=True):
+class Request(msgspec.Struct, tag="ask", frozen=True):
     """A prompt to answer."""
 
     ident: int
@@ -71,7 +71,7 @@ class Gone(msgspec.Struct, tag="gone", frozen=True):
     ident: int
 
 
-ToWorker = Ask | Cancel
+ToWorker = Request | Cancel
 FromWorker = Ready | Broken | Words | Answer | Failed | Gone
 
 

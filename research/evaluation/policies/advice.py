@@ -13,7 +13,7 @@ import msgspec
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
-from ego_agent.plan.advice.questions import Heard, Question
+from ego_agent.plan.advice.questions import Answered, Question
 from ego_agent.plan.policies.llm import Llm
 from ego_agent.plan.prompting import LlmPrompt
 from ego_agent.settings import EgoSettings, PromptStyle
@@ -144,7 +144,7 @@ class AtOnce:
         self._model = model
         self._schemas = Schemas()
         self._number = 0
-        self._heard: Heard | None = None
+        self._heard: Answered | None = None
         self.now_s = 0.0
         """The experiment's clock."""
         self.waited_s = 0.0
@@ -171,19 +171,19 @@ class AtOnce:
         self._heard = self._hear(question, answer)
         return question
 
-    def take(self) -> Heard | None:
+    def take(self) -> Answered | None:
         """See `Asking`."""
         heard, self._heard = self._heard, None
         return heard
 
-    def _hear(self, question: Question, answer: Answer) -> Heard:
+    def _hear(self, question: Question, answer: Answer) -> Answered:
         if answer.trouble:
-            return Heard(question, answer.took_s, None, "failed", answer.trouble)
+            return Answered(question, answer.took_s, None, "failed", answer.trouble)
         try:
             decision = extract(answer.text, question.prompt.schema, self._schemas)
         except AnswerError as error:
-            return Heard(question, answer.took_s, None, "invalid", str(error))
-        return Heard(
+            return Answered(question, answer.took_s, None, "invalid", str(error))
+        return Answered(
             question,
             answer.took_s,
             DecideAnswer(

@@ -17,7 +17,7 @@ import zenoh
 from prometheus_client import CollectorRegistry
 
 from swarm import keyspace, transport, zenoh_config
-from swarm.chunks import PART_BYTES, Ask, More, split
+from swarm.chunks import PART_BYTES, AskParts, MoreParts, split
 from swarm.errors import KeyspaceError, MessageError, PerceptionError, RefusedError, TransportError
 from swarm.messages import (
     MAX_MESSAGE_BYTES,
@@ -208,12 +208,12 @@ def test_a_server_sends_as_far_as_credit_goes_and_stops_when_its_asker_has_stopp
         replies = asker.get(
             key,
             payload=encode(REQUEST),
-            attachment=Ask(token=1, timeout_s=2.0, parts=2).pack(),
+            attachment=AskParts(token=1, timeout_s=2.0, parts=2).pack(),
             timeout=WAIT_S,
             consolidation=zenoh.ConsolidationMode.NONE,
         )
         seen = [next(replies), next(replies)]
-        list(asker.get(key, attachment=More(token=1, parts=3).pack(), timeout=WAIT_S))
+        list(asker.get(key, attachment=MoreParts(token=1, parts=3).pack(), timeout=WAIT_S))
         seen += list(replies)
     parts = [reply.ok.payload.to_bytes() for reply in seen if reply.ok is not None]
     assert parts == [part for _, part in split(encode(observation(REQUEST, LARGE)))][:3]
@@ -478,7 +478,7 @@ def test_a_stranger_who_takes_all_places_and_no_parts_keeps_nobody_out(
     stranger = ObservationRequest(ego="stranger", request=1, algorithm="early", capture_ns=0)
     with raw_zenoh(shared_router) as asker:
         for token in range(3 * MAX_WAITING_QUERIES):
-            attachment = Ask(token, timeout_s=3600.0, parts=1).pack()
+            attachment = AskParts(token, timeout_s=3600.0, parts=1).pack()
             # Its answers are never taken, and its credit never grows.
             asker.get(key, lambda _: None, payload=encode(stranger), attachment=attachment)
         until(lambda: bool(pair[0]._servers[0]._places._waiting), "the stranger waits")

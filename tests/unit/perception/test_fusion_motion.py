@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.fusion.base import Ask, Contribution, EncodeOptions, Fusion, Gathering
+from perception.fusion.base import Contribution, EncodeOptions, FrameRequest, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.known import without_own
 from perception.fusion.tracks import FORGOTTEN_S, Tracks
@@ -137,8 +137,8 @@ class _Places(Gathering):
         self._world_from_own = world_from_own
         self._found: list[tuple[float, float]] = []
 
-    def ask(self) -> Ask:
-        return Ask()
+    def ask(self) -> FrameRequest:
+        return FrameRequest()
 
     def add(self, contribution: Contribution) -> None:
         if not contribution.payload:

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from swarm.chunks import (
     MAX_PARTS,
     PART_BYTES,
-    Ask,
+    AskParts,
     Assembly,
-    More,
+    MoreParts,
     read_query,
     split,
 )
@@ -137,7 +137,7 @@ def test_an_incomplete_answer_says_what_is_missing() -> None:
 
 
 def test_what_travels_with_a_query_is_read_as_it_was_written() -> None:
-    ask, more = Ask(token=2**64 - 1, timeout_s=1.25, parts=3), More(token=7, parts=9)
+    ask, more = AskParts(token=2**64 - 1, timeout_s=1.25, parts=3), MoreParts(token=7, parts=9)
     assert read_query(ask.pack()) == ask
     assert read_query(more.pack()) == more
 
