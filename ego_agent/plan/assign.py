@@ -22,13 +22,11 @@ def assigned(
     decision: Decision, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
 ) -> Decision:
     """The decision with a rate for each participant, and with the quality and the bytes a frame
-    that follow; as it was where it has rates, where the objective has no rarer ones, where the
-    algorithm cannot be fused beside others, or where nobody contributes.
-
-    The rates are never above the decision's own, so a link that carries the decision carries this.
-    """
+    that follow; as it was where the objective has no rarer ones, where the algorithm cannot be
+    fused beside others, or where nobody contributes. The rates are those of the decision before
+    where others are hardly better."""
     others = decision.participants[1:]
-    if not knowledge.objective.rarer_hz or not others or decision.assignments:
+    if not knowledge.objective.rarer_hz or not others:
         return decision
     if decision.algorithm not in knowledge.mixable:
         return decision
@@ -36,7 +34,7 @@ def assigned(
     found = mixes.rated(others, decision.algorithm)
     if _same(previous, decision):
         held = mixes.score(previous.assignments) if previous else None
-        if held is not None and held.value >= found.value - SAME:
+        if held is not None and held.value >= found.value - SAME and mixes.carries(held):
             found = held
     if not found.assignments:
         return decision

@@ -66,13 +66,14 @@ def _decided(
             on_fault(found.why)
         if isinstance(found, Unusable):
             repairs = (*repairs, *found.repairs)
-        elif proposer is policy:
-            return assigned(found, scene, knowledge, previous)
-        else:
-            taken = msgspec.structs.replace(
+            continue
+        if proposer is not policy:
+            found = msgspec.structs.replace(
                 found, source="fallback", repairs=bounded((*repairs, *found.repairs))
             )
-            return assigned(taken, scene, knowledge, previous)
+        if proposal.assignments:
+            return found
+        return assigned(found, scene, knowledge, previous)
     scorer = Scorer(scene, knowledge)
     return make_decision(
         scorer,

@@ -130,20 +130,26 @@ class Mixes:
             budget *= CALMER
 
     def rated(self, participants: Sequence[str], algorithm: Algorithm) -> Score:
-        """These robots with that algorithm, each at its best rate."""
-        growing = self._nobody()
-        allowed = np.zeros_like(self.able)
+        """These robots with that algorithm, each at its best rate: all of them where the link
+        carries all at their lowest rates, else those who bring most for their bytes."""
         same = [o for o, option in enumerate(self.options) if option.algorithm == algorithm]
-        for robot in participants:
-            i = self.scorer.row_of[robot] - 1
-            allowed[i, same] = self.able[i, same]
-            rarest = [o for o in same if self.able[i, o]]
-            if not rarest:
-                return self.scorer.score(participants, algorithm)
-            self._take(growing, i, min(rarest, key=lambda o: self._rate[o]))
-        growing.barred = ~allowed
-        found = self._grown(growing, float(self.scorer.budget_bytes), by_byte=False)
-        return self.score_of(found)
+        rows = [self.scorer.row_of[robot] - 1 for robot in participants]
+        barred = np.ones_like(self.able)
+        barred[np.ix_(rows, same)] = ~self.able[np.ix_(rows, same)]
+        if barred[rows].all(axis=1).any():
+            return self.scorer.score(participants, algorithm)
+        lowest = {i: int(np.where(barred[i], np.inf, self._rate).argmin()) for i in rows}
+        least = sum(self._sizes[i, o] * self._rate[o] for i, o in lowest.items())
+        budget = float(self.scorer.budget_bytes)
+        while True:
+            growing, everyone = self._nobody(), least <= budget + 1e-6
+            growing.barred = barred
+            for i, o in lowest.items() if everyone else ():
+                self._take(growing, i, o)
+            score = self.score_of(self._grown(growing, budget, by_byte=not everyone))
+            if not score.participants or self.carries(score):
+                return score
+            budget *= CALMER
 
     def score(self, assignments: Sequence[Assignment]) -> Score | None:
         """The score of a choice; None where a robot cannot send what is assigned to it."""
@@ -192,6 +198,10 @@ class Mixes:
         o = self.option(one.algorithm, one.rate_hz)
         i = self.scorer.row_of.get(one.robot, 0) - 1
         return o is not None and i >= 0 and bool(self.able[i, o])
+
+    def sends(self, robot: str, algorithm: Algorithm) -> bool:
+        """Whether a candidate can send with the algorithm, at any rate."""
+        return any(one.algorithm == algorithm for one in self.options_of(robot))
 
     def options_of(self, robot: str) -> list[Assignment]:
         """What a candidate can send."""

@@ -239,22 +239,32 @@ def _paced(fastest: Scorer, asked: list[str], proposal: Proposal) -> Scorer:
 def _value(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> float:
     """Of the choice at the scorer's pace, with rates where robots may be asked less often."""
     trimmed = _trimmed(scorer, asked, algorithm)
-    known = scorer.knowledge
-    if not known.objective.rarer_hz or algorithm not in known.mixable or not trimmed.participants:
+    if not trimmed.participants or trimmed.assignments or not _rarer(scorer, algorithm):
         return trimmed.value
     return max(trimmed.value, Mixes(scorer).rated(trimmed.participants, algorithm).value)
 
 
+def _rarer(scorer: Scorer, algorithm: Algorithm) -> bool:
+    """Whether robots may be asked for it less often than frames are fused."""
+    return bool(scorer.objective.rarer_hz) and algorithm in scorer.knowledge.mixable
+
+
 def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:
-    """Those who can send for the algorithm; where the link cannot carry them all, the ones with
-    the least gain a byte are left out."""
+    """Those who can send for the algorithm; where the link cannot carry them all in every frame,
+    the ones with the least gain a byte are left out, or all are asked less often where that may be
+    and is worth more."""
     able = [robot for robot in asked if scorer.can(robot, algorithm)]
-    everyone = scorer.score(able, algorithm)
-    if scorer.fits(everyone):
-        return everyone
-    wanted = tuple(c for c in scorer.scene.candidates if c.robot in able)
-    grown = [scorer.score((), algorithm), *grow(scorer, wanted, algorithm, by_byte=True)]
-    return grown[-1]
+    trimmed = scorer.score(able, algorithm)
+    if not scorer.fits(trimmed):
+        wanted = tuple(c for c in scorer.scene.candidates if c.robot in able)
+        grown = [scorer.score((), algorithm), *grow(scorer, wanted, algorithm, by_byte=True)]
+        trimmed = grown[-1]
+    if len(trimmed.participants) == len(asked) or not _rarer(scorer, algorithm):
+        return trimmed
+    mixes = Mixes(scorer)
+    some = [robot for robot in asked if mixes.sends(robot, algorithm)]
+    fewer = mixes.rated(trimmed.participants, algorithm)
+    return _better(scorer, [mixes.rated(some, algorithm), fewer])
 
 
 def _costs_less(scorer: Scorer, asked: list[str], one: Algorithm, other: Algorithm) -> bool:

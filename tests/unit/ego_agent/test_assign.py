@@ -140,3 +140,36 @@ def test_memory_takes_the_place_of_fewer_frames() -> None:
     with_memory = decide(a_floor(), rarer(q_min=0.0, **dear))
     assert usual.rate_hz < with_memory.rate_hz == 10.0
     assert min(rates(with_memory).values()) < usual.rate_hz
+
+
+@given(st.floats(2e5, 3e6))
+def test_where_the_link_does_not_carry_all_in_every_frame_they_are_asked_less_often(
+    capacity_bps: float,
+) -> None:
+    found = a_floor(capacity_bps)
+    free: dict[str, Any] = {"lambda_link": 0.0, "lambda_compute": 0.0}
+    usual, decision = (decide(found, make(q_min=0.0, **free)) for make in (knowledge, rarer))
+    sizes = {c.robot: c.sizes["early"] for c in found.candidates}
+    hz = rates(decision) or dict.fromkeys(decision.participants[1:], decision.rate_hz)
+    assert set(decision.participants) >= set(usual.participants)
+    if decision.algorithm == usual.algorithm:
+        assert decision.quality >= usual.quality - 1e-9
+    if decision.algorithm == "early":
+        assert sum(8.0 * sizes[robot] * often for robot, often in hz.items()) <= 0.8 * capacity_bps
+
+
+def test_points_of_all_come_less_often_rather_than_boxes_in_every_frame() -> None:
+    usual, decision = (decide(a_floor(1.5e6), make(q_min=0.0)) for make in (knowledge, rarer))
+    assert (usual.algorithm, decision.algorithm) == ("late", "early")
+    assert decision.participants == ("E", "B", "C")
+    assert usual.repairs
+    assert not decision.repairs
+
+
+def test_rates_that_a_link_dictates_stay_while_it_wavers() -> None:
+    known = rarer(q_min=0.0)
+    first = decide(a_floor(1.5e6), known)
+    again = first
+    for capacity_bps in (1.52e6, 1.49e6, 1.51e6, 1.5e6):
+        again = decide(a_floor(capacity_bps), known, again)
+        assert rates(again) == rates(first)
