@@ -305,8 +305,10 @@ class Mixes:
         adds = (self._seen @ (growing.missed * self._weights).T).astype(np.float64)
         left = 1.0 - growing.shown
         rest = np.divide(1.0, left, out=np.zeros_like(left), where=left > 1e-9)
-        extra = (self._shown - growing.shown[:, None, :]) * rest[:, None, :]
-        more: NDArray[np.bool_] = (extra.min(axis=2) >= -1e-9) & (extra.max(axis=2) > 1e-9)
+        rises = self._shown - growing.shown[:, None, :]
+        extra = rises * rest[:, None, :]
+        # Also of what is certain, to which nothing can be added, nothing may be lost.
+        more: NDArray[np.bool_] = (rises.min(axis=2) >= -1e-9) & (extra.max(axis=2) > 1e-9)
         room = np.maximum(0.0, enough - growing.share)
         gain: Floats = np.minimum(adds[:, None, :] * extra, room) @ self._rise
         return more, gain

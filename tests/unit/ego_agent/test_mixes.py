@@ -318,3 +318,15 @@ def test_who_is_preferred_may_cost_more() -> None:
         for one in (found, replace(found, preferred=frozenset({liked})))
     )
     assert asked[liked].costs < plain[liked].costs
+
+
+@pytest.mark.parametrize("by_byte", [True, False])
+def test_on_the_way_nobody_is_credited_with_what_it_sends_no_more(by_byte: bool) -> None:
+    """Boxes twice a second that are as good as boxes always are better in that than points once."""
+    known = Knowledge(Objective(rarer_hz=RARER_HZ, lambda_link=0.002), BOTH)
+    for capacity_bps in (4e5, 8e5, 1.2e6, 2e6):
+        mixes = Mixes(Scorer(a_floor(3, capacity_bps=capacity_bps), known))
+        grown = mixes.grow(by_byte=by_byte)
+        again = mixes.score(grown.assignments)
+        assert again is not None
+        assert not grown.assignments or again.quality == pytest.approx(grown.quality, abs=1e-5)
