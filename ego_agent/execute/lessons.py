@@ -12,8 +12,9 @@ from swarm.errors import CoAdaptError
 from swarm.messages import Observation
 from swarm.session import Answer
 
-PROBE_FRAMES = 5.0
-"""Frames that the answer to a probe counts for: there are few of them."""
+PROBE_FRAMES = 10.0
+"""Frames that the answer to a probe counts for: there are few of them, and two that come in time
+outweigh what was late while a queue drained (`MEMORY_FRAMES`)."""
 
 
 class Lessons:

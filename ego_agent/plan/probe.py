@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
+
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.pace import algorithm_of
@@ -17,8 +19,6 @@ from swarm.messages import Decision, Probe
 
 FIRST_S, LAST_S = 5.0, 60.0
 """Time from one probe to the next: it doubles with every failure."""
-FOLLOW_S = 1.0
-"""After a success the next robot is asked this soon."""
 FORGET_S = 60.0
 """When nothing has been missed for so long, the next probe is a first one."""
 DOUBTED = 0.9
@@ -58,17 +58,15 @@ class Prober:
         if self._sent is not None or now_s < self._due_s:
             return None
         hoping = Scorer(scene, knowledge, hopes=True)
-        hoped, _ = Coverage().choose(hoping, None)
-        if hoped.quality - decision.quality <= knowledge.objective.switch_gain:
+        # However new the decision is: a probe changes nothing yet.
+        hoped, _ = Coverage().choose(hoping, msgspec.structs.replace(decision, held_s=None))
+        probe = _of(Scorer(scene, knowledge).at(hoped.pace), hoped, decision)
+        if probe is None:
             self._due_s = now_s + FIRST_S
             if now_s - self._missed_s > FORGET_S:
                 self._wait_s = FIRST_S
             return None
         self._missed_s = now_s
-        probe = _of(Scorer(scene, knowledge).at(hoped.pace), hoped, decision)
-        if probe is None:
-            self._due_s = now_s + FIRST_S
-            return None
         self._sent = _Sent(probe, now_s, hoped.pace.deadline_s)
         return probe
 
@@ -85,7 +83,8 @@ class Prober:
         else:
             came = told.answer_s <= sent.deadline_s
         self._sent = None
-        self._due_s = now_s + (FOLLOW_S if came else self._wait_s)
+        # After a success the next robot is asked at once.
+        self._due_s = now_s if came else now_s + self._wait_s
         if not came:
             self._wait_s = min(LAST_S, 2.0 * self._wait_s)
 
@@ -94,20 +93,19 @@ def _of(scorer: Scorer, hoped: Score, decision: Decision) -> Probe | None:
     """The hoped-for participant to ask: of those that are doubted and not asked for the same
     anyway, the one whose answers are known least. None where nobody is, or where the link does not
     carry the answer within a second."""
-    same = {
-        robot for robot in decision.participants if algorithm_of(decision, robot) == hoped.algorithm
-    }
+    asked = {robot: algorithm_of(decision, robot) for robot in decision.participants}
     scene, objective = scorer.scene, scorer.objective
     free_bps = (
         objective.headroom * scene.capacity_bps - 8.0 * decision.cost_bytes * decision.rate_hz
     )
     able = []
-    for robot in set(hoped.participants) - same:
-        size = scorer.size(robot, hoped.algorithm)
-        if scorer.in_time(robot, hoped.algorithm) < DOUBTED and 8.0 * size <= free_bps:
-            answers = scene.candidates[scorer.row_of[robot] - 1].answers.get(hoped.algorithm)
-            able.append((answers.frames if answers else 0.0, robot, size))
-    if not able:
-        return None
-    _, robot, size = min(able)
-    return Probe(robot=robot, algorithm=hoped.algorithm, bytes=size)
+    for robot in hoped.participants:
+        algorithm = hoped.algorithm_of(robot)
+        size = scorer.size(robot, algorithm)
+        if asked.get(robot) == algorithm or 8.0 * size > free_bps:
+            continue
+        if scorer.in_time(robot, algorithm) < DOUBTED:
+            answers = scene.candidates[scorer.row_of[robot] - 1].answers.get(algorithm)
+            frames = answers.frames if answers else 0.0
+            able.append((frames, robot, Probe(robot=robot, algorithm=algorithm, bytes=size)))
+    return min(able, key=lambda one: one[:2])[2] if able else None

@@ -11,9 +11,10 @@ import numpy as np
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, Proposal, RobotView, Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
+from ego_agent.knowledge.pace import algorithm_of, rate_of
 from swarm.arrays import Array, pack
 from swarm.geometry import Pose
-from swarm.messages import ALGORITHMS, Algorithm, Beacon, Decision, SceneDescription
+from swarm.messages import ALGORITHMS, MIXED, Algorithm, Beacon, Decision, SceneDescription
 
 NOW_NS = 1_700_000_000_000_000_000
 BOTH: tuple[Algorithm, ...] = ("early", "late")
@@ -152,16 +153,18 @@ def assert_valid(decision: Decision, scene: UnifiedScene, knowledge: Knowledge) 
     assert ego == decision.ego == scene.ego.robot
     assert len(set(decision.participants)) == len(decision.participants)
     assert set(others) <= set(by_id)
-    assert decision.algorithm in knowledge.algorithms
-    assert decision.algorithm in ALGORITHMS
-    assert decision.cost_bytes == sum(by_id[r].sizes[decision.algorithm] for r in others)
+    sends = {robot: (algorithm_of(decision, robot), rate_of(decision, robot)) for robot in others}
+    kinds = {algorithm for algorithm, _ in sends.values()} or {decision.algorithm}
+    assert kinds <= {*knowledge.algorithms} & {*ALGORITHMS}
+    assert decision.algorithm == (kinds.pop() if len(kinds) == 1 else MIXED)
+    bytes_s = sum(by_id[robot].sizes[name] * hz for robot, (name, hz) in sends.items())
+    assert decision.cost_bytes == math.ceil(bytes_s / decision.rate_hz - 1e-6)
     allowed_bps = scene.capacity_bps * knowledge.objective.headroom
-    needed_bps = decision.cost_bytes * 8 * decision.rate_hz
-    assert not others or needed_bps <= allowed_bps * (1 + 1e-12)
-    for robot in others:
-        size_bps = by_id[robot].sizes[decision.algorithm] * 8 * decision.rate_hz
+    assert not others or bytes_s * 8 <= allowed_bps * (1 + 1e-12)
+    for robot, (name, hz) in sends.items():
+        size_bps = by_id[robot].sizes[name] * 8 * hz
         own_bps = by_id[robot].capacity_bps * knowledge.objective.headroom
-        sent_anyway = decision.algorithm in by_id[robot].shared
+        sent_anyway = name in by_id[robot].shared
         assert sent_anyway or size_bps <= own_bps * (1 + 1e-12)
     assert 0.0 <= decision.quality <= 1.0
     assert decision.capacity_bps == scene.capacity_bps

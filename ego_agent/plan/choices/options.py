@@ -22,10 +22,9 @@ class Compared:
 
 def compare(scorer: Scorer) -> Compared:
     """All options, and where robots may differ in what they send, and how often, also the choices
-    that the greedy orders find among such. Where everyone is hoped to be in time, all send the
-    same."""
+    that the greedy orders find among such."""
     options, mixes = list(all_options(scorer)), None
-    if scorer.objective.rarer_hz and scorer.knowledge.mixable and not scorer.hopes:
+    if scorer.objective.rarer_hz and scorer.knowledge.mixable:
         mixes = Mixes(scorer)
         options += [mixes.grow(by_byte=by_byte) for by_byte in (True, False)]
     return Compared(scorer, tuple(options), mixes)

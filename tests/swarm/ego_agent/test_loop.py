@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -12,11 +12,22 @@ from typing import Any
 import msgspec
 import pytest
 
+from ego_agent.execute.lessons import PROBE_FRAMES
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.experience import frames_of
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import MAX_DEADLINE_S, SLOWER_HZ, Pace, paces, stride
+from ego_agent.knowledge.pace import (
+    MAX_DEADLINE_S,
+    RARER_HZ,
+    SLOWER_HZ,
+    Pace,
+    algorithm_of,
+    due,
+    paces,
+    rate_of,
+    stride,
+)
 from ego_agent.plan.choices.explain import explain
 from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import need
@@ -44,6 +55,8 @@ class Rig:
     now_s: float = 5000.0
     decisions: list[Decision] = field(default_factory=list)
     probes: list[tuple[float, Probe]] = field(default_factory=list)
+    frame: int = 0
+    sizes: Mapping[str, int] = field(default_factory=lambda: SIZES)
 
     def __post_init__(self) -> None:
         self.known.experience._clock = lambda: self.now_s
@@ -55,8 +68,8 @@ class Rig:
         for number in range(self.robots):
             robot = f"R{number + 1}"
             cells = range(12 + 10 * number, 22 + 10 * number)
-            answers = learnt.of(robot, SIZES) if self.known.learns else {}
-            seen = candidate(robot, cells, sizes=SIZES)
+            answers = learnt.of(robot, self.sizes) if self.known.learns else {}
+            seen = candidate(robot, cells, sizes=self.sizes)
             others.append(replace(seen, answers=answers))
         return UnifiedScene(
             ego=candidate("E", range(12)),
@@ -86,7 +99,10 @@ class Rig:
         for _ in range(frames):
             self.now_s += 1.0 / frames
             for robot in decision.participants[1:]:
-                self._tell(robot, decision.algorithm, decision.rate_hz, decision.deadline_s)
+                if due(decision, robot, self.frame):
+                    algorithm, rate_hz = algorithm_of(decision, robot), rate_of(decision, robot)
+                    self._tell(robot, algorithm, rate_hz, decision.deadline_s)
+            self.frame += 1
         return decision
 
     def _tell(
@@ -99,7 +115,9 @@ class Rig:
             self.known.experience.record,
             robot,
             algorithm,
-            frames=5.0 if deadline_s is None else frames_of(min(took_s, 1.5), rate_hz, 10.0),
+            frames=PROBE_FRAMES
+            if deadline_s is None
+            else frames_of(min(took_s, 1.5), rate_hz, 10.0),
             capacity_bps=self.capacity_bps,
         )
         if late and deadline_s is not None:
@@ -197,6 +215,33 @@ def test_when_probes_come_in_time_the_planner_goes_back() -> None:
         rig.cycle()
     assert rig.decisions[-1].algorithm == "early"
     assert len(rig.decisions[-1].participants) == 6
+
+
+def test_points_that_were_late_while_a_queue_drained_come_back_at_lower_rates() -> None:
+    """After a drop of the link the first answers wait behind what was asked before: that is no
+    reason to be content with boxes on a tenth of the link."""
+    drains = [False]
+
+    def answer(robot: str, algorithm: str, rate_hz: float) -> float:
+        return 2.0 if drains[0] and algorithm == "early" else 0.05
+
+    objective = Objective(slower_hz=SLOWER_HZ, rarer_hz=RARER_HZ)
+    known = Knowledge.of_detector("factory", objective, ("early", "late"))
+    rig = Rig(answer, known=known, sizes={"early": 3400, "late": 485})
+    for _ in range(20):
+        rig.cycle()
+    rig.capacity_bps, drains[0] = 1e6, True
+    for _ in range(3):
+        rig.cycle()
+    drains[0] = False
+    boxes = [rig.cycle() for _ in range(5)][-1]
+    assert "early" not in {algorithm_of(boxes, robot) for robot in boxes.participants[1:]}
+    for _ in range(30):
+        decision = rig.cycle()
+    forms = [algorithm_of(decision, robot) for robot in decision.participants[1:]]
+    assert forms.count("early") >= 3
+    assert decision.quality > boxes.quality + 0.05
+    assert decision.cost_bytes * 8 * decision.rate_hz <= 0.8 * rig.capacity_bps
 
 
 def test_a_probe_never_asks_for_more_than_the_link_carries() -> None:
