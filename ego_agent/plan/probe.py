@@ -91,21 +91,18 @@ class Prober:
 
 def _of(scorer: Scorer, hoped: Score, decision: Decision) -> Probe | None:
     """The hoped-for participant to ask: of those that are doubted and not asked for the same
-    anyway, the one whose answers are known least. None where nobody is, or where the link does not
-    carry the answer within a second."""
+    anyway, the one that is doubted least, so that one who came in time is soon believed. None where
+    nobody is, or where the link does not carry the answer within a second."""
     asked = {robot: algorithm_of(decision, robot) for robot in decision.participants}
-    scene, objective = scorer.scene, scorer.objective
+    objective = scorer.objective
     free_bps = (
-        objective.headroom * scene.capacity_bps - 8.0 * decision.cost_bytes * decision.rate_hz
+        objective.headroom * scorer.scene.capacity_bps
+        - 8.0 * decision.cost_bytes * decision.rate_hz
     )
     able = []
     for robot in hoped.participants:
         algorithm = hoped.algorithm_of(robot)
-        size = scorer.size(robot, algorithm)
-        if asked.get(robot) == algorithm or 8.0 * size > free_bps:
-            continue
-        if scorer.in_time(robot, algorithm) < DOUBTED:
-            answers = scene.candidates[scorer.row_of[robot] - 1].answers.get(algorithm)
-            frames = answers.frames if answers else 0.0
-            able.append((frames, robot, Probe(robot=robot, algorithm=algorithm, bytes=size)))
+        size, chance = scorer.size(robot, algorithm), scorer.in_time(robot, algorithm)
+        if asked.get(robot) != algorithm and 8.0 * size <= free_bps and chance < DOUBTED:
+            able.append((-chance, robot, Probe(robot=robot, algorithm=algorithm, bytes=size)))
     return min(able, key=lambda one: one[:2])[2] if able else None
