@@ -6,6 +6,7 @@ Beacons come before scenes, as where a robot is ages faster than what it sees.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import msgspec
@@ -19,7 +20,9 @@ WIRE_BYTES = 120
 BEACON_SHARE = 0.7
 """Of the budget; scenes have the rest."""
 SIZES_PERIOD_S = 2.0
-"""Sizes that stay the same are told this often."""
+"""Sizes that stay about the same, and the body, are told this often."""
+ALIKE = 0.1
+"""Sizes that differ by less than this share are about the same."""
 MARK_PERIOD_S = 1.0
 """The robot's world and version are told this often, so that who has just come hears of them."""
 MAX_SCENE_GAP_S = 3.0
@@ -58,8 +61,8 @@ class Thinner:
         if budget_bps is None:
             self._beacon_due = 0.0
             return beacon
-        if beacon.sizes == self._sizes and now - self._sizes_at < SIZES_PERIOD_S:
-            beacon = msgspec.structs.replace(beacon, sizes={})
+        if _alike(beacon.sizes, self._sizes) and now - self._sizes_at < SIZES_PERIOD_S:
+            beacon = msgspec.structs.replace(beacon, sizes={}, body=None)
         else:
             self._sizes, self._sizes_at = beacon.sizes, now
         bits = 8.0 * (len(encode(beacon)) + WIRE_BYTES)
@@ -79,6 +82,12 @@ class Thinner:
             MAX_SCENE_GAP_S, 8.0 * (len(encode(scene)) + WIRE_BYTES) / share_bps
         )
         return scene
+
+
+def _alike(one: Mapping[str, int], other: Mapping[str, int]) -> bool:
+    return one.keys() == other.keys() and all(
+        abs(size - other[name]) <= ALIKE * other[name] for name, size in one.items()
+    )
 
 
 def _fitted(scene: SceneDescription, allowed_bytes: int) -> SceneDescription:

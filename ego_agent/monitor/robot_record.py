@@ -53,8 +53,9 @@ class RobotRecord:
         if not self._in_order(stream.beacons, beacon.seq, now):
             return False
         if known is not None and known.instance == beacon.instance and not beacon.sizes:
-            # A robot that speaks little leaves out sizes that it has told.
-            beacon = msgspec.structs.replace(beacon, sizes=known.sizes)
+            # A robot that speaks little leaves out sizes that it has told, and its body.
+            body = beacon.body or known.body
+            beacon = msgspec.structs.replace(beacon, sizes=known.sizes, body=body)
         if known is not None and known.instance == beacon.instance and not beacon.world:
             beacon = msgspec.structs.replace(beacon, world=known.world, software=known.software)
         self.beacon = beacon

@@ -16,10 +16,14 @@ FULL_BPS = 120_000
 """Of one robot that is free to speak: ten beacons and two scenes a second of a crowded floor."""
 LEAST_BPS = 2_000
 """One beacon in two seconds: too few to be relied on, enough to be found again."""
-NEEDED_BPS = 7_000
+NEEDED_BPS = 8_000
 """With less a robot's beacons are older than a second before the next one comes."""
+WELL_BPS = 10_000
+"""With this a beacon that is lost or late is followed by the next one within the second."""
 SHARE = 0.2
 """Of C(t) for all robots' messages: what observations leave free."""
+WELL_SHARE = 0.4
+"""Of C(t), where the robots need more than SHARE to be known well."""
 MOST_SHARE = 0.8
 """Of C(t), where the robots need more than SHARE to be known at all."""
 STANDING_S = 0.4
@@ -70,7 +74,11 @@ class ControlBudget:
             if each_bps * MOST_SHARE < NEEDED_BPS
             else ""
         )
-        carried_bps = max(SHARE * each_bps, min(NEEDED_BPS, MOST_SHARE * each_bps))
+        carried_bps = max(
+            SHARE * each_bps,
+            min(WELL_BPS, WELL_SHARE * each_bps),
+            min(NEEDED_BPS, MOST_SHARE * each_bps),
+        )
         for gone in self._levels.keys() - {view.robot for view in alive}:
             del self._levels[gone]
         fewer = {}

@@ -40,7 +40,10 @@ SETTLE_S = 8.0
 """Choices may change so soon after the link did; staleness and silence count from the start."""
 STALE_S = 1.0
 ENOUGH = 3
-"""Robots, the ego among them, whose boxes are fused in a frame that counts as delivered."""
+"""Robots, the ego among them, of whom a frame that counts as delivered has boxes or more."""
+RECENT_S = 1.25
+"""So long what a robot showed is in a frame, as memory carries it on: once a second, and within the
+deadline."""
 CONNECT_S = 10.0
 
 
@@ -83,7 +86,7 @@ def row(state: State, session: Session, heard: Heard, rate_bps: int, seconds: fl
     choices = [(frozenset(d.participants), d.algorithm) for d in settled]
     changes = sum(one != other for one, other in itertools.pairwise(choices))
     late = [f for at, f, _ in frames if at - begun >= SETTLE_S]
-    delivered = [len(f.participants) >= ENOUGH for f in late]
+    delivered = _shown([(at, f.participants) for at, f, _ in frames], begun + SETTLE_S)
     blind = [d.blind for d in settled]
     return {
         "robots": len(state.spec.robots),
@@ -94,7 +97,8 @@ def row(state: State, session: Session, heard: Heard, rate_bps: int, seconds: fl
         "offset_error_ms_max": round(1e3 * max(offsets, default=0.0), 1),
         "silent_blind_s": round(_silent_blind_s(begun, decisions, frames), 2),
         "changes_per_min": round(60.0 * changes / max(1e-3, seconds - SETTLE_S), 2),
-        "delivered_ratio": round(sum(delivered) / max(1, len(delivered)), 3),
+        "delivered_ratio": round(sum(n >= ENOUGH for n in delivered) / max(1, len(delivered)), 3),
+        "robots_shown": round(sum(delivered) / max(1, len(delivered)), 2),
         "blind_ratio": round(sum(map(bool, blind)) / max(1, len(blind)), 3),
         "frames_per_s": round(len(late) / max(1e-3, seconds - SETTLE_S), 2),
         "participants": round(sum(len(d.participants) for d in settled) / max(1, len(settled)), 2),
@@ -103,6 +107,17 @@ def row(state: State, session: Session, heard: Heard, rate_bps: int, seconds: fl
         "last_reason": decisions[-1][1].reason if decisions else "",
         "last_excluded": dict(decisions[-1][1].excluded) if decisions else {},
     }
+
+
+def _shown(frames: list[tuple[float, tuple[str, ...]]], since: float) -> list[int]:
+    """Of each frame since a time: how many robots have contributed to it, or RECENT_S before."""
+    last: dict[str, float] = {}
+    counts = []
+    for at, participants in frames:
+        last.update(dict.fromkeys(participants, at))
+        if at >= since:
+            counts.append(sum(at - then <= RECENT_S for then in last.values()))
+    return counts
 
 
 def _silent_blind_s(

@@ -45,7 +45,8 @@ class Beacon(Message, frozen=True, kw_only=True):
     """Encoded bytes of the newest measured frame by algorithm name, ready to be sent. Empty: as in
     the beacon before; a robot that is to speak little tells them rarely."""
     body: Body | None = None
-    """What others see of it; None: it does not say."""
+    """What others see of it; None: it does not say, or as in the beacon before where `sizes` are
+    left out, too."""
     steady_ns: Ns = 0
     """When it was sent on the robot's steady clock, which nobody sets; 0: it does not say."""
     echoes: Annotated[dict[RobotId, tuple[Ns, Ns]], msgspec.Meta(max_length=8)] = msgspec.field(

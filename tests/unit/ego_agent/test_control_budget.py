@@ -10,6 +10,8 @@ from ego_agent.plan.control_budget import (
     LEAST_BPS,
     NEEDED_BPS,
     SHARE,
+    WELL_BPS,
+    WELL_SHARE,
     ControlBudget,
     Wish,
 )
@@ -30,6 +32,11 @@ def test_a_narrow_link_shares_its_part_among_the_living() -> None:
     gone = seen(1.2e6)
     gone.robots["R1"] = replace(gone.robots["R1"], alive=False)  # type: ignore[index]
     assert ControlBudget().take(gone, 0.0).each_bps == round(SHARE * 1.2e6 / 5)
+
+
+def test_where_their_share_is_scarce_robots_may_take_more_to_be_known_well() -> None:
+    told = [ControlBudget().take(seen(bps), 0.0).each_bps for bps in (300e3, 140e3, 110e3, 60e3)]
+    assert told == [WELL_BPS, round(WELL_SHARE * 140e3 / 6), NEEDED_BPS, NEEDED_BPS]
 
 
 def test_robots_get_what_they_need_to_be_known_before_observations_get_theirs() -> None:

@@ -9,8 +9,10 @@ import pytest
 from robot_agent.pace import HOLD_S, MAX_ECHOES, Pace
 from robot_agent.thinning import MAX_SCENE_GAP_S, MIN_SECTORS, WIRE_BYTES, Thinner
 from swarm.arrays import pack, unpack_finite
+from swarm.body import Body
 from swarm.messages import Beacon, NetDemand, SceneDescription, encode
 
+BODY = Body(label="robot", size=(1.0, 0.7, 1.2), center=(0.0, 0.0, 0.0))
 POSE = (1.25, -2.5, 1.9, 0.0, 0.0, 0.75)
 BEACON = Beacon(
     robot="R2",
@@ -72,6 +74,18 @@ def test_a_robot_keeps_to_its_budget_and_is_known_to_the_second(budget_bps: int)
     assert longest_s < 1.0
     assert any(beacon.sizes for beacon in beacons)
     assert all(beacon.pose == POSE for beacon in beacons)
+
+
+def test_what_hardly_changes_is_told_every_two_seconds() -> None:
+    thinner, beacons = Thinner(), []
+    for tick in range(40):
+        sizes = {name: size + 50 * (tick % 2) for name, size in BEACON.sizes.items() if size > 500}
+        told = msgspec.structs.replace(BEACON, sizes=sizes, body=BODY)
+        beacons.append(thinner.beacon(told, 100_000, tick / 10))
+    assert [tick for tick, beacon in enumerate(beacons) if beacon.sizes] == [0, 20]
+    assert [tick for tick, beacon in enumerate(beacons) if beacon.body] == [0, 20]
+    grown = msgspec.structs.replace(BEACON, sizes={"early": 30_000, "intermediate-codebook": 2_000})
+    assert thinner.beacon(grown, 100_000, 4.0).sizes
 
 
 def test_a_robot_that_may_say_next_to_nothing_still_says_where_it_is() -> None:
