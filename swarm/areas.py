@@ -46,11 +46,13 @@ def cells_of_square(x: float, y: float, half_m: float) -> frozenset[Cell]:
 
 def cells_of_disc(x: float, y: float, radius_m: float) -> frozenset[Cell]:
     """All cells that a disc around a place touches."""
-    return frozenset(
+    touched = (
         cell
         for cell in cells_of_square(x, y, radius_m)
         if math.hypot(_gap(cell[0], x), _gap(cell[1], y)) <= radius_m
     )
+    # A place a rounding error off its cell's border is in it all the same.
+    return frozenset({cell_of(x, y), *touched})
 
 
 def _index(along: float) -> int:

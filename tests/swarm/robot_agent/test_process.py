@@ -124,7 +124,8 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
         boxes = decode_boxes(take_outline(answers[1].result(WAIT_S).message.payload)[0])
         found = shared_finder(world.detector).find(scan)
         expected = found.take(np.flatnonzero(found.scores >= SENT_SCORE)[:SENT_BOXES])
-        np.testing.assert_allclose(boxes.centers, expected.centers, atol=0.003)
+        # In bfloat16 two processes may differ by a rounding step of the network's last layer.
+        np.testing.assert_allclose(boxes.centers, expected.centers, atol=0.01)
         with pytest.raises(RefusedError, match=r"nearest, .* later; allowed"):
             ego.ask(key, request(capture_ns=1), Observation, timeout_s=5).result(WAIT_S)
 

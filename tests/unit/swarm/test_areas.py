@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swarm.areas import CELL_M, MAX_INDEX, cell_of, cells_of_disc, cells_of_square, name_of
@@ -14,6 +14,7 @@ along = st.floats(-5_000.0, 5_000.0)
 share = st.floats(-1.0, 1.0)
 
 
+@example(0.0, -5e-324, 0.0, 0.0, 0.0)
 @given(along, along, st.floats(0.0, 150.0), share, share)
 def test_every_place_of_a_square_lies_in_its_cells(
     x: float, y: float, half_m: float, east: float, north: float
