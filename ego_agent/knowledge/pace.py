@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from ego_agent.knowledge.objective import Objective
 from swarm.messages import Algorithm, Decision
 
-MAX_DEADLINE_S = 1.0
-"""A slower pace may wait this long: what is older shows another moment."""
+MAX_DEADLINE_S = 0.85
+"""A slower pace may wait this long, so that what is fused is not older than a second."""
 FADES_S = 0.7
 """In this time a result that is moved with its objects loses two thirds of its worth, as a late
 contribution does (perception/fusion/compensation.py)."""
