@@ -33,7 +33,7 @@ ARGS ?=
 PARALLEL = --numprocesses $(shell expr $$(nproc) + 1) --maxprocesses 8 --dist loadfile
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
-BENCHMARKS = sam codec detector compute peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded reaction deadline console trust egos scale machines
+BENCHMARKS = sam codec detector compute peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded deadline console trust egos scale machines
 # Without what is C (perception/kernels/_coding.c ...).
 DOCUMENTED = coadapt.api swarm perception worlds sensing robot_agent ego_agent network_controller llm_gateway deploy \
 	'!perception.kernels._' '!worlds.factory._'
