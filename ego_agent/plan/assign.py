@@ -34,7 +34,7 @@ def assigned(
     found = mixes.rated(others, decision.algorithm)
     if _same(previous, decision):
         held = mixes.score(previous.assignments) if previous else None
-        if held is not None and held.value >= found.value - SAME and mixes.carries(held):
+        if held is not None and held.value >= found.value - SAME and mixes.passes(held):
             found = held
     if not found.assignments:
         return decision

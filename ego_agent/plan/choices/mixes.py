@@ -147,7 +147,8 @@ class Mixes:
             for i, o in lowest.items() if everyone else ():
                 self._take(growing, i, o)
             score = self.score_of(self._grown(growing, budget, by_byte=not everyone))
-            if not score.participants or self.carries(score):
+            # Who takes part is given: an ego that is too busy for them is no reason for fewer.
+            if not score.participants or self.passes(score):
                 return score
             budget *= CALMER
 
@@ -248,13 +249,13 @@ class Mixes:
     def carries(self, score: Score) -> bool:
         """Whether the link carries a choice, its largest frame within the deadline, and the ego
         takes it up."""
-        if not self.scorer.fits(score):
-            return False
-        if not score.assignments:
-            return True
         known = self.scorer.knowledge
         busy_s = sum(known.add_s(one.algorithm) * one.rate_hz for one in score.assignments)
-        return busy_s <= self._spare_s and self._bursts_fit(score)
+        return self.passes(score) and (not score.assignments or busy_s <= self._spare_s)
+
+    def passes(self, score: Score) -> bool:
+        """Whether the link carries a choice, its largest frame within the deadline."""
+        return self.scorer.fits(score) and (not score.assignments or self._bursts_fit(score))
 
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer

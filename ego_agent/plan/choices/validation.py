@@ -263,8 +263,8 @@ def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:
         return trimmed
     mixes = Mixes(scorer)
     some = [robot for robot in asked if mixes.sends(robot, algorithm)]
-    fewer = mixes.rated(trimmed.participants, algorithm)
-    return _better(scorer, [mixes.rated(some, algorithm), fewer])
+    rated = [mixes.rated(robots, algorithm) for robots in (some, trimmed.participants)]
+    return _better(scorer, [*rated, trimmed])
 
 
 def _costs_less(scorer: Scorer, asked: list[str], one: Algorithm, other: Algorithm) -> bool:

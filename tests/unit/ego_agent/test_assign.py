@@ -11,9 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.compute import Work
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.pace import RARER_HZ, due
 from ego_agent.plan.assign import assigned
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.static import Static
 from swarm.messages import Assignment, Decision
@@ -173,3 +176,18 @@ def test_rates_that_a_link_dictates_stay_while_it_wavers() -> None:
     for capacity_bps in (1.52e6, 1.49e6, 1.51e6, 1.5e6):
         again = decide(a_floor(capacity_bps), known, again)
         assert rates(again) == rates(first)
+
+
+@pytest.mark.parametrize("capacity_bps", [3e5, 1.5e6, 20e6])
+def test_an_ego_without_time_to_spare_leaves_nobody_out_for_it(capacity_bps: float) -> None:
+    known, found = rarer(q_min=0.0), a_floor(capacity_bps)
+    usual = decide(found, known)
+    known._works = {
+        name: Work(encode_ms=1.0, fixed_ms=150.0, add_ms=5.0)
+        for name in ("early", "late", "single")
+    }
+    assert known.fixed_s() * 10.0 > 1.0
+    busy = decide(found, known)
+    assert (busy.participants, busy.source) == (usual.participants, "policy")
+    rated = Mixes(Scorer(found, known)).rated(("B", "C"), "early")
+    assert rated.participants == ("B", "C")
