@@ -21,6 +21,8 @@ from worlds.factory.world import FactoryWorld
 
 EGO, OTHER = "R1", "R2"
 FRAMES = 4
+MOST_LATE = 3
+"""Scans that a robot may be behind the ego on a busy machine."""
 
 
 @pytest.mark.parametrize("algorithm", fusion_names("factory"))
@@ -54,10 +56,10 @@ def test_live_bytes_are_those_of_an_experiment_on_the_same_frames(
     world = FactoryWorld(robots=2, rings=16, cache=scans)
     assert {frame.algorithm for frame in heard} == {algorithm}
     same = [frame.bytes[OTHER] == offline(world, frame) for frame in heard]
-    # A robot that reads its scan a little later than the ego answers with the one before.
-    lags = Disturbance(delay_s=1.0 / world.rate_hz)
+    # A robot that reads its scan later than the ego answers with the newest one that it has read.
+    lags = [Disturbance(delay_s=behind / world.rate_hz) for behind in range(1, MOST_LATE + 1)]
     for frame in (frame for frame, agrees in zip(heard, same, strict=True) if not agrees):
-        assert frame.bytes[OTHER] == offline(world, frame, lags)
+        assert frame.bytes[OTHER] in [offline(world, frame, lag) for lag in lags]
     assert any(same)
 
 

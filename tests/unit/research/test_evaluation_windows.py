@@ -16,6 +16,7 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.compute import ComputeModel, Work, packaged_compute
 from ego_agent.knowledge.objective import Objective
+from ego_agent.plan.control_budget import WELL_BPS
 from network_controller.profiles import Fixed
 from perception.fusion.registry import fusion_names
 from research.evaluation.policies.work_items import knowledge_of
@@ -260,9 +261,9 @@ def test_beacons_and_scenes_take_what_the_ego_grants() -> None:
         if robot != window.ego
     )
     assert control_bps(announcements.snapshot(window.ego, messages, 50e6)) == told > 10_000
-    # Of 100 kbit/s a fifth, shared by three.
+    # Of 100 kbit/s more than a fifth: what two need to be known well.
     granted = control_bps(announcements.snapshot(window.ego, messages, 100e3))
-    assert granted == pytest.approx(2 * 7_000, rel=0.01)
+    assert granted == pytest.approx(2 * WELL_BPS, rel=0.01)
 
 
 def test_what_an_ego_knows_is_what_robots_would_send() -> None:
