@@ -9,9 +9,10 @@ rates, in some of which a process keeps one core busy.
 `cycles`: from shaping to the first decision of which, and of the four after it together, at least
 0.9 of the contributions are in time. `in_time_ratio`: contributions in time by robots asked, over
 the schedule. Delivered AP: what a reader of the ego's detections has of each second frame, the
-newest boxes of at most a second ago, moved by their own velocities; boxes are matched at IoU 0.7
-with the truth of that frame. It is compared window by window of 5 s, both runs on the same frames;
-the interval draws whole segments again.
+newest objects of at most a second ago, moved by their own velocities, as the ego remembers them
+where it does, else its boxes; they are matched at IoU 0.7 with the truth of that frame. It is
+compared window by window of 5 s, both runs on the same frames; the interval draws whole segments
+again.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deploy.paths import journal_path
 from deploy.state import State
@@ -39,9 +41,10 @@ from perception.types import Boxes
 from research.benchmarks.live import ROBOTS, live_swarm, why_not
 from research.benchmarks.report import write_report
 from research.evaluation.bootstrap import bootstrap_mean
-from swarm.arrays import unpack_finite
+from swarm.arrays import Array, unpack_finite
 from swarm.listening import listen
 from swarm.messages import Detections
+from swarm.messages import Tracks as RememberedObjects
 from worlds.base import World
 from worlds.cooperative.judging import judge
 from worlds.registry import open_world
@@ -197,8 +200,12 @@ class Reader:
         while self._next < len(self._frames) and self._frames[self._next].frame <= frame:
             message = self._frames[self._next]
             self._next += 1
-            boxes, time_s = boxes_of(message), message.frame / self._rate_hz
-            self._shown = time_s, boxes, self._tracks.update(boxes, time_s)
+            time_s = message.frame / self._rate_hz
+            if message.tracks is not None:
+                self._shown = time_s, *remembered(message.tracks)
+            else:
+                boxes = boxes_of(message)
+                self._shown = time_s, boxes, self._tracks.update(boxes, time_s)
         if self._shown is None:
             return Boxes.empty()
         time_s, boxes, velocities = self._shown
@@ -210,11 +217,21 @@ class Reader:
         return replace(boxes, centers=centers)
 
 
+def remembered(tracks: RememberedObjects) -> tuple[Boxes, NDArray[np.float64]]:
+    """What an ego remembers, in the world frame, with velocities (N, 2), m/s."""
+    boxes = _boxes(tracks.boxes, tracks.scores, tracks.labels)
+    return boxes, unpack_finite(tracks.velocities, "velocities", 2).astype(np.float64)
+
+
 def boxes_of(message: Detections) -> Boxes:
     """The boxes of a message, in the world frame."""
-    table = unpack_finite(message.boxes, "boxes", 7).astype(np.float64)
-    scores = unpack_finite(message.scores, "scores", 1)[:, 0].astype(np.float64)
-    return Boxes(table[:, :3], table[:, 3:6], table[:, 6], scores, message.labels)
+    return _boxes(message.boxes, message.scores, message.labels)
+
+
+def _boxes(boxes: Array, scores: Array, labels: tuple[str, ...]) -> Boxes:
+    table = unpack_finite(boxes, "boxes", 7).astype(np.float64)
+    likely = unpack_finite(scores, "scores", 1)[:, 0].astype(np.float64)
+    return Boxes(table[:, :3], table[:, 3:6], table[:, 6], likely, labels)
 
 
 def delivered(runs: Sequence[Run], world: World, ego: str, seconds: float) -> list[list[float]]:
