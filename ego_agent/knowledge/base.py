@@ -124,6 +124,10 @@ class Knowledge:
             remembers=remembers,
         )
 
+    def may_be_rarer(self, algorithm: Algorithm) -> bool:
+        """Whether robots may be asked for it less often than frames are fused."""
+        return bool(self.objective.rarer_hz) and algorithm in self.mixable
+
     def aiming_at(self, objective: Objective) -> Knowledge:
         """The same knowledge, which goes on growing, with another objective."""
         other = copy.copy(self)

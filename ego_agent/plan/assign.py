@@ -26,9 +26,7 @@ def assigned(
     fused beside others, or where nobody contributes. The rates are those of the decision before
     where others are hardly better."""
     others = decision.participants[1:]
-    if not knowledge.objective.rarer_hz or not others:
-        return decision
-    if decision.algorithm not in knowledge.mixable:
+    if not others or not knowledge.may_be_rarer(decision.algorithm):
         return decision
     mixes = Mixes(Scorer(scene, knowledge).at_rate(decision.rate_hz))
     found = mixes.rated(others, decision.algorithm)

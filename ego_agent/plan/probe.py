@@ -71,7 +71,7 @@ class Prober:
         return probe
 
     def _hear(self, knowledge: Knowledge, now_s: float) -> None:
-        """What came of the last probe; one that nobody has heard of for LAST_S was never sent."""
+        """What came of the last probe; one that nobody has heard of for FIRST_S was never sent."""
         sent = self._sent
         if sent is None:
             return

@@ -66,7 +66,7 @@ def judge(
         return Verdict(kind, found.why, notes=found.repairs)
     at = scorer.at_rate(found.rate_hz)
     scored = at.score(found.participants, found.algorithm)
-    if scorer.objective.rarer_hz and found.algorithm in scorer.knowledge.mixable:
+    if scorer.knowledge.may_be_rarer(found.algorithm):
         # What is adopted gets rates of its own, as the fallback has.
         scored = Mixes(at).rated(scored.participants, found.algorithm)
     ours, theirs = scored, fallback

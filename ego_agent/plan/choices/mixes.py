@@ -144,8 +144,9 @@ class Mixes:
         while True:
             growing, everyone = self._nobody(), least <= budget + 1e-6
             growing.barred = barred
-            for i, o in lowest.items() if everyone else ():
-                self._take(growing, i, o)
+            if everyone:
+                for i, o in lowest.items():
+                    self._take(growing, i, o)
             score = self.score_of(self._grown(growing, budget, by_byte=not everyone))
             # Who takes part is given: an ego that is too busy for them is no reason for fewer.
             if not score.participants or self.passes(score):

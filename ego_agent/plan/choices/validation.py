@@ -239,14 +239,10 @@ def _paced(fastest: Scorer, asked: list[str], proposal: Proposal) -> Scorer:
 def _value(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> float:
     """Of the choice at the scorer's pace, with rates where robots may be asked less often."""
     trimmed = _trimmed(scorer, asked, algorithm)
-    if not trimmed.participants or trimmed.assignments or not _rarer(scorer, algorithm):
+    rarer = scorer.knowledge.may_be_rarer(algorithm)
+    if not trimmed.participants or trimmed.assignments or not rarer:
         return trimmed.value
     return max(trimmed.value, Mixes(scorer).rated(trimmed.participants, algorithm).value)
-
-
-def _rarer(scorer: Scorer, algorithm: Algorithm) -> bool:
-    """Whether robots may be asked for it less often than frames are fused."""
-    return bool(scorer.objective.rarer_hz) and algorithm in scorer.knowledge.mixable
 
 
 def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:
@@ -259,7 +255,7 @@ def _trimmed(scorer: Scorer, asked: list[str], algorithm: Algorithm) -> Score:
         wanted = tuple(c for c in scorer.scene.candidates if c.robot in able)
         grown = [scorer.score((), algorithm), *grow(scorer, wanted, algorithm, by_byte=True)]
         trimmed = grown[-1]
-    if len(trimmed.participants) == len(asked) or not _rarer(scorer, algorithm):
+    if len(trimmed.participants) == len(asked) or not scorer.knowledge.may_be_rarer(algorithm):
         return trimmed
     mixes = Mixes(scorer)
     some = [robot for robot in asked if mixes.sends(robot, algorithm)]

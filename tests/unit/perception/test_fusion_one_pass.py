@@ -230,7 +230,7 @@ def test_what_cannot_be_mixed_is_named() -> None:
             return b""
 
         def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
-            raise NotImplementedError
+            raise AssertionError("it is refused before it begins")
 
     with pytest.raises(PerceptionError, match="other"):
         Mixed({"other": Other()})
