@@ -17,6 +17,7 @@ from robot_agent.metrics import RobotMetrics
 from robot_agent.sensor import Sensor
 from robot_agent.sharing import Sharing
 from robot_agent.sizes import Sizes
+from robot_agent.stopwatch import Stopwatch
 from sensing.telling import Teller
 from swarm.errors import CoAdaptError, PerceptionError
 from swarm.log import Logger
@@ -142,7 +143,7 @@ class RobotAgent:
         Raises PerceptionError, whose text tells the asker why, when there is no frame near the
         time asked for, the algorithm does not exist, or the payload is larger than asked for.
         """
-        begun = time.perf_counter()
+        watch = Stopwatch()
         shared_s = self._sharing.asked(request, time.monotonic())
         self._options = EncodeOptions(request.max_error_m, request.keep_ground)
         frame = self._frame_for(request)
@@ -171,9 +172,8 @@ class RobotAgent:
             )
         self._count(request, "sent")
         self._metrics.sent_bytes.labels(self.robot, request.algorithm).inc(len(payload))
-        encode_ms = (time.perf_counter() - begun) * 1e3
         return self._observation(
-            frame, request.algorithm, payload, request.request, shared_s, encode_ms
+            frame, request.algorithm, payload, request.request, shared_s, watch
         )
 
     def share(self) -> list[Observation]:
@@ -187,16 +187,15 @@ class RobotAgent:
         self._shared = frame
         found = []
         for algorithm, form in self._sharing.due(frame.number, now):
-            begun = time.perf_counter()
+            watch = Stopwatch()
             with self._answers():
                 options = replace(form, pose=frame.scan.pose)
                 payload = self._encoder.encode(frame, algorithm, options)
             if not self._sharing.published(algorithm, len(payload), now):
                 continue
-            encode_ms = (time.perf_counter() - begun) * 1e3
             self._note_size(algorithm, payload)
             self._metrics.sent_bytes.labels(self.robot, algorithm).inc(len(payload))
-            found.append(self._observation(frame, algorithm, payload, encode_ms=encode_ms))
+            found.append(self._observation(frame, algorithm, payload, watch=watch))
         return found
 
     def _observation(
@@ -206,8 +205,9 @@ class RobotAgent:
         payload: bytes,
         request: int = 0,
         shared_s: float = 0.0,
-        encode_ms: float = 0.0,
+        watch: Stopwatch | None = None,
     ) -> Observation:
+        """`watch`: since encoding began, in this thread; none where nothing was encoded for it."""
         return Observation(
             robot=self.robot,
             instance=self._teller.instance,
@@ -217,7 +217,8 @@ class RobotAgent:
             frame=frame.number,
             pose=frame.scan.pose.as_tuple(),
             payload=payload,
-            encode_ms=encode_ms,
+            encode_ms=watch.passed_ms() if watch else 0.0,
+            work_ms=watch.worked_ms() if watch else 0.0,
             shared_s=shared_s,
         )
 

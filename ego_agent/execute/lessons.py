@@ -38,7 +38,8 @@ class Lessons:
             self._note(done, robot, math.inf, more_s)
             return
         seen = outcome.message
-        self._note(done, robot, answer_s, more_s, seen.encode_ms * 1e-3)
+        work_ms = seen.work_ms or seen.encode_ms
+        self._note(done, robot, answer_s, more_s, seen.encode_ms * 1e-3, work_ms * 1e-3)
         # What the robot's kernel says of its own link.
         shown = self._queues.take((robot, seen.instance), seen.uplink)
         if shown is not None:
@@ -56,6 +57,7 @@ class Lessons:
         answer_s: float,
         more_s: float,
         encode_s: float | None = None,
+        work_s: float | None = None,
         *,
         at_least: bool = False,
     ) -> None:
@@ -68,6 +70,7 @@ class Lessons:
             answer_s,
             frames=PROBE_FRAMES if done.probe else frames,
             encode_s=encode_s,
+            work_s=work_s,
             capacity_bps=done.capacity_bps,
             at_least=at_least,
         )

@@ -52,6 +52,8 @@ class AnswerTimes:
     """How many times longer than others' its answers take."""
     encode_s: float | None = None
     """Median of its own encoding times."""
+    work_s: float | None = None
+    """Median of its processor's time for that."""
     answer_s: float | None = None
     """Median from question to answer, of the answers that came."""
     frames: float = 0.0

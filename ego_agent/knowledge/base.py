@@ -202,7 +202,7 @@ class Knowledge:
     def add_s(self, algorithm: Algorithm) -> float:
         """Seconds of the ego's processor that one contribution takes: as measured, else as
         usual."""
-        measured_s = self.own_costs.add_s(algorithm) if self.learns else None
+        measured_s = self.own_costs.work_s(algorithm) if self.learns else None
         if measured_s is not None:
             return measured_s
         return self._works.get(algorithm, NO_WORK).add_ms * 1e-3

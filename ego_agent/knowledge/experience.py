@@ -59,6 +59,8 @@ class Told:
     """Frames that waited for it."""
     encode_s: float | None
     """The robot's share of it; None without an answer."""
+    work_s: float | None
+    """The processor time of that."""
     capacity_bps: float
     """C(t) at that time."""
     at_least: bool
@@ -89,6 +91,7 @@ class Experience:
         *,
         frames: float = 1.0,
         encode_s: float | None = None,
+        work_s: float | None = None,
         capacity_bps: float = 1.0,
         at_least: bool = False,
     ) -> None:
@@ -100,6 +103,7 @@ class Experience:
             max(0.0, answer_s),
             max(1.0, frames),
             encode_s,
+            work_s,
             max(1.0, capacity_bps),
             at_least,
         )
@@ -138,6 +142,7 @@ class Learnt:
             key: tuple(_weighted(told, now_s, capacity_bps)) for key, told in series.items()
         }
         self._encode_s = {key: _median(t.encode_s for t in told) for key, told in series.items()}
+        self._work_s = {key: _median(t.work_s for t in told) for key, told in series.items()}
         self._answer_s = {
             key: _median(t.answer_s for t in told if t.answer_s < math.inf and not t.at_least)
             for key, told in series.items()
@@ -157,6 +162,7 @@ class Learnt:
                     pool,
                     self._slowness.get(robot, 1.0),
                     self._encode_s.get(key),
+                    self._work_s.get(key),
                     self._answer_s.get(key),
                     sum(one.frames for one in own),
                 )

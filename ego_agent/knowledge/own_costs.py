@@ -19,17 +19,24 @@ class OwnCosts:
         self._lock = threading.Lock()
         self._fixed_s: dict[Algorithm, deque[float]] = {}
         self._add_s: dict[Algorithm, deque[float]] = {}
+        self._work_s: dict[Algorithm, deque[float]] = {}
 
     def record(
-        self, algorithm: Algorithm, contributions: int, fixed_s: float, add_s: float
+        self,
+        algorithm: Algorithm,
+        contributions: int,
+        fixed_s: float,
+        add_s: float,
+        work_s: float,
     ) -> None:
         """Notes a fused frame: `fixed_s` whoever takes part, `add_s` for taking up all
-        contributions."""
+        contributions, `work_s` the processor time of that."""
         with self._lock:
             self._fixed_s.setdefault(algorithm, deque(maxlen=FRAMES)).append(fixed_s)
             if contributions:
-                each = self._add_s.setdefault(algorithm, deque(maxlen=FRAMES))
-                each.append(add_s / contributions)
+                for told, spent_s in ((self._add_s, add_s), (self._work_s, work_s)):
+                    each = told.setdefault(algorithm, deque(maxlen=FRAMES))
+                    each.append(spent_s / contributions)
 
     def frame_s(self, algorithm: Algorithm, contributions: int) -> float:
         """What a frame with that many contributions takes; 0 where nothing is known."""
@@ -37,8 +44,8 @@ class OwnCosts:
             fixed = median(self._fixed_s.get(algorithm, (0.0,)))
             return fixed + contributions * median(self._add_s.get(algorithm, (0.0,)))
 
-    def add_s(self, algorithm: Algorithm) -> float | None:
-        """What one contribution takes; None where nothing is known."""
+    def work_s(self, algorithm: Algorithm) -> float | None:
+        """Processor time that one contribution takes; None where nothing is known."""
         with self._lock:
-            known = self._add_s.get(algorithm)
+            known = self._work_s.get(algorithm)
             return median(known) if known else None

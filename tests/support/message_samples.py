@@ -140,6 +140,7 @@ SAMPLES: tuple[Message, ...] = (
         pose=POSE,
         payload=bytes(range(256)),
         encode_ms=4.25,
+        work_ms=3.5,
         uplink=Backlog(seen_ms=9_000, sent_bytes=70_000, stood_ms=40, stood_bytes=5_000),
         shared_s=2.0,
     ),

@@ -125,8 +125,9 @@ def told(scorer: Scorer) -> str:
 
 
 def _answers(scorer: Scorer, candidate: Candidate) -> dict[str, Any]:
-    """What is known of a robot's answers: the probability to be in time at each pace, seconds, the
-    share that never came, and frames of its own evidence."""
+    """What is known of a robot's answers: the probability to be in time at each pace, seconds
+    (`work_s`: of a processor, to encode), the share that never came, and frames of its own
+    evidence."""
     return {
         name: {
             "in_time": {
@@ -134,6 +135,7 @@ def _answers(scorer: Scorer, candidate: Candidate) -> dict[str, Any]:
                 for pace in scorer.paces
             },
             "encode_s": _rounded(answers.encode_s),
+            "work_s": _rounded(answers.work_s),
             "transfer_s": _rounded(answers.transfer_s),
             "lost": round(answers.lost, 3),
             "frames": round(answers.frames, 1),

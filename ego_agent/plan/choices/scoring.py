@@ -247,10 +247,10 @@ class Scorer:
         price = self._prices.get((row, algorithm))
         if price is None:
             candidate, known = self.scene.candidates[row - 1], self.knowledge
-            encode_s = candidate.answers.get(algorithm, UNTRIED).encode_s
+            work_s = candidate.answers.get(algorithm, UNTRIED).work_s
             compute_s = known.add_s(algorithm)
             if algorithm not in candidate.shared:
-                compute_s += known.encode_s(algorithm, encode_s)
+                compute_s += known.encode_s(algorithm, work_s)
             size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps
             price = self.objective.cost(size, capacity_bps, compute_s, self.pace.rate_hz)
             self._prices[row, algorithm] = price

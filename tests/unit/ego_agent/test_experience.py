@@ -189,7 +189,9 @@ def test_an_ego_that_must_not_learn_heeds_nothing() -> None:
 def test_what_a_frame_takes_the_ego_grows_with_those_who_take_part() -> None:
     costs = OwnCosts()
     assert costs.frame_s("early", 5) == 0.0
-    costs.record("early", 5, 0.05, 0.02)
+    assert costs.work_s("early") is None
+    costs.record("early", 5, 0.05, 0.02, 0.005)
     assert costs.frame_s("early", 5) == pytest.approx(0.07)
+    assert costs.work_s("early") == pytest.approx(0.001), "of a processor, not of the clock"
     assert costs.frame_s("early", 0) == pytest.approx(0.05)
     assert costs.frame_s("late", 5) == 0.0

@@ -104,14 +104,14 @@ def test_a_choice_costs_tenths_of_the_cell_and_of_processors() -> None:
 def test_who_encodes_slowly_costs_more() -> None:
     works = {"early": Work(encode_ms=3.0, fixed_ms=20.0, add_ms=2.0)}
     slow = dataclasses.replace(
-        candidate("B", range(30, 50)), answers={"early": AnswerTimes(encode_s=0.05)}
+        candidate("B", range(30, 50)), answers={"early": AnswerTimes(encode_s=0.2, work_s=0.05)}
     )
     found = scene(candidate("E", range(10)), candidate("A", range(10, 30)), slow)
     known = Knowledge(Objective(lambda_link=0.0), works=works)
     scorer = Scorer(found, known)
     assert scorer.price(scorer.row_of["A"], "early") == pytest.approx(0.02 * 10 * 10 * 0.005)
     assert scorer.price(scorer.row_of["B"], "early") == pytest.approx(0.02 * 10 * 10 * 0.052)
-    known.own_costs.record("early", 2, 0.02, 0.02)
+    known.own_costs.record("early", 2, 0.02, 0.08, 0.02)
     scorer = Scorer(found, known)
     assert scorer.price(scorer.row_of["A"], "early") == pytest.approx(0.02 * 10 * 10 * 0.013)
     both = scorer.score(("A", "B"), "early")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -14,10 +15,12 @@ from perception.codec.boxes import BYTES_PER_BOX, decode_boxes
 from perception.codec.outlined import take_outline
 from perception.codec.points import decode_points
 from perception.fusion.algorithms.late import SENT_BOXES
+from perception.fusion.base import EncodeOptions
 from perception.fusion.registry import fusion_names
 from perception.scene import from_array
 from perception.types import Boxes
 from robot_agent.encoder import Encoder
+from robot_agent.frames import Frame
 from swarm.arrays import unpack_finite
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Points, transform
@@ -30,6 +33,19 @@ from worlds.factory.world import FactoryWorld
 def request(**changes: object) -> ObservationRequest:
     values: dict[str, object] = {"ego": "E", "request": 1, "algorithm": "early", "capture_ns": 0}
     return ObservationRequest(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def test_waiting_for_a_processor_is_no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = sensed()
+    encode_once = robot.agent._encoder.encode
+
+    def slowly(frame: Frame, algorithm: str, options: EncodeOptions) -> bytes:
+        time.sleep(0.5)
+        return encode_once(frame, algorithm, options)
+
+    monkeypatch.setattr(robot.agent._encoder, "encode", slowly)
+    told = robot.agent.observe(request())
+    assert 0.0 < told.work_ms <= told.encode_ms - 450.0
 
 
 def sensed(points: object = room, **options: object) -> Robot:
