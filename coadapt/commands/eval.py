@@ -32,6 +32,7 @@ def register(commands: Any) -> None:
     _add_rates(experiments)
     _add_fit_rates(experiments)
     _add_ways(experiments)
+    _add_driven(experiments)
     published = experiments.add_parser(
         "published",
         help="what CoAdapt's published result files say",
@@ -81,6 +82,23 @@ def _add_policies(experiments: Any) -> None:
     _add_workers(parser)
     _add_folder(parser)
     parser.set_defaults(run=run_policies)
+
+
+def _add_driven(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "driven",
+        help="policies as an ego runs them: with memory, rates and a decision every second",
+        description="Drives a window of each factory scenario with every policy, with what an ego "
+        "remembers and with delays, and compares the default policy with its controls. Writes "
+        "driven.json and driven.md.",
+    )
+    parser.add_argument(
+        "--scenarios", type=comma_separated, default=[], metavar="NAMES",
+        help="comma-separated (default: all)",
+    )  # fmt: skip
+    _add_workers(parser)
+    _add_folder(parser)
+    parser.set_defaults(run=run_driven)
 
 
 def _add_live(experiments: Any) -> None:
@@ -255,6 +273,15 @@ def run_policies(args: argparse.Namespace) -> int:
         published=published,
         compute=read_compute(args.compute) if args.compute else None,
     )
+    return 0
+
+
+def run_driven(args: argparse.Namespace) -> int:
+    """Drives, writes and prints the tables. Raises EvaluationError for unknown names."""
+    from research.evaluation.ways.driven import compare, report
+    from research.evaluation.windows.scenarios import chosen, factory_suite
+
+    print(report(compare(chosen(factory_suite(), args.scenarios), args.workers, args.output)))
     return 0
 
 

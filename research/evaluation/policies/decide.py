@@ -94,7 +94,7 @@ def decisions(
         seen = snapshot(ego, messages, scenario.known_bps(window))
         scene = analyze(seen, knowledge)
         if blind:
-            decision = _as_proposed(policy, scene, knowledge)
+            decision = as_proposed(policy, scene, knowledge)
         else:
             decision = plan(seen, scene, policy, knowledge, previous, window, EPOCH_NS, failed)
         took_s = time.perf_counter() - begun
@@ -136,7 +136,8 @@ def _waited_s(policy: Policy) -> float:
     return policy.waited_s if isinstance(policy, Waiting) else 0.0
 
 
-def _as_proposed(policy: Policy, scene: UnifiedScene, knowledge: Knowledge) -> Decision:
+def as_proposed(policy: Policy, scene: UnifiedScene, knowledge: Knowledge) -> Decision:
+    """The decision that a proposal is where nobody checks it."""
     proposal = policy.propose(scene, knowledge, None)
     sizes = {candidate.robot: candidate.sizes for candidate in scene.candidates}
     cost = sum(

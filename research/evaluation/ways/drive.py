@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ego_agent.knowledge.objective import Objective
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
@@ -14,6 +15,7 @@ from perception.memory.memory import View
 from perception.memory.poses import PoseMemory
 from perception.types import Boxes
 from research.evaluation.splits import nearest_first
+from research.evaluation.windows.announcements import Announced, heard
 from research.evaluation.windows.frames import OnceWorld
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, Points
@@ -33,6 +35,8 @@ class Drive:
     """Its number among the robots."""
     first: int
     frames: int
+    kind: str = "floor"
+    """Of the factory (worlds.factory.scenarios)."""
     folder: Path | None = None
     pose_noise_m: float = 0.0
     pose_errors: PoseErrors = "anew"
@@ -41,7 +45,9 @@ class Drive:
 
     def open(self) -> World:
         """The world; no scan is computed yet."""
-        return open_world(self.world, data=self.folder, robots=self.robots, seed=self.seed)
+        return open_world(
+            self.world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +77,7 @@ class Driven:
         self.seed = drive.seed
         self._fusions: dict[str, Fusion] = {}
         self._payloads: dict[tuple[int, str, str, float], tuple[Contribution, int]] = {}
+        self._heard: dict[tuple[int, tuple[str, ...]], Announced] = {}
         self._poses = PoseMemory()
         self._newest = -1
         self._fused: dict[tuple[int, tuple[tuple[str, str], ...], float], FusedOnce] = {}
@@ -87,6 +94,16 @@ class Driven:
         if key not in self._fused:
             self._fused[key] = self._fuse(frame, asked, max_error_m)
         return self._fused[key]
+
+    def heard(self, frame: int, algorithms: Sequence[str]) -> Announced:
+        """What the ego has heard by that frame; beacons tell sizes of those algorithms."""
+        key = (frame, tuple(algorithms))
+        if key not in self._heard:
+            fusions = {name: self.fusion(name) for name in algorithms}
+            noise_m = self.drive.pose_noise_m
+            reach_m = Objective().comm_range_m + 10 * noise_m + 1.0
+            self._heard[key] = heard(self.world, frame, self.ego, fusions, noise_m, reach_m)
+        return self._heard[key]
 
     def size(self, frame: int, robot: str, name: str, max_error_m: float) -> int:
         """Bytes that the robot sends, with those of asking for it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -17,15 +17,12 @@ from perception.memory.remembering import remember
 from perception.tally import Tally
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven, FusedOnce
-from research.evaluation.ways.planned import Deciding
+from research.evaluation.ways.going import gone
 from research.evaluation.ways.tracking import NEAR_M, Following
 from research.evaluation.ways.way import Way
-from research.evaluation.windows.cell import Cell
 from worlds.base import World
 from worlds.cooperative.judging import judge
 
-DEADLINE_S = 0.25
-"""A contribution that the link brings later is not fused."""
 SETTLED_FRAMES = 10
 """From the first that counts: a memory begins empty."""
 
@@ -38,9 +35,17 @@ class Measured:
     following: Following = field(default_factory=Following)
     bytes: int = 0
     """That robots sent, requests included."""
+    wanted_bytes: int = 0
+    """The same of all that was asked for, sent or not."""
     asked: int = 0
     came: int = 0
     """Of these contributions, those that were there in time."""
+    taking_part: int = 0
+    """Robots that the frames' decisions name, the ego apart."""
+    due: int = 0
+    """Frames, fused or skipped."""
+    ego_ms: float = 0.0
+    """The ego's work, by the model of compute."""
     memory_ms: list[float] = field(default_factory=list)
     lost: int = 0
     """Objects that were told of, and then shown by nobody until a silence ended..."""
@@ -52,8 +57,12 @@ class Measured:
         self.tally.take_up(other.tally)
         self.following.take_up(other.following, drive)
         self.bytes += other.bytes
+        self.wanted_bytes += other.wanted_bytes
         self.asked += other.asked
         self.came += other.came
+        self.taking_part += other.taking_part
+        self.due += other.due
+        self.ego_ms += other.ego_ms
         self.memory_ms += other.memory_ms
         self.lost += other.lost
         self.found_again += other.found_again
@@ -75,15 +84,13 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
     detector = world.detector
     memory = Memory(configuration(detector).usual_speed_m_s) if way.memory else None
     silence = Silence(measured)
-    deciding = Deciding(driven, way.decided) if way.decided is not None else None
-    link_bps = way.link_bps
-    cell = Cell(lambda _: link_bps) if link_bps is not None else None
-    for number, frame in enumerate(driven.frames):
-        if deciding is not None:
-            asked = deciding.asked(number, frame)
-        else:
-            asked = way.asked(number, driven.nearest, world.rate_hz)
-        came, sizes = _in_time(driven, way, cell, frame, asked)
+    going = gone(driven, way)
+    for number, (frame, now) in enumerate(zip(driven.frames, going, strict=True)):
+        settled = number >= SETTLED_FRAMES
+        measured.due += settled
+        if now is None:
+            continue
+        came = now.came
         fused = driven.fused(frame, came, way.max_error_m)
         shown = _published(fused, detector)
         told, tracks = shown, np.arange(len(shown)) + number * 1000
@@ -96,13 +103,16 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
             measured.memory_ms.append((time.perf_counter() - begun) * 1e3)
             assert remembered is not None, "only calibrated algorithms are measured"
             told, tracks = remembered.boxes, remembered.ids
-        if number < SETTLED_FRAMES:
+        if not settled:
             continue
         found, truth = judge(world, frame, driven.ego, told)
-        measured.tally.add(found, truth, sizes)
-        measured.bytes += sum(sizes)
-        measured.asked += len(asked)
+        measured.tally.add(found, truth, now.sizes)
+        measured.bytes += sum(now.sizes)
+        measured.wanted_bytes += now.wanted_bytes
+        measured.asked += now.asked
         measured.came += len(came)
+        measured.taking_part += now.taking_part
+        measured.ego_ms += now.ego_ms
         names = _names(world.ground_truth(frame).boxes, world.ground_truth(frame).ids, truth)
         if watching is not None:
             watching.add(world, frame, found, truth, names)
@@ -114,23 +124,6 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
                 place, way.silent[1], shown, told, dict(zip(names, truth.centers, strict=True))
             )
     return measured
-
-
-def _in_time(
-    driven: Driven, way: Way, cell: Cell | None, frame: int, asked: Mapping[str, str]
-) -> tuple[Mapping[str, str], list[int]]:
-    """Who of those that are asked is heard in time, and the bytes of all that are sent."""
-    sizes = {
-        robot: driven.size(frame, robot, form, way.max_error_m) for robot, form in asked.items()
-    }
-    if cell is None:
-        return asked, [*sizes.values()]
-    now_s = frame / driven.world.rate_hz
-    came = {}
-    for robot, size in sizes.items():
-        if cell.send(now_s, size) <= now_s + DEADLINE_S:
-            came[robot] = asked[robot]
-    return came, [*sizes.values()]
 
 
 def _published(fused: FusedOnce, detector: str) -> Boxes:

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from network_controller.profiles import Fixed
 from research.evaluation.bootstrap import bootstrap_mean
 from research.evaluation.ways.drive import Drive
 from research.evaluation.ways.measure import Measured
 from research.evaluation.ways.planned import RANDOM, Decided
 from research.evaluation.ways.way import Way
+from research.evaluation.windows import links
 
 OURS = "coverage-assignments"
 FREE = "coverage-assignments-free"
@@ -49,19 +51,19 @@ LINKS = (Link("1mbit-6", 6, 1e6), Link("5mbit-24", 24, 5e6), Link("20mbit-6", 6,
 
 def ways(link: Link) -> tuple[Way, ...]:
     """What is compared on a link; what all fuse is remembered, but for EVERYONE's."""
-    bps = link.bps
+    over = links.Link(link.name, Fixed(round(link.bps)))
     return (
-        Way(OURS, decided=Decided("coverage", bps, rarer=True), link_bps=bps),
-        Way(FREE, decided=Decided("coverage", bps, rarer=True, price=0.0), link_bps=bps),
-        Way(DEAR, decided=Decided("coverage", bps, rarer=True, price=DEAR_TIMES), link_bps=bps),
-        Way(SINGLE_FREE, decided=Decided("coverage", bps, price=0.0), link_bps=bps),
-        *(Way(name, decided=Decided(name, bps), link_bps=bps) for name in SINGLE_POLICIES[:-1]),
-        Way(RANDOM, decided=Decided(RANDOM, bps, rarer=True), link_bps=bps),
+        Way(OURS, decided=Decided("coverage", rarer=True), link=over),
+        Way(FREE, decided=Decided("coverage", rarer=True, price=0.0), link=over),
+        Way(DEAR, decided=Decided("coverage", rarer=True, price=DEAR_TIMES), link=over),
+        Way(SINGLE_FREE, decided=Decided("coverage", price=0.0), link=over),
+        *(Way(name, decided=Decided(name), link=over) for name in SINGLE_POLICIES[:-1]),
+        Way(RANDOM, decided=Decided(RANDOM, rarer=True), link=over),
         *(
-            Way(_name(*one), (one[:2],), max_error_m=one[2], in_turn=True, link_bps=bps)
+            Way(_name(*one), (one[:2],), max_error_m=one[2], in_turn=True, link=over)
             for one in STATIC
         ),
-        Way(EVERYONE, (("early", 10.0),), memory=False, link_bps=bps),
+        Way(EVERYONE, (("early", 10.0),), memory=False, link=over),
         Way(CEILING, (("early", 10.0),)),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,8 +19,8 @@ from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.policies.registry import make_policy
-from perception.fusion.base import Fusion
-from research.evaluation.windows.announcements import EPOCH_NS, heard, snapshot
+from research.evaluation.policies.decide import as_proposed
+from research.evaluation.windows.announcements import EPOCH_NS, Announced, snapshot
 from swarm.messages import MIXED, Assignment, Decision
 from worlds.base import World
 
@@ -44,12 +44,17 @@ class Drivable(Protocol):
         ...
 
     @property
-    def seed(self) -> int:
-        """Of chance."""
+    def frames(self) -> range:
+        """Their numbers in the world."""
         ...
 
-    def fusion(self, name: str) -> Fusion:
-        """An algorithm."""
+    def heard(self, frame: int, algorithms: Sequence[str]) -> Announced:
+        """What the ego has heard by then, with sizes of those algorithms."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of chance."""
         ...
 
 
@@ -59,19 +64,21 @@ class Decided:
 
     policy: str
     """Of the product's, or RANDOM."""
-    capacity_bps: float
-    """C(t), as the ego knows it."""
     rarer: bool = False
     """Whether each robot may have an algorithm and a rate of its own."""
     price: float = 1.0
     """Of bytes and processors, against the usual one; 0: as good as the link carries."""
+    validated: bool = True
+    """Whether what the policy proposes is repaired to what the link carries, as an ego does."""
 
 
 class Deciding:
     """The decisions of one drive."""
 
-    def __init__(self, drive: Drivable, how: Decided) -> None:
+    def __init__(self, drive: Drivable, how: Decided, known_bps: Callable[[float], float]) -> None:
+        """`known_bps`: C(t) as the ego knows it, by seconds of the drive."""
         self._drive = drive
+        self._known_bps = known_bps
         self._how = how
         objective = Objective(rarer_hz=RARER_HZ if how.rarer else ())
         objective = replace(
@@ -82,13 +89,17 @@ class Deciding:
         self._knowledge = Knowledge.of_detector(
             drive.world.detector, objective, ALGORITHMS, learns=False
         )
-        self._fusions = {name: drive.fusion(name) for name in ALGORITHMS}
         chance = how.policy == RANDOM
         self._policy: Policy = (
             AnyAssignments(drive.seed) if chance else make_policy(how.policy, ALGORITHMS)
         )
         self._every = max(1, round(DECIDED_S * drive.world.rate_hz))
         self._decision: Decision | None = None
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """Who takes part by the decision in force, the ego apart."""
+        return self._decision.participants[1:] if self._decision else ()
 
     def asked(self, number: int, frame: int) -> Mapping[str, str]:
         """The robots that send in the frame, the drive's so many-th, and what."""
@@ -106,12 +117,12 @@ class Deciding:
 
     def _decide(self, number: int, frame: int) -> Decision:
         drive, known = self._drive, self._knowledge
-        messages = heard(
-            drive.world, frame, drive.ego, self._fusions, reach_m=known.objective.comm_range_m
-        )
-        seen = snapshot(drive.ego, messages, self._how.capacity_bps)
-        now_ns = EPOCH_NS + round(number / drive.world.rate_hz * 1e9)
+        now_s = number / drive.world.rate_hz
+        seen = snapshot(drive.ego, drive.heard(frame, ALGORITHMS), self._known_bps(now_s))
+        now_ns = EPOCH_NS + round(now_s * 1e9)
         scene = analyze(seen, known)
+        if not self._how.validated:
+            return as_proposed(self._policy, scene, known)
         return plan(seen, scene, self._policy, known, self._decision, number, now_ns)
 
 

@@ -106,7 +106,7 @@ def recorded(folder: Path, frames: int) -> list[Drive]:
     world = Opv2vWorld(folder)
     count = min(world.frame_count, frames)
     robots = len(world.robots)
-    return [Drive("opv2v", 0, robots, ego, 0, count, folder) for ego in range(robots)]
+    return [Drive("opv2v", 0, robots, ego, 0, count, folder=folder) for ego in range(robots)]
 
 
 def drive_all(item: _Item) -> list[Measured]:

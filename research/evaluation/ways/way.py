@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ego_agent.knowledge.pace import in_turn
 from research.evaluation.ways.planned import Decided
+from research.evaluation.windows.links import Link
 from swarm.messages import Assignment
 
 
@@ -25,8 +26,10 @@ class Way:
     """Whether robots of one rate send in different frames, not all in the same."""
     silent: tuple[int, int] | None = None
     """(period, frames): of each period of frames nobody sends in the last ones."""
-    link_bps: float | None = None
-    """What carries the contributions, one after the other; None: all are there at once."""
+    link: Link | None = None
+    """What carries the contributions; None: all are there at once."""
+    link_from_s: float = 0.0
+    """Of the link's time, when the drive begins."""
     decided: Decided | None = None
     """Who decides, in place of `forms`."""
     assignments: tuple[Assignment, ...] = ()

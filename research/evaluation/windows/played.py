@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 from ego_agent.execute.ask import MAX_TRANSFER_S, MIN_PAYLOAD_BYTES, REQUESTS_UNDER_WAY
 from ego_agent.execute.frame_round import LATE_S, MissingKind
 from ego_agent.execute.pipeline import LEARNT, MAX_FRAMES
+from ego_agent.knowledge.compute import Work
 from research.evaluation.windows.cell import Cell
 from research.evaluation.windows.processors import Agenda, Processors
 from research.evaluation.windows.timing import Conditions, Played, PlayedFrame
@@ -43,6 +44,8 @@ class _Round:
 
     number: int
     begun_s: float
+    works: Mapping[str, Work]
+    """What the answer of each takes that was to be asked."""
     waiting: set[str]
     missing: dict[str, MissingKind]
     in_time: list[str] = field(default_factory=list)
@@ -126,10 +129,10 @@ class _Play:
 
     def _ask(self, number: int) -> None:
         now_s = self._agenda.now_s
-        asked = {robot for robot in self._robots if not self._is_busy(robot)}
-        one = _Round(
-            number, now_s, asked, {robot: "busy" for robot in self._robots if robot not in asked}
-        )
+        works = self._works(number)
+        asked = {robot for robot in works if not self._is_busy(robot)}
+        busy: dict[str, MissingKind] = {robot: "busy" for robot in works if robot not in asked}
+        one = _Round(number, now_s, works, asked, busy)
         if not self._turns:
             self._turn_s = now_s
         self._turns.append(one)
@@ -144,6 +147,12 @@ class _Play:
             self._read(robot)
         self._agenda.at(now_s + self._with.deadline_s, partial(self._deadline, one))
         self._close_if_answered(one)
+
+    def _works(self, number: int) -> Mapping[str, Work]:
+        """Who is to be asked for a frame, and what each answer takes."""
+        if self._with.asked is None:
+            return dict.fromkeys(self._robots, self._with.work)
+        return self._with.asked[number]
 
     def _is_busy(self, robot: str) -> bool:
         """See ego_agent.execute.ask.Asker."""
@@ -165,7 +174,7 @@ class _Play:
             self._settle(request)
             return
         self._encoding.add(robot)
-        encode_s = 1e-3 * self._with.work.encode_ms
+        encode_s = 1e-3 * request.round.works[robot].encode_ms
         self._processor[robot].work(encode_s, partial(self._encoded, request))
 
     def _encoded(self, request: _Request) -> None:
@@ -223,8 +232,9 @@ class _Play:
         if self._fusing or not self._turns or self._turns[0].closed_s is None:
             return
         self._fusing = True
-        work_s = 1e-3 * self._with.work.ego_ms(len(self._turns[0].in_time))
-        self._ego.work(work_s, self._fused)
+        one = self._turns[0]
+        added_ms = sum(one.works[robot].add_ms for robot in one.in_time)
+        self._ego.work(1e-3 * (self._with.work.fixed_ms + added_ms), self._fused)
 
     def _fused(self) -> None:
         one, now_s = self._turns.popleft(), self._agenda.now_s

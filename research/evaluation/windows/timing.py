@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ego_agent.execute.frame_round import MissingKind
@@ -27,6 +27,8 @@ class Conditions:
     """What a choice is played with."""
 
     work: Work
+    """Of everyone; where it is said who is `asked`, the ego's own, and that of single answers
+    stands there."""
     cell_bps: Rate
     """What observations have of the ego's cell, by seconds since the window began."""
     own_bps: Mapping[str, float] = field(default_factory=dict)
@@ -35,6 +37,9 @@ class Conditions:
     """That the robots and the ego share; None: each has one of its own."""
     period_s: float = 1.0 / USUAL.rate_hz
     deadline_s: float = USUAL.deadline_s
+    asked: Sequence[Mapping[str, Work]] | None = None
+    """By frame: who is asked, and what the answer takes of the robot and adds to the ego's work;
+    None: everyone is, in each."""
 
 
 @dataclass(frozen=True, slots=True)

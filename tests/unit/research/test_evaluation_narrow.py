@@ -33,7 +33,7 @@ def driven() -> Driven:
 @pytest.mark.parametrize("policy", ["coverage", RANDOM])
 def test_what_is_decided_fits_the_link(driven: Driven, policy: str) -> None:
     link_bps = 1e5
-    deciding = Deciding(driven, Decided(policy, link_bps, rarer=True, price=0.0))
+    deciding = Deciding(driven, Decided(policy, rarer=True, price=0.0), lambda _: link_bps)
     sent, robots = 0, set()
     for number, frame in enumerate(driven.frames):
         asked = deciding.asked(number, frame)
