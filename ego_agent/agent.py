@@ -213,6 +213,7 @@ class EgoAgent:
         self._own_duty.look(self._session)
         now_ns = self._clock.now_ns()
         snapshot = self.monitor.snapshot(number, now_ns)
+        self.knowledge.experience.look(snapshot.capacity_bps)
         scene: UnifiedScene | None = None
         compared: list[Compared] = []
         policy, wishes = self._steering.take(self.knowledge)

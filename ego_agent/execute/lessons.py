@@ -73,4 +73,6 @@ class Lessons:
             work_s=work_s,
             capacity_bps=done.capacity_bps,
             at_least=at_least,
+            asked_s=done.asked_at[robot],
+            deadline_s=done.deadline_s,
         )

@@ -13,6 +13,8 @@ POOL_WEIGHT = 2.0
 """Frames that the other robots' answers count for beside a robot's own."""
 PRIOR_WEIGHT = 0.5
 """Frames that the belief counts for that answers come in time."""
+ANOTHER_LINK = 2.0
+"""A link that is more than this many times wider or narrower is another one."""
 
 
 class Weighted(NamedTuple):
@@ -21,6 +23,23 @@ class Weighted(NamedTuple):
     answer_s: float
     frames: float
     at_least: bool
+    wider: float = 1.0
+    """How many times wider the link is now.
+
+    What came in time comes in time over a wider link, too, and what was late is late over a
+    narrower one; the reverse is less and less likely, the more the link has changed."""
+
+    @property
+    def timely(self) -> float:
+        """Frames that it counts for where it was in time: fewer on a link that is another one,
+        and narrower."""
+        return self.frames * min(1.0, ANOTHER_LINK * self.wider)
+
+    @property
+    def late(self) -> float:
+        """Frames that it counts for where it was late: none on a link that is several times
+        wider."""
+        return self.frames * min(1.0, max(0.0, 2.0 - self.wider / ANOTHER_LINK))
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,16 +48,18 @@ class Pool:
 
     times_s: NDArray[np.float64]
     """Rising."""
-    known: NDArray[np.float64]
-    """Frames of each time and all before it, of answers whose time is known."""
-    open: NDArray[np.float64]
-    """The same of those that took longer than told."""
+    timely: NDArray[np.float64]
+    """Frames of each time and all before it that count where that is in time: answers whose time
+    is known."""
+    late: NDArray[np.float64]
+    """The same that count where that is late, of all answers."""
 
     def within(self, limit_s: float) -> tuple[float, float]:
-        """Frames whose answer took no longer, and all of which that is known."""
+        """Frames whose answer took no longer, and all of which that is known. Of one that took
+        longer than told it is not known where that is less than the limit."""
         at = int(np.searchsorted(self.times_s, limit_s, side="right"))
-        hits, unclear = (self.known[at - 1], self.open[at - 1]) if at else (0.0, 0.0)
-        return float(hits), float(self.known[-1] + self.open[-1] - unclear)
+        hits, in_time = (self.timely[at - 1], self.late[at - 1]) if at else (0.0, 0.0)
+        return float(hits), float(hits + self.late[-1] - in_time)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +83,8 @@ class AnswerTimes:
     @property
     def lost(self) -> float:
         """Share of its own frames whose answer never came; 0 without evidence."""
-        never = sum(one.frames for one in self.own if one.answer_s == math.inf)
-        return never / self.frames if self.own else 0.0
+        never = sum(one.late for one in self.own if one.answer_s == math.inf)
+        return never / self.frames if self.frames > 0.0 else 0.0
 
     @property
     def transfer_s(self) -> float | None:
@@ -77,10 +98,10 @@ class AnswerTimes:
         hits = total = PRIOR_WEIGHT
         for one in self.own:
             if one.answer_s > deadline_s:
-                total += one.frames
+                total += one.late
             elif not one.at_least:
-                hits += one.frames
-                total += one.frames
+                hits += one.timely
+                total += one.timely
         if self.pool is not None:
             within, known = self.pool.within(deadline_s / self.slowness)
             borrowed = min(POOL_WEIGHT, known)

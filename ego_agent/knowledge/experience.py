@@ -5,6 +5,10 @@ its weight in HALF_LIFE_S. Where a robot has shown little of an algorithm it bor
 robots' answers with that algorithm, made longer or shorter by how slow the robot is elsewhere; and
 before anybody has shown anything, answers are taken to come in time, so that they are tried.
 
+When the link has become much narrower, the answers that were late meanwhile were too many for it.
+That says nothing of the robot or the algorithm, and choices are held against the link anyway: such
+answers are forgotten.
+
 All times are `time.monotonic()` seconds of the ego, or differences that a robot measured on its own
 steady clock: a wall clock that jumps changes nothing here.
 """
@@ -21,7 +25,7 @@ from statistics import median
 
 import numpy as np
 
-from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
+from ego_agent.knowledge.answers import ANOTHER_LINK, AnswerTimes, Pool, Weighted
 from swarm.messages import Algorithm
 
 MEMORY_FRAMES = 20.0
@@ -41,9 +45,11 @@ LEAST_ANSWERS = 3
 SLOWEST = 16.0
 """A robot is taken to be this many times slower than the others at most, and 1/8 at least."""
 FASTEST = 1.0 / 8.0
-ANOTHER_LINK = 2.0
-"""What was seen while C(t) was more than this many times wider or narrower than now counts less, by
-as much as it was beyond that."""
+UNKNOWN_S = 2.0
+"""That a link has become another one is known by then: the controller tells it once a second, and a
+cycle takes a second."""
+DRAIN_S = 1.0
+"""What was on its way over the wider link has left the queues by then."""
 MAX_SERIES = 4096
 """Robots and algorithms that are remembered; the longest unheard is dropped."""
 
@@ -53,6 +59,7 @@ class Told:
     """How one request ended."""
 
     at_s: float
+    asked_s: float
     answer_s: float
     """From the question to the whole answer; infinite where none came."""
     frames: float
@@ -66,6 +73,8 @@ class Told:
     at_least: bool
     """It took longer than `answer_s`, nobody knows how long: whether it would have met a later
     deadline is not known."""
+    late: bool
+    """It came after the deadline of its frame, or never."""
 
 
 def frames_of(waited_s: float, rate_hz: float, usual_hz: float) -> float:
@@ -82,6 +91,10 @@ class Experience:
         self._clock = clock
         self._lock = threading.Lock()
         self._series: OrderedDict[tuple[str, Algorithm], deque[Told]] = OrderedDict()
+        self._capacity_bps: float | None = None
+        """C(t) of the last cycle."""
+        self._narrowed_s = -math.inf
+        """When C(t) was last found much narrower than in the cycle before."""
 
     def record(
         self,
@@ -94,21 +107,31 @@ class Experience:
         work_s: float | None = None,
         capacity_bps: float = 1.0,
         at_least: bool = False,
+        asked_s: float | None = None,
+        deadline_s: float = math.inf,
     ) -> None:
         """Notes that a request has ended now: `answer_s` after it was sent, infinite where no
         usable answer came; `at_least`: that it takes longer than that. `frames` is how many frames
-        it kept waiting, `capacity_bps` C(t)."""
+        it kept waiting, `capacity_bps` C(t) when it was sent, at `asked_s` (where None, `answer_s`
+        ago); what comes after `deadline_s` is late."""
+        now_s = self._clock()
+        if asked_s is None:
+            asked_s = now_s - answer_s if answer_s < math.inf else now_s
         told = Told(
-            self._clock(),
+            now_s,
+            asked_s,
             max(0.0, answer_s),
             max(1.0, frames),
             encode_s,
             work_s,
             max(1.0, capacity_bps),
             at_least,
+            answer_s > deadline_s,
         )
         key = (robot, algorithm)
         with self._lock:
+            if self._is_explained(told):
+                return
             series = self._series.setdefault(key, deque(maxlen=round(MEMORY_FRAMES)))
             series.append(told)
             self._series.move_to_end(key)
@@ -125,8 +148,27 @@ class Experience:
         """All that is known by now, on a link of that C(t)."""
         now_s = self._clock()
         with self._lock:
-            series = {key: tuple(told) for key, told in self._series.items()}
+            series = {key: tuple(told) for key, told in self._series.items() if told}
         return Learnt(series, now_s, capacity_bps)
+
+    def look(self, capacity_bps: float) -> None:
+        """Takes C(t) of a control cycle, and forgets what a link explains that has become much
+        narrower since the cycle before."""
+        with self._lock:
+            before, self._capacity_bps = self._capacity_bps, capacity_bps
+            if before is None or capacity_bps * ANOTHER_LINK >= before:
+                return
+            self._narrowed_s = self._clock()
+            for series in self._series.values():
+                kept = [told for told in series if not self._is_explained(told)]
+                series.clear()
+                series.extend(kept)
+
+    def _is_explained(self, told: Told) -> bool:
+        """Whether it is late because the link had become narrower, and that was not known yet, or
+        the queues were still full."""
+        since_s = told.asked_s - self._narrowed_s
+        return told.late and -UNKNOWN_S <= since_s <= DRAIN_S
 
 
 class Learnt:
@@ -164,7 +206,7 @@ class Learnt:
                     self._encode_s.get(key),
                     self._work_s.get(key),
                     self._answer_s.get(key),
-                    sum(one.frames for one in own),
+                    sum(_counts(one) for one in own),
                 )
         return known
 
@@ -172,12 +214,12 @@ class Learnt:
         parts: dict[Algorithm, list[tuple[float, float, float]]] = {}
         for (robot, algorithm), own in self._own.items():
             slowness = self._slowness.get(robot, 1.0)
-            share = min(1.0, POOL_EACH / max(1e-9, sum(one.frames for one in own)))
+            share = min(1.0, POOL_EACH / max(1e-9, sum(_counts(one) for one in own)))
             parts.setdefault(algorithm, []).extend(
                 (
                     one.answer_s / slowness,
-                    0.0 if one.at_least else one.frames * share,
-                    one.frames * share if one.at_least else 0.0,
+                    0.0 if one.at_least else one.timely * share,
+                    one.late * share,
                 )
                 for one in own
             )
@@ -197,12 +239,16 @@ def _weighted(
         frames = min(one.frames, left)
         left -= frames
         weight = math.exp2(-max(0.0, now_s - one.at_s) / HALF_LIFE_S)
-        if capacity_bps is not None:
-            change = capacity_bps / one.capacity_bps
-            weight *= min(1.0, ANOTHER_LINK * min(change, 1.0 / change))
-        yield Weighted(one.answer_s, frames * weight, one.at_least)
+        wider = 1.0 if capacity_bps is None else capacity_bps / one.capacity_bps
+        yield Weighted(one.answer_s, frames * weight, one.at_least, wider)
         if left <= 0.0:
             return
+
+
+def _counts(one: Weighted) -> float:
+    """Frames that an answer counts for at most, whatever the deadline."""
+    never_in_time = one.at_least or one.answer_s == math.inf
+    return one.late if never_in_time else max(one.timely, one.late)
 
 
 def _median(values: Iterable[float | None]) -> float | None:

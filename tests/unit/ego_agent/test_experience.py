@@ -11,6 +11,7 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.answers import AnswerTimes
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.experience import (
+    DRAIN_S,
     HALF_LIFE_S,
     MAX_SERIES,
     MEMORY_FRAMES,
@@ -131,15 +132,67 @@ def test_what_is_not_seen_again_is_half_forgotten_after_its_half_life() -> None:
     assert in_time(known, "R1", "late") > 0.9
 
 
-def test_what_was_seen_on_a_much_wider_or_narrower_link_counts_less() -> None:
+@pytest.mark.parametrize("answer_s", [math.inf, 0.4])
+def test_what_was_late_says_nothing_of_a_link_that_is_several_times_wider(answer_s: float) -> None:
     known, _ = experience()
     for _ in range(20):
-        known.record("R1", "late", math.inf, capacity_bps=1e6)
-    frames = {
-        bps: known.learnt(bps).of("R1", ["late"])["late"].frames for bps in (5e5, 1e6, 2e6, 55e6)
-    }
-    assert frames[5e5] == frames[1e6] == frames[2e6]
-    assert frames[55e6] == pytest.approx(frames[1e6] * 2 / 55)
+        known.record("R1", "late", answer_s, capacity_bps=1e6, deadline_s=DEADLINE_S)
+    chances = {bps: chance_over(known, bps) for bps in (1e5, 1e6, 2e6, 3e6, 4e6, 55e6)}
+    assert chances[1e5] == chances[1e6] == chances[2e6] < 0.05
+    assert chances[2e6] < chances[3e6] < chances[4e6] == chances[55e6] == 1.0
+    assert known.learnt(55e6).of("R1", ["late"])["late"].lost == 0.0
+
+
+def test_what_was_in_time_says_little_of_a_link_that_is_several_times_narrower() -> None:
+    known, _ = experience()
+    for _ in range(10):
+        known.record("R1", "late", 0.1, capacity_bps=20e6, deadline_s=DEADLINE_S)
+    for _ in range(10):
+        known.record("R1", "late", 0.4, capacity_bps=1e6, deadline_s=DEADLINE_S)
+    chances = [chance_over(known, bps) for bps in (1e6, 2e6, 10e6, 20e6, 100e6)]
+    assert chances == sorted(chances)
+    assert chances[0] < 0.2
+    assert chances[-1] == 1.0
+
+
+def chance_over(known: Experience, capacity_bps: float) -> float:
+    return known.learnt(capacity_bps).of("R1", ["late"])["late"].in_time(DEADLINE_S)
+
+
+def test_what_was_late_while_a_link_became_narrower_is_held_against_nobody() -> None:
+    known, clock = experience()
+
+    def ask(answer_s: float, capacity_bps: float) -> None:
+        asked_s, clock.now_s = clock.now_s, clock.now_s + min(answer_s, 0.3)
+        known.record(
+            "R1",
+            "early",
+            answer_s,
+            capacity_bps=capacity_bps,
+            at_least=answer_s == 0.3,
+            asked_s=asked_s,
+            deadline_s=DEADLINE_S,
+        )
+
+    known.look(20e6)
+    for answer_s in (0.1, 0.3, 0.3, math.inf):
+        ask(answer_s, 20e6)
+    assert in_time(known, "R1", "early") < 0.4
+    known.look(1e6)
+    assert in_time(known, "R1", "early") == 1.0
+    ask(0.4, 20e6)  # Asked before the decision changed, or behind what was.
+    assert in_time(known, "R1", "early") == 1.0
+    clock.now_s += DRAIN_S
+    for _ in range(5):
+        ask(0.4, 1e6)
+    assert in_time(known, "R1", "early") < 0.3
+
+
+def test_what_was_late_on_a_link_that_wavers_stays() -> None:
+    known, _ = experience(told(["R1"], "early", math.inf))
+    for capacity_bps in (20e6, 11e6, 20e6, 10e6):
+        known.look(capacity_bps)
+    assert in_time(known, "R1", "early") < 0.05
 
 
 def test_a_clock_that_jumps_teaches_nothing() -> None:
