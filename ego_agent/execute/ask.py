@@ -288,10 +288,13 @@ class Asker:
         """Counts an answer, and gives what it brings to its frame, if that still waits for it."""
         ask, done = arrival.ask, arrival.ask.round
         algorithm = ask.request.algorithm
-        if not ask.request.listens:
-            self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at)
+        wrong: Missing | None = None
         if isinstance(arrival.outcome, Answer):
             self._answered_at = arrival.at
+            wrong = self._check.answer(ask.robot, ask.request, arrival.outcome.message)
+        if not ask.request.listens:
+            usable = wrong is None
+            self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at, usable=usable)
         self._settle(ask)
         if ask.request.shares and isinstance(arrival.outcome, Answer):
             told = arrival.outcome.message.shared_s
@@ -316,7 +319,6 @@ class Asker:
         seen = answer.message
         self._tally.received(ask.robot, algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
-        wrong = self._check.answer(ask.robot, ask.request, seen)
         if wrong is None:
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, algorithm, size, at_ns)
@@ -353,9 +355,9 @@ class Asker:
         done.waiting.discard(robot)
         at = max(came_at, done.asked_at[robot])
         answer = Answer(seen, len(seen.payload), at - done.asked_at[robot])
-        self._lessons.answer(robot, done, answer, at)
-        done.arrived_at[robot] = at
         wrong = self._check.frame(robot, awaited.capture_ns, seen)
+        self._lessons.answer(robot, done, answer, at, usable=wrong is None)
+        done.arrived_at[robot] = at
         if wrong is not None:
             done.missing[robot] = wrong
             return

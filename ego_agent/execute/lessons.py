@@ -28,9 +28,17 @@ class Lessons:
         self._queues = Queues()
 
     def answer(
-        self, robot: str, done: FrameRound, outcome: Answer[Observation] | CoAdaptError, at: float
+        self,
+        robot: str,
+        done: FrameRound,
+        outcome: Answer[Observation] | CoAdaptError,
+        at: float,
+        *,
+        usable: bool = True,
     ) -> None:
-        """An answer, or why there is none, `time.monotonic()` seconds; also one that is late."""
+        """An answer, or why there is none, `time.monotonic()` seconds; also one that is late.
+        `usable`: whether it is what was asked for. One that shows another moment brings no more
+        than none."""
         answer_s = at - done.asked_at[robot]
         # Until the deadline it was waited for already.
         more_s = answer_s if robot in done.waiting else answer_s - done.deadline_s
@@ -39,7 +47,8 @@ class Lessons:
             return
         seen = outcome.message
         work_ms = seen.work_ms or seen.encode_ms
-        self._note(done, robot, answer_s, more_s, seen.encode_ms * 1e-3, work_ms * 1e-3)
+        came_s = answer_s if usable else math.inf
+        self._note(done, robot, came_s, more_s, seen.encode_ms * 1e-3, work_ms * 1e-3)
         # What the robot's kernel says of its own link.
         shown = self._queues.take((robot, seen.instance), seen.uplink)
         if shown is not None:

@@ -74,7 +74,7 @@ class AnswerTimes:
     encode_s: float | None = None
     """Median of its own encoding times."""
     work_s: float | None = None
-    """Median of its processor's time for that."""
+    """Least processor time of that: whatever else runs there only makes it longer."""
     answer_s: float | None = None
     """Median from question to answer, of the answers that came."""
     frames: float = 0.0

@@ -184,7 +184,7 @@ class Learnt:
             key: tuple(_weighted(told, now_s, capacity_bps)) for key, told in series.items()
         }
         self._encode_s = {key: _median(t.encode_s for t in told) for key, told in series.items()}
-        self._work_s = {key: _median(t.work_s for t in told) for key, told in series.items()}
+        self._work_s = {key: _least(t.work_s for t in told) for key, told in series.items()}
         self._answer_s = {
             key: _median(t.answer_s for t in told if t.answer_s < math.inf and not t.at_least)
             for key, told in series.items()
@@ -254,6 +254,10 @@ def _counts(one: Weighted) -> float:
 def _median(values: Iterable[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return median(known) if known else None
+
+
+def _least(values: Iterable[float | None]) -> float | None:
+    return min((value for value in values if value is not None), default=None)
 
 
 def _slowness(series: Mapping[tuple[str, Algorithm], tuple[Told, ...]]) -> dict[str, float]:

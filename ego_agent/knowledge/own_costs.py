@@ -10,6 +10,9 @@ from swarm.messages import Algorithm
 
 FRAMES = 10
 """Frames of which the median counts."""
+WORKED_FRAMES = 100
+"""Frames of which the least processor time counts: whatever else runs, on this core or beside it,
+only makes work longer."""
 
 
 class OwnCosts:
@@ -34,9 +37,10 @@ class OwnCosts:
         with self._lock:
             self._fixed_s.setdefault(algorithm, deque(maxlen=FRAMES)).append(fixed_s)
             if contributions:
-                for told, spent_s in ((self._add_s, add_s), (self._work_s, work_s)):
-                    each = told.setdefault(algorithm, deque(maxlen=FRAMES))
-                    each.append(spent_s / contributions)
+                added = self._add_s.setdefault(algorithm, deque(maxlen=FRAMES))
+                added.append(add_s / contributions)
+                worked = self._work_s.setdefault(algorithm, deque(maxlen=WORKED_FRAMES))
+                worked.append(work_s / contributions)
 
     def frame_s(self, algorithm: Algorithm, contributions: int) -> float:
         """What a frame with that many contributions takes; 0 where nothing is known."""
@@ -48,4 +52,4 @@ class OwnCosts:
         """Processor time that one contribution takes; None where nothing is known."""
         with self._lock:
             known = self._work_s.get(algorithm)
-            return median(known) if known else None
+            return min(known) if known else None

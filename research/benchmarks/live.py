@@ -61,14 +61,19 @@ def live_swarm(swarm: str, settings: Mapping[str, str], **values: Any) -> Iterat
             os.environ.update(before)
 
 
-def process_id(state: State, module: str) -> int:
-    """Of the process of a swarm that runs a module."""
-    mark = f"COADAPT_SWARM={state.spec.swarm}\0".encode()
+def process_id(state: State, module: str, **settings: str) -> int:
+    """Of the process of a swarm that runs a module with settings."""
+    marks = {
+        f"{name}={value}".encode()
+        for name, value in {"COADAPT_SWARM": state.spec.swarm, **settings}.items()
+    }
     for entry in Path("/proc").glob("[0-9]*"):
         try:
             words = (entry / "cmdline").read_bytes().split(b"\0")
-            if module.encode() in words and mark in (entry / "environ").read_bytes():
+            environment = (entry / "environ").read_bytes().split(b"\0")
+            if module.encode() in words and marks <= {*environment}:
                 return int(entry.name)
         except OSError:
             continue  # It has ended, or is another user's.
-    raise RuntimeError(f"no process of swarm {state.spec.swarm!r} runs {module}")
+    wanted = " with ".join([module, *(f"{name}={value}" for name, value in settings.items())])
+    raise RuntimeError(f"no process of swarm {state.spec.swarm!r} runs {wanted}")

@@ -4,41 +4,48 @@ learning is worth while links and loads change.
 A swarm of six robots in network namespaces, twice with the same schedule on the same frames of the
 factory: with learning, and without (`COADAPT_LEARN=0`), which is the control. First the case of
 README: the cell is shaped from 55 to 1 Mbit/s. Then the schedule: segments of 15 s with other
-rates, in some of which a process keeps one core busy.
+rates, in some of which a process keeps one core busy, or some robots get a tenth of a processor.
 
 `cycles`: from shaping to the first decision of which, and of the four after it together, at least
 0.9 of the contributions are in time. `in_time_ratio`: contributions in time by robots asked, over
 the schedule. Delivered AP: what a reader of the ego's detections has of each second frame, the
 newest objects of at most a second ago, moved by their own velocities, as the ego remembers them
-where it does, else its boxes; they are matched at IoU 0.7 with the truth of that frame. It is
-compared window by window of 5 s, both runs on the same frames; the interval draws whole segments
-again.
+where it does, else its boxes; they are matched at IoU 0.7 with the truth of that frame. Value is
+that less lambda C, at the prices of the objective: what came, over the cell's rate, and what the
+requests took of processors, by the model of compute in both runs. Both are compared window by
+window of 5 s, on the same frames; the intervals draw whole segments again.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deploy.paths import journal_path
+from deploy.rates import parse_rate
 from deploy.state import State
+from ego_agent.knowledge.compute import packaged_compute
+from ego_agent.knowledge.objective import Objective
 from perception.detector import configuration
 from perception.fusion.tracks import Tracks
 from perception.metrics import Match, match, precision_of
 from perception.types import Boxes
-from research.benchmarks.live import ROBOTS, live_swarm, why_not
+from research.benchmarks.live import ROBOTS, live_swarm, process_id, why_not
 from research.benchmarks.report import write_report
 from research.evaluation.bootstrap import bootstrap_mean
 from swarm.arrays import Array, unpack_finite
@@ -49,15 +56,20 @@ from worlds.base import World
 from worlds.cooperative.judging import judge
 from worlds.registry import open_world
 
-SCHEDULE = (
-    ("5mbit", False),
-    ("1mbit", True),
-    ("20mbit", True),
-    ("1mbit", False),
-    ("2mbit", True),
-    ("10mbit", False),
+Load = Literal["", "core", "robots"]
+SCHEDULE: tuple[tuple[str, Load], ...] = (
+    ("5mbit", ""),
+    ("1mbit", "core"),
+    ("20mbit", "robots"),
+    ("1mbit", ""),
+    ("2mbit", "core"),
+    ("10mbit", "robots"),
 )
-"""(rate of the cell, whether a core is kept busy), again and again."""
+"""(rate of the cell, what is busy), again and again."""
+SLOW = ("R3", "R5")
+"""The robots that are slow then: near the ego, so it would ask them."""
+TURN_S, RUNS_S = 0.2, 0.02
+"""A slow robot's process runs for so much of each turn."""
 SEGMENT_S, WINDOW_S = 15.0, 5.0
 BEGIN_S = 45.0
 """From the first frame to README's case: the swarm has been up for a while then."""
@@ -70,6 +82,8 @@ STEP = 2
 """Frames from one that is scored to the next."""
 IOU = 0.7
 BUSY = "while True: pass"
+NOT_ASKED = ("busy", "offline", "left", "probe")
+"""Why a robot is missing that did not work for the frame."""
 
 
 @dataclass
@@ -92,6 +106,37 @@ def busy_core() -> Iterator[None]:
     finally:
         process.kill()
         process.wait()
+
+
+@contextmanager
+def slow_robots(state: State) -> Iterator[None]:
+    """Some robots' processes get a tenth of a processor: between they are stopped."""
+    pids = [process_id(state, "robot_agent", COADAPT_ROBOTS=robot) for robot in SLOW]
+    over = threading.Event()
+
+    def turns() -> None:
+        while not over.wait(RUNS_S):
+            for number, pause_s in ((signal.SIGSTOP, TURN_S - RUNS_S), (signal.SIGCONT, 0.0)):
+                for pid in pids:
+                    os.kill(pid, number)
+                over.wait(pause_s)
+
+    thread = threading.Thread(target=turns)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        for pid in pids:
+            os.kill(pid, signal.SIGCONT)
+
+
+def loaded(load: Load, state: State) -> AbstractContextManager[None]:
+    """What is busy in a segment, until left."""
+    if load == "core":
+        return busy_core()
+    return slow_robots(state) if load == "robots" else nullcontext()
 
 
 def shape(swarm: str, rate: str) -> None:
@@ -119,13 +164,10 @@ def perform(learn: bool, seconds: float) -> Run:
         at_s = BEGIN_S + CASE_S
         wait_until(run, at_s)
         for number in range(round(seconds / SEGMENT_S)):
-            rate, busy = SCHEDULE[number % len(SCHEDULE)]
+            rate, load = SCHEDULE[number % len(SCHEDULE)]
             shape(swarm, rate)
             at_s += SEGMENT_S
-            if busy:
-                with busy_core():
-                    wait_until(run, at_s)
-            else:
+            with loaded(load, state):
                 wait_until(run, at_s)
         journal = Path(journal_path(state.spec, state.spec.var_dir)).read_text()
     run.cycles = [json.loads(line) for line in journal.splitlines() if line.endswith("}")]
@@ -167,10 +209,20 @@ def scheduled(run: Run, world: World, seconds: float) -> list[Detections]:
 
 def changes_per_min(run: Run) -> float:
     """Changes of the decision over the schedule."""
-    begin_ns = run.epoch_ns + round((BEGIN_S + CASE_S) * 1e9)
-    lines = [line["decision"] for line in run.cycles if line["started_ns"] >= begin_ns]
+    lines = [line["decision"] for line in of_schedule(run)]
     choices = [(sorted(d["participants"]), d["algorithm"], d["rate_hz"]) for d in lines]
     return 60.0 * sum(a != b for a, b in pairwise(choices)) / max(1, len(choices))
+
+
+def asked_bytes(run: Run) -> float:
+    """What decisions of the schedule take, a fused frame: mean over cycles."""
+    return float(np.mean([line["decision"]["cost_bytes"] for line in of_schedule(run)]))
+
+
+def of_schedule(run: Run) -> list[dict[str, Any]]:
+    """The journal's lines of the schedule."""
+    begin_ns = run.epoch_ns + round((BEGIN_S + CASE_S) * 1e9)
+    return [line for line in run.cycles if line["started_ns"] >= begin_ns]
 
 
 def in_time_ratio(frames: Sequence[Detections]) -> float:
@@ -251,11 +303,34 @@ def delivered(runs: Sequence[Run], world: World, ego: str, seconds: float) -> li
     return found
 
 
+def costs(run: Run, world: World, seconds: float) -> list[float]:
+    """lambda C of each window, by the objective's prices."""
+    objective, compute = Objective(), packaged_compute()
+    length = round(WINDOW_S * world.rate_hz)
+    count = round(seconds / WINDOW_S)
+    sent, worked_s = np.zeros(count), np.zeros(count)
+    begin = round((BEGIN_S + CASE_S) * world.rate_hz)
+    for frame in scheduled(run, world, seconds):
+        window = (frame.frame - begin) // length
+        sent[window] += sum(frame.bytes.values())
+        for robot in {*frame.participants[1:], *frame.missing}:
+            if frame.missing_kinds.get(robot) in NOT_ASKED:
+                continue
+            work = compute.work(world.detector, frame.forms.get(robot, frame.algorithm))
+            worked_s[window] += (work.encode_ms + work.add_ms) * 1e-3
+    found = []
+    for window in range(count):
+        rate, _ = SCHEDULE[int(window * WINDOW_S // SEGMENT_S) % len(SCHEDULE)]
+        of_frame = sent[window] / length, parse_rate(rate), worked_s[window] / length
+        found.append(objective.cost(*of_frame, world.rate_hz))
+    return found
+
+
 def main() -> int:
     """Measures and writes build/bench/loop.json."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument(
-        "--seconds", type=float, default=60.0, help="of the schedule (default: 60; 300 for all)"
+        "--seconds", type=float, default=90.0, help="of the schedule (default: 90, all of it once)"
     )
     seconds = max(SEGMENT_S, parser.parse_args().seconds // SEGMENT_S * SEGMENT_S)
     if trouble := why_not():
@@ -266,6 +341,9 @@ def main() -> int:
     learnt, control = delivered(runs, world, world.robots[0], seconds)
     segments = [int(i * WINDOW_S // SEGMENT_S) for i in range(len(learnt))]
     gain = bootstrap_mean([a - b for a, b in zip(learnt, control, strict=True)], segments)
+    cost, cost_control = (costs(run, world, seconds) for run in runs)
+    worth = np.subtract(learnt, cost) - np.subtract(control, cost_control)
+    value = bootstrap_mean([*worth], segments)
     frames = [scheduled(run, world, seconds) for run in runs]
     figures = {
         "cycles": cycles_to_arrive(runs[0]),
@@ -277,14 +355,30 @@ def main() -> int:
         "delivered_gain": gain.mean,
         "delivered_gain_low": gain.low,
         "delivered_gain_high": gain.high,
+        "value_gain": value.mean,
+        "value_gain_low": value.low,
+        "value_gain_high": value.high,
+        "bytes_per_frame": asked_bytes(runs[0]),
+        "bytes_per_frame_control": asked_bytes(runs[1]),
         "fps": len(frames[0]) / seconds,
         "fps_control": len(frames[1]) / seconds,
         "alone_ratio": float(np.mean([nobody_asked(frame) for frame in frames[0]])),
         "changes_per_min": changes_per_min(runs[0]),
         "seconds": seconds,
         "rows": [
-            {"window": i, "rate": SCHEDULE[s % len(SCHEDULE)][0], "ap": a, "ap_control": b}
-            for i, (s, a, b) in enumerate(zip(segments, learnt, control, strict=True))
+            {
+                "window": i,
+                "rate": rate,
+                "busy": load,
+                "ap": a,
+                "ap_control": b,
+                "cost": c,
+                "cost_control": d,
+            }
+            for i, (s, a, b, c, d) in enumerate(
+                zip(segments, learnt, control, cost, cost_control, strict=True)
+            )
+            for rate, load in (SCHEDULE[s % len(SCHEDULE)],)
         ],
     }
     samples = {

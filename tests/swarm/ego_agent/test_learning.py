@@ -22,6 +22,8 @@ from tests.support.ego_hall import (  # noqa: F401
 )
 from tests.support.ego_swarm import until
 
+SECOND_NS = 10**9
+
 
 def answers_of(ego: Ego, robot: str, algorithm: str) -> AnswerTimes:
     return ego.known.experience.learnt().of(robot, [algorithm])[algorithm]
@@ -90,3 +92,19 @@ def test_a_fused_frame_teaches_what_it_takes_the_ego(
     assert ego.known.own_costs.frame_s("early", 1) == 0.0
     ego.fuse("R2")
     assert ego.known.own_costs.frame_s("early", 1) > 0.0
+
+
+def test_an_answer_that_shows_another_moment_teaches_that_nothing_comes(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    def answer(request: ObservationRequest) -> Observation:
+        return msgspec.structs.replace(
+            honest(hall, "R2")(request), capture_ns=request.capture_ns - SECOND_NS
+        )
+
+    robot("R2", answer)
+    assert ego.loop.fuse(decision("R2"), ego.own()).missing["R2"].kind == "skew"
+    known = answers_of(ego, "R2", "early")
+    assert known.lost == 1.0
+    assert known.in_time(DEADLINE_S) < 0.5
+    assert known.work_s is not None, "what it takes of the robot is known all the same"

@@ -15,7 +15,6 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 from scipy.spatial import cKDTree
@@ -42,6 +41,9 @@ from tests.support.zenoh_fixtures import WAIT_S, Inbox, RouterProcess, SessionMa
 from worlds.opv2v.world import Opv2vWorld
 
 Start = Callable[..., subprocess.Popen[str]]
+
+ROUNDED = 0.02
+"""By so much a score may differ between processes that compute in bfloat16."""
 
 
 def environment(router: str, swarm: str, **settings: str) -> dict[str, str]:
@@ -123,9 +125,14 @@ def test_two_robots_of_one_process_tell_answer_and_leave(
 
         boxes = decode_boxes(take_outline(answers[1].result(WAIT_S).message.payload)[0])
         found = shared_finder(world.detector).find(scan)
-        expected = found.take(np.flatnonzero(found.scores >= SENT_SCORE)[:SENT_BOXES])
-        # In bfloat16 two processes may differ by a rounding step of the network's last layer.
-        np.testing.assert_allclose(boxes.centers, expected.centers, atol=0.01)
+        # In bfloat16 two processes may differ by a rounding step of the network's last layer, which
+        # may also turn round the order of two boxes, or take one over the threshold.
+        assert len(boxes) <= SENT_BOXES
+        assert cKDTree(found.centers).query(boxes.centers)[0].max() <= 0.02
+        least = max(SENT_SCORE, found.scores[SENT_BOXES - 1 : SENT_BOXES].max(initial=0.0))
+        certain = found.centers[found.scores >= least + ROUNDED]
+        assert len(certain) > 0
+        assert cKDTree(boxes.centers).query(certain)[0].max() <= 0.02
         with pytest.raises(RefusedError, match=r"nearest, .* later; allowed"):
             ego.ask(key, request(capture_ns=1), Observation, timeout_s=5).result(WAIT_S)
 

@@ -246,5 +246,7 @@ def test_what_a_frame_takes_the_ego_grows_with_those_who_take_part() -> None:
     costs.record("early", 5, 0.05, 0.02, 0.005)
     assert costs.frame_s("early", 5) == pytest.approx(0.07)
     assert costs.work_s("early") == pytest.approx(0.001), "of a processor, not of the clock"
+    costs.record("early", 5, 0.05, 0.02, 0.02)
+    assert costs.work_s("early") == pytest.approx(0.001), "what else runs only makes it longer"
     assert costs.frame_s("early", 0) == pytest.approx(0.05)
     assert costs.frame_s("late", 5) == 0.0
