@@ -17,8 +17,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+import pytest
+
 from perception.detector.backends import SETTING
-from perception.fusion.detectors import detector_backend
+from perception.fusion import detectors
+from perception.kernels import library
 from swarm import keyspace
 from swarm.messages import Decision, Detections, Message
 from swarm.session import Session
@@ -159,10 +162,23 @@ def recorded(data: Path) -> dict[str, str]:
     return {"COADAPT_WORLD": "opv2v", "COADAPT_WORLD_DATA": str(data)}
 
 
-def numerics_of_this_process(detector: str = "factory") -> dict[str, str]:
-    """The setting by which a swarm's processes compute as this one does: each would choose what is
-    fastest, and another choice differs in the last digits."""
-    return {SETTING: detector_backend(detector)}
+def float32() -> dict[str, str]:
+    """The setting by which all processes compute alike: each would choose what is fastest, and in
+    bfloat16 two that do so differ by rounding steps, now and then by a box."""
+    return {SETTING: "compiled" if library.network() is not None else "torch"}
+
+
+@contextmanager
+def in_float32() -> Iterator[dict[str, str]]:
+    """This process computes so, too, until left; gives the setting for others."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in float32().items():
+            patch.setenv(name, value)
+        detectors._learned.cache_clear()
+        try:
+            yield float32()
+        finally:
+            detectors._learned.cache_clear()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from perception.fusion.registry import fusion_names
-from tests.support.ego_swarm import numerics_of_this_process
+from tests.support.ego_swarm import float32
 from tests.support.opencood_models import settings, write_model
 
 
@@ -22,7 +22,7 @@ def coadapt(*arguments: str) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         timeout=240,
-        env=os.environ | numerics_of_this_process("road"),
+        env=os.environ | float32(),
         check=False,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,9 @@ from perception.fusion.registry import fusion_names, make_fusion
 from swarm.messages import Detections
 from tests.support.ego_swarm import (
     factory,
+    float32,
+    in_float32,
     metrics_of,
-    numerics_of_this_process,
     swarm_of,
     until,
 )
@@ -23,6 +25,13 @@ EGO, OTHER = "R1", "R2"
 FRAMES = 4
 MOST_LATE = 3
 """Scans that a robot may be behind the ego on a busy machine."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def exact() -> Iterator[None]:
+    """What two processes find is compared to the last digit."""
+    with in_float32():
+        yield
 
 
 @pytest.mark.parametrize("algorithm", fusion_names("factory"))
@@ -40,7 +49,7 @@ def test_live_bytes_are_those_of_an_experiment_on_the_same_frames(
         "deadline_s": "0.45",
     }
     port = free_ports(1)
-    with swarm_of(factory(scans) | numerics_of_this_process(), tmp_path) as swarm:
+    with swarm_of(factory(scans) | float32(), tmp_path) as swarm:
         swarm.router()
         frames = swarm.detections(swarm.session(), EGO)
         swarm.robot(OTHER, metrics_port=str(port))

@@ -28,7 +28,7 @@ from options.recordings.sink import Sink
 from options.recordings.world import RecordingWorld
 from swarm.errors import RecordingError, TransportError
 from swarm.messages import Beacon, Decision, Detections, Message, SceneDescription
-from tests.support.ego_swarm import Swarm, numerics_of_this_process, swarm_of
+from tests.support.ego_swarm import Swarm, float32, in_float32, swarm_of
 from tests.support.first_hour import Figure
 from tests.support.recording_files import write_recording
 from tests.support.zenoh_fixtures import RouterProcess
@@ -115,6 +115,13 @@ class Running:
             return self.record(wanted, stop)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def exact() -> Iterator[None]:
+    """What two processes find is compared to the last digit."""
+    with in_float32():
+        yield
+
+
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     """An ego and another robot that fuse boxes, in a world of two frames a second: there a robot
@@ -122,7 +129,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     folder = tmp_path_factory.mktemp("swarm")
     source = write_recording(folder / "source.mcap", range(0, 60, 5), robots=2)
     world = {"COADAPT_WORLD": "recording", "COADAPT_WORLD_DATA": str(source)}
-    with swarm_of(world | numerics_of_this_process(), folder) as swarm:
+    with swarm_of(world | float32(), folder) as swarm:
         swarm.router()
         swarm.robot("R2")
         journal = str(folder / "journal.jsonl")
@@ -175,7 +182,7 @@ def test_a_recording_of_a_factory_is_small_and_exact(tmp_path: Path, figure: Fig
     """Four robots with 32 rings. However many frames a busy machine fuses, the figure is that of
     all frames of the world's rate."""
     world = {"COADAPT_WORLD": "factory", "COADAPT_WORLD_ROBOTS": str(len(FLOOR))}
-    with swarm_of(world | numerics_of_this_process(), tmp_path) as swarm:
+    with swarm_of(world | float32(), tmp_path) as swarm:
         swarm.router()
         swarm.robot(*FLOOR[1:])
         swarm.ego(
