@@ -13,6 +13,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
+from ego_agent.knowledge.control_share import control_bps
 from ego_agent.monitor.evidence import MIN_STOOD_MS, Queues
 from ego_agent.monitor.link import LinkEstimate
 from swarm.controllers import FRESH_S
@@ -24,6 +25,9 @@ STEADY_S = 3.0
 """While a link's configuration stays the same, the least that was available in this time counts:
 telemetry that comes and goes each second must not make decisions come and go with it. What is
 configured anew counts at once, up and down."""
+SETTLING_S = 5.0
+"""After a link was configured anew, control traffic that is more than robots may take there is
+about to become less: in the next cycle the ego tells them so."""
 MAX_SENDERS = 64
 """Controllers and routers whose messages are counted; the longest unheard is dropped."""
 MAX_LINKS = 1024
@@ -41,6 +45,8 @@ class _Word:
     """When."""
     configured: tuple[int, int] = (0, 0)
     """Capacity and level."""
+    since: float = 0.0
+    """When that was first said."""
     recent: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=16))
     """When, and bit/s that this ego could have."""
     stood_ms: int | None = None
@@ -72,10 +78,13 @@ class LinkWatch:
         ego: str,
         link: LinkEstimate,
         own: Callable[[], Collection[str]] = own_addresses,
+        robots: Callable[[], int] = lambda: 0,
     ) -> None:
+        """`robots`: how many are alive, the ego among them; 0 where that is not known."""
         self._ego = ego
         self._link = link
         self._own = own
+        self._robots = robots
         self._mine: Collection[str] = ()
         self._queues = Queues()
         self._seqs: OrderedDict[int, int] = OrderedDict()
@@ -130,11 +139,22 @@ class LinkWatch:
         word.at = now_s
         if word.configured != (link.capacity_bps, link.level):
             word.configured = (link.capacity_bps, link.level)
+            word.since = now_s
             word.recent.clear()
-        granted_bps = link.grants.get(self._ego, link.available_bps)
-        word.recent.append((now_s, min(link.available_bps, granted_bps)))
+        available_bps = link.available_bps
+        if name == (self._ego, "down") and now_s - word.since <= SETTLING_S:
+            available_bps += self._soon_less_bps(link)
+        granted_bps = link.grants.get(self._ego, available_bps)
+        word.recent.append((now_s, min(available_bps, granted_bps)))
         least = min(bps for at, bps in word.recent if now_s - at <= STEADY_S)
         self._pass_on(name, float(least), now_s, stood=word.stood(link))
+
+    def _soon_less_bps(self, link: LinkState) -> int:
+        """By how much control traffic exceeds what robots may take of the cell."""
+        control, robots = link.classes.get("control"), self._robots()
+        if control is None or robots == 0:
+            return 0
+        return max(0, control.throughput_bps - round(control_bps(link.capacity_bps, robots)))
 
     def _pass_on(
         self, name: _Link, bps: float | None, now_s: float, *, stood: bool = False

@@ -53,6 +53,10 @@ class RobotTable:
         robot whose token is there takes the room of one that has none or never spoke."""
         return self._record(robot, now, speaks=True)
 
+    def alive(self) -> int:
+        """How many are alive."""
+        return sum(record.alive for record in self.known.values())
+
     def forget(self, now: float) -> None:
         """Drops the robots that have left and are silent; where only those nearby are listened to,
         also those that are silent: they are somewhere else."""

@@ -59,12 +59,12 @@ class Monitor:
         self.ego = ego
         self.mark = mark
         self.link = link
-        self._watch = LinkWatch(ego, link)
         self._clock = clock or Clock()
         self._monotonic = monotonic
         self._surroundings = surroundings
         self._lock = threading.Lock()
         self._robots = RobotTable(ego, max_robots, nearby=surroundings is not None)
+        self._watch = LinkWatch(ego, link, robots=self._robots.alive)
         self._own = OwnSenses()
         self._stamps: deque[int] = deque(maxlen=MAX_STAMPS)
         self._out_of_order = 0

@@ -10,22 +10,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ego_agent.knowledge.control_share import FULL_BPS, MOST_SHARE, NEEDED_BPS, carried_bps
 from ego_agent.knowledge.model import Snapshot
 
-FULL_BPS = 120_000
-"""Of one robot that is free to speak: ten beacons and two scenes a second of a crowded floor."""
 LEAST_BPS = 2_000
 """One beacon in two seconds: too few to be relied on, enough to be found again."""
-NEEDED_BPS = 8_000
-"""With less a robot's beacons are older than a second before the next one comes."""
-WELL_BPS = 10_000
-"""With this a beacon that is lost or late is followed by the next one within the second."""
-SHARE = 0.2
-"""Of C(t) for all robots' messages: what observations leave free."""
-WELL_SHARE = 0.4
-"""Of C(t), where the robots need more than SHARE to be known well."""
-MOST_SHARE = 0.8
-"""Of C(t), where the robots need more than SHARE to be known at all."""
 STANDING_S = 0.4
 """Beacons that are longer on their way stand in a queue."""
 LOST_S = 1.0
@@ -74,11 +63,7 @@ class ControlBudget:
             if each_bps * MOST_SHARE < NEEDED_BPS
             else ""
         )
-        carried_bps = max(
-            SHARE * each_bps,
-            min(WELL_BPS, WELL_SHARE * each_bps),
-            min(NEEDED_BPS, MOST_SHARE * each_bps),
-        )
+        most_bps = carried_bps(each_bps)
         for gone in self._levels.keys() - {view.robot for view in alive}:
             del self._levels[gone]
         fewer = {}
@@ -87,9 +72,9 @@ class ControlBudget:
                 continue
             level = self._levels.setdefault(view.robot, _Level())
             _follow(level, max(view.delay_s, view.beacon_age_s - DUE_S), now_s)
-            if level.bps < min(carried_bps, FULL_BPS):
+            if level.bps < min(most_bps, FULL_BPS):
                 fewer[view.robot] = round(level.bps)
-        limit = 0 if carried_bps >= FULL_BPS else max(LEAST_BPS, round(carried_bps))
+        limit = 0 if most_bps >= FULL_BPS else max(LEAST_BPS, round(most_bps))
         return Wish(limit, fewer)
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ego_agent.knowledge.model import Snapshot
-from ego_agent.plan.control_budget import (
+import pytest
+
+from ego_agent.knowledge.control_share import (
     FULL_BPS,
-    LEAST_BPS,
     NEEDED_BPS,
     SHARE,
     WELL_BPS,
     WELL_SHARE,
-    ControlBudget,
-    Wish,
+    control_bps,
 )
+from ego_agent.knowledge.model import Snapshot
+from ego_agent.plan.control_budget import LEAST_BPS, ControlBudget, Wish
 from tests.support.ego_scenes import snapshot, view
 
 
@@ -37,6 +38,15 @@ def test_a_narrow_link_shares_its_part_among_the_living() -> None:
 def test_where_their_share_is_scarce_robots_may_take_more_to_be_known_well() -> None:
     told = [ControlBudget().take(seen(bps), 0.0).each_bps for bps in (300e3, 140e3, 110e3, 60e3)]
     assert told == [WELL_BPS, round(WELL_SHARE * 140e3 / 6), NEEDED_BPS, NEEDED_BPS]
+
+
+@pytest.mark.parametrize("link_bps", [60e3, 100e3, 300e3, 1e6, 5e6, 55e6])
+def test_what_robots_take_of_a_link_leaves_the_c_t_by_which_they_may_take_it(
+    link_bps: float,
+) -> None:
+    left_bps = link_bps - control_bps(link_bps, 6)
+    each_bps = ControlBudget().take(seen(left_bps), 0.0).each_bps or FULL_BPS
+    assert 5 * each_bps == pytest.approx(control_bps(link_bps, 6), rel=0.02)
 
 
 def test_robots_get_what_they_need_to_be_known_before_observations_get_theirs() -> None:

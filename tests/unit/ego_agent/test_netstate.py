@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
+from ego_agent.knowledge.control_share import control_bps
 from ego_agent.monitor.evidence import Sample
 from ego_agent.monitor.link import LinkEstimate
-from ego_agent.monitor.netstate import MAX_LINKS, MAX_SENDERS, STEADY_S, LinkWatch
+from ego_agent.monitor.netstate import MAX_LINKS, MAX_SENDERS, SETTLING_S, STEADY_S, LinkWatch
 from ego_agent.monitor.snapshot import Monitor
 from swarm.controllers import FRESH_S
 from swarm.messages import Backlog, Direction, LinkClass, LinkState, NetState, TcpState
@@ -57,7 +59,11 @@ def state(
     level: int = 0,
     grants: dict[str, int] | None = None,
     fusion: Backlog | None = None,
+    control_bps: int = 0,
 ) -> LinkState:
+    classes = {} if fusion is None else {"fusion": class_of(fusion)}
+    if control_bps:
+        classes["control"] = replace(class_of(Backlog()), throughput_bps=control_bps)
     return LinkState(
         robot=robot,
         direction=direction,
@@ -65,7 +71,7 @@ def state(
         available_bps=int(available_bps),
         latency_ms=0.0,
         level=level,
-        classes={} if fusion is None else {"fusion": class_of(fusion)},
+        classes=classes,
         grants=grants or {},
     )
 
@@ -190,6 +196,27 @@ def test_what_is_configured_anew_counts_at_once(ego: Ego, capacity_bps: float, l
     ego.hear(state(12e6))
     ego.hear(state(18e6, capacity_bps=capacity_bps, level=level))
     assert ego.capacity == (18e6, "net/state")
+
+
+def test_control_traffic_that_is_about_to_become_less_is_not_held_against_a_new_link(
+    ego: Ego,
+) -> None:
+    for robot in ("R2", "R3", "R4", "R5", "R6"):
+        ego.monitor.on_join(robot)
+    ego.hear(state(54e6, capacity_bps=55e6, control_bps=500_000))
+    ego.now_s += SETTLING_S + 1.0
+    narrow = state(0.46e6, capacity_bps=1e6, control_bps=500_000)
+    ego.hear(narrow)
+    assert ego.capacity[0] == pytest.approx(0.96e6 - control_bps(1e6, 6), rel=0.01)
+    ego.now_s += SETTLING_S + STEADY_S + 0.1
+    ego.hear(narrow)
+    assert ego.capacity[0] == 0.46e6, "it has not become less"
+
+
+def test_what_control_traffic_will_be_is_not_known_where_no_robot_is(ego: Ego) -> None:
+    ego.hear(state(54e6, capacity_bps=55e6, control_bps=500_000))
+    ego.hear(state(0.46e6, capacity_bps=1e6, control_bps=0))
+    assert ego.capacity[0] == 0.46e6
 
 
 def test_a_flood_of_controllers_and_links_costs_bounded_memory(ego: Ego) -> None:

@@ -15,8 +15,8 @@ from msgspec import msgpack
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.compute import ComputeModel, Work, packaged_compute
+from ego_agent.knowledge.control_share import WELL_BPS
 from ego_agent.knowledge.objective import Objective
-from ego_agent.plan.control_budget import WELL_BPS
 from network_controller.profiles import Fixed
 from perception.fusion.registry import fusion_names
 from research.evaluation.policies.work_items import knowledge_of
