@@ -34,6 +34,9 @@ NEAR_M = 0.35
 FITS_M = 0.05
 """Distance from its line at which a place counts for a quarter."""
 STEPS = 4
+SETTLED = (0.002, 0.002, 0.0002)
+"""A step along x and y, metres, and turn, radians, after which no other is taken: far less than
+what outlines tell."""
 MIN_PLACES = 6
 """Fewer that lie on lines tell nothing."""
 
@@ -77,8 +80,13 @@ class Lines:
             weights = fits * fits * (INDEPENDENT / FITS_M**2)
             information = slopes.T @ (slopes * weights[:, None]) + inverse
             pull = slopes.T @ (weights * off) + inverse @ move
-            move = move - np.linalg.solve(information, pull)
-        better = self._fit(around, sender, move)[3] - self._fit(around, sender, np.zeros(3))[3]
+            step = np.linalg.solve(information, pull)
+            move = move - step
+            if (np.abs(step) <= SETTLED).all():
+                break
+        else:
+            fits = self._fit(around, sender, move)[3]
+        better = fits - self._fit(around, sender, np.zeros(3))[3]
         gain = INDEPENDENT * np.log(1.0 / STRAY) * better.sum() - 0.5 * move @ inverse @ move
         covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         return Estimate(move, covariance, float(gain))
@@ -96,16 +104,20 @@ class Lines:
         (N, 2), and whether there is one (N,), 0 or 1."""
         assert self._tree is not None
         away, rows = self._tree.query(places, k=LINE)
-        near = self._places[rows]
-        middle = near.mean(axis=1)
-        x, y = (near - middle[:, None]).transpose(2, 0, 1)
-        xx, yy, xy = (x * x).sum(axis=1), (y * y).sum(axis=1), (x * y).sum(axis=1)
-        along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        # One row for each of the LINE places: sums over rows are those that NumPy does fast.
+        x, y = self._places.T[:, rows.T]
+        middle = x.sum(axis=0) / LINE, y.sum(axis=0) / LINE
+        x, y = x - middle[0], y - middle[1]
+        xx, yy, xy = (x * x).sum(axis=0), (y * y).sum(axis=0), (x * y).sum(axis=0)
+        half, mean = 0.5 * (xx - yy), 0.5 * (xx + yy)
+        along, spread = 0.5 * np.arctan2(xy, half), np.hypot(half, xy)
         normals = np.column_stack([-np.sin(along), np.cos(along)])
-        spread = np.hypot(0.5 * (xx - yy), xy)
-        thin = 0.5 * (xx + yy) - spread <= THIN * (0.5 * (xx + yy) + spread)
+        thin = mean - spread <= THIN * (mean + spread)
         fits = (thin & (away[:, 0] <= NEAR_M)).astype(np.float64)
-        return ((places - middle) * normals).sum(axis=1), normals, fits
+        off = (places[:, 0] - middle[0]) * normals[:, 0] + (places[:, 1] - middle[1]) * normals[
+            :, 1
+        ]
+        return off, normals, fits
 
 
 def _thinned(places: NDArray[np.floating]) -> Floats:

@@ -245,11 +245,11 @@ def test_what_is_slower_or_wrong_is_not_taken(
 
     seconds = {"torch": 1.0, "broken": 1.2 if broken == "slow" else 0.1}
     monkeypatch.setattr(
-        backends, "_costs_s", lambda tried, fused: [seconds[backend.name] for backend in tried]
+        backends, "_costs_s", lambda tried, *_: [seconds[backend.name] for backend in tried]
     )
     exact, other = TorchBackend(network, tiny), Broken(network, tiny)
     other.name = "broken"
-    assert backends._cheapest(exact, [other]) is exact  # type: ignore[list-item]
+    assert backends._cheapest(exact, [other], tiny) is exact  # type: ignore[list-item]
 
 
 def test_bfloat16_is_tried_only_where_the_processor_has_it(
@@ -258,7 +258,9 @@ def test_bfloat16_is_tried_only_where_the_processor_has_it(
     monkeypatch.delenv("ONEDNN_MAX_CPU_ISA", raising=False)
     tried: list[str] = []
 
-    def cheapest(exact: backends.Backend, candidates: list[backends.Backend]) -> backends.Backend:
+    def cheapest(
+        exact: backends.Backend, candidates: list[backends.Backend], config: BevConfig
+    ) -> backends.Backend:
         tried.extend(candidate.name for candidate in candidates)
         return exact
 
