@@ -13,7 +13,7 @@ from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.netstate import MAX_LINKS, MAX_SENDERS, SETTLING_S, STEADY_S, LinkWatch
 from ego_agent.monitor.snapshot import Monitor
 from swarm.controllers import FRESH_S
-from swarm.messages import Backlog, Direction, LinkClass, LinkState, NetState, TcpState
+from swarm.messages import Backlog, ClassName, Direction, LinkClass, LinkState, NetState, TcpState
 
 PRIOR = 55e6
 EGO = "R1"
@@ -61,7 +61,9 @@ def state(
     fusion: Backlog | None = None,
     control_bps: int = 0,
 ) -> LinkState:
-    classes = {} if fusion is None else {"fusion": class_of(fusion)}
+    classes: dict[ClassName, LinkClass] = {}
+    if fusion is not None:
+        classes["fusion"] = class_of(fusion)
     if control_bps:
         classes["control"] = replace(class_of(Backlog()), throughput_bps=control_bps)
     return LinkState(
