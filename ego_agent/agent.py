@@ -213,7 +213,9 @@ class EgoAgent:
         self._own_duty.look(self._session)
         now_ns = self._clock.now_ns()
         snapshot = self.monitor.snapshot(number, now_ns)
-        self.knowledge.experience.look(snapshot.capacity_bps)
+        self.knowledge.experience.look(
+            snapshot.capacity_bps if snapshot.capacity_is_configured else None
+        )
         scene: UnifiedScene | None = None
         compared: list[Compared] = []
         policy, wishes = self._steering.take(self.knowledge)

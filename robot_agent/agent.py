@@ -130,7 +130,7 @@ class RobotAgent:
             return
         try:
             options = replace(self._options, pose=frame.scan.pose)
-            payload = self._encoder.encode(frame, algorithm, options)
+            payload, _ = self._encoder.encode(frame, algorithm, options)
         except PerceptionError as error:
             self._sizes.forget(algorithm, now)
             self._log.warning("encode_failed", algorithm=algorithm, error=str(error)[:300])
@@ -149,7 +149,9 @@ class RobotAgent:
         frame = self._frame_for(request)
         if shared_s and request.listens:
             self._count(request, "shared")
-            return self._observation(frame, request.algorithm, b"", request.request, shared_s)
+            return self._observation(
+                frame, request.algorithm, b"", request=request.request, shared_s=shared_s
+            )
         options = replace(
             self._options,
             pose=frame.scan.pose,
@@ -158,7 +160,7 @@ class RobotAgent:
         )
         try:
             with self._answers():
-                payload = self._encoder.encode(frame, request.algorithm, options)
+                payload, work_ms = self._encoder.encode(frame, request.algorithm, options)
         except CoAdaptError:
             self._count(request, "failed")
             raise
@@ -173,7 +175,13 @@ class RobotAgent:
         self._count(request, "sent")
         self._metrics.sent_bytes.labels(self.robot, request.algorithm).inc(len(payload))
         return self._observation(
-            frame, request.algorithm, payload, request.request, shared_s, watch
+            frame,
+            request.algorithm,
+            payload,
+            request=request.request,
+            shared_s=shared_s,
+            encode_ms=watch.passed_ms(),
+            work_ms=work_ms,
         )
 
     def share(self) -> list[Observation]:
@@ -190,12 +198,16 @@ class RobotAgent:
             watch = Stopwatch()
             with self._answers():
                 options = replace(form, pose=frame.scan.pose)
-                payload = self._encoder.encode(frame, algorithm, options)
+                payload, work_ms = self._encoder.encode(frame, algorithm, options)
             if not self._sharing.published(algorithm, len(payload), now):
                 continue
             self._note_size(algorithm, payload)
             self._metrics.sent_bytes.labels(self.robot, algorithm).inc(len(payload))
-            found.append(self._observation(frame, algorithm, payload, watch=watch))
+            found.append(
+                self._observation(
+                    frame, algorithm, payload, encode_ms=watch.passed_ms(), work_ms=work_ms
+                )
+            )
         return found
 
     def _observation(
@@ -203,11 +215,12 @@ class RobotAgent:
         frame: Frame,
         algorithm: str,
         payload: bytes,
+        *,
         request: int = 0,
         shared_s: float = 0.0,
-        watch: Stopwatch | None = None,
+        encode_ms: float = 0.0,
+        work_ms: float = 0.0,
     ) -> Observation:
-        """`watch`: since encoding began, in this thread; none where nothing was encoded for it."""
         return Observation(
             robot=self.robot,
             instance=self._teller.instance,
@@ -217,8 +230,8 @@ class RobotAgent:
             frame=frame.number,
             pose=frame.scan.pose.as_tuple(),
             payload=payload,
-            encode_ms=watch.passed_ms() if watch else 0.0,
-            work_ms=watch.worked_ms() if watch else 0.0,
+            encode_ms=encode_ms,
+            work_ms=work_ms,
             shared_s=shared_s,
         )
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 from perception.fusion.base import EncodeOptions
 from perception.fusion.registry import fusion_names, make_fusion
-from robot_agent.frames import Frame
+from robot_agent.frames import Encoded, Frame
 from robot_agent.metrics import RobotMetrics
+from robot_agent.stopwatch import Stopwatch
 
 
 class Encoder:
@@ -32,7 +32,7 @@ class Encoder:
         fusion = self._fusions.get(algorithm)
         return fusion is not None and fusion.shareable
 
-    def encode(self, frame: Frame, algorithm: str, options: EncodeOptions) -> bytes:
+    def encode(self, frame: Frame, algorithm: str, options: EncodeOptions) -> Encoded:
         """The payload of a frame; the same form of the same frame is encoded once.
 
         Raises PerceptionError when the algorithm does not exist or the scan cannot be encoded.
@@ -40,10 +40,10 @@ class Encoder:
         # An algorithm that is not there: making it says why.
         fusion = self._fusions.get(algorithm) or make_fusion(algorithm, self._detector)
 
-        def work() -> bytes:
-            begun = time.perf_counter()
+        def work() -> Encoded:
+            watch = Stopwatch()
             payload = fusion.encode(frame.scan.points, options)
-            self._metrics.encode_seconds.labels(algorithm).observe(time.perf_counter() - begun)
-            return payload
+            self._metrics.encode_seconds.labels(algorithm).observe(watch.passed_ms() * 1e-3)
+            return Encoded(payload, watch.worked_ms())
 
         return frame.payload((algorithm, options), work)

@@ -6,6 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from typing import NamedTuple
 
 from perception.fusion.base import EncodeOptions
 from worlds.base import Scan
@@ -16,6 +17,14 @@ MAX_PAYLOADS = 8
 Form = tuple[str, EncodeOptions]
 
 
+class Encoded(NamedTuple):
+    """A payload, and what it took."""
+
+    payload: bytes
+    work_ms: float
+    """Processor time of the thread that encoded it, also for those who come later."""
+
+
 class Frame:
     """One scan with its number, its capture time on the robot's clock, and its payloads so far."""
 
@@ -23,10 +32,10 @@ class Frame:
         self.scan = scan
         self.number = number
         self.capture_ns = capture_ns
-        self._payloads: dict[Form, Future[bytes]] = {}
+        self._payloads: dict[Form, Future[Encoded]] = {}
         self._lock = threading.Lock()
 
-    def payload(self, form: Form, encode: Callable[[], bytes]) -> bytes:
+    def payload(self, form: Form, encode: Callable[[], Encoded]) -> Encoded:
         """The payload of this frame in one form, encoded by the first caller that asks for it.
 
         Callers that come meanwhile wait for the first one. Raises what `encode` raised.
@@ -34,7 +43,7 @@ class Frame:
         with self._lock:
             known = self._payloads.get(form)
             if known is None:
-                mine: Future[bytes] = Future()
+                mine: Future[Encoded] = Future()
                 if len(self._payloads) < MAX_PAYLOADS:
                     self._payloads[form] = mine
         if known is not None:

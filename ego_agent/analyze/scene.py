@@ -102,7 +102,7 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
     objects, evidence = _merge(grid, robots, [member.seen for member in everyone])
     capacity = snapshot.capacity_bps
     capacity_bps = capacity if math.isfinite(capacity) and capacity >= 1.0 else 1.0
-    learnt = knowledge.experience.learnt(capacity_bps)
+    learnt = knowledge.experience.learnt(capacity_bps, configured=snapshot.capacity_is_configured)
     found = tuple(
         Candidate(
             robot=member.robot,

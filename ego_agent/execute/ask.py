@@ -293,8 +293,7 @@ class Asker:
             self._answered_at = arrival.at
             wrong = self._check.answer(ask.robot, ask.request, arrival.outcome.message)
         if not ask.request.listens:
-            usable = wrong is None
-            self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at, usable=usable)
+            self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at, wrong)
         self._settle(ask)
         if ask.request.shares and isinstance(arrival.outcome, Answer):
             told = arrival.outcome.message.shared_s
@@ -356,7 +355,7 @@ class Asker:
         at = max(came_at, done.asked_at[robot])
         answer = Answer(seen, len(seen.payload), at - done.asked_at[robot])
         wrong = self._check.frame(robot, awaited.capture_ns, seen)
-        self._lessons.answer(robot, done, answer, at, usable=wrong is None)
+        self._lessons.answer(robot, done, answer, at, wrong)
         done.arrived_at[robot] = at
         if wrong is not None:
             done.missing[robot] = wrong

@@ -87,15 +87,18 @@ class FrameFuser:
         prepare_s = time.monotonic() - prepare_at
         rejected: dict[str, Missing] = {}
         add_s = work_s = 0.0
+        count = 0
         for contribution in done.contributions_in_turn():
-            begun_at, worked_s = time.monotonic(), time.thread_time()
+            begun_at, work_begun_s = time.monotonic(), time.thread_time()
             # One robot's payload must not end the frame, whatever is wrong with it.
             try:
                 gathering.add(contribution)
             except Exception as error:
                 rejected[contribution.robot] = self._fault(error, own)
-            add_s += time.monotonic() - begun_at
-            work_s += time.thread_time() - worked_s
+            else:
+                add_s += time.monotonic() - begun_at
+                work_s += time.thread_time() - work_begun_s
+                count += 1
         fuse_at = time.monotonic()
         try:
             found, corrections = gathering.finish(), gathering.corrections()
@@ -116,7 +119,6 @@ class FrameFuser:
         self.remembered = tracks
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
-        count = len(done.contributions)
         self._knowledge.own_costs.record(frame.algorithm, count, fixed_s, add_s, work_s)
         assert done.closed_at is not None
         return FrameResult(

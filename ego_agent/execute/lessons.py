@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ego_agent.execute.frame_round import FrameRound
+from ego_agent.execute.frame_round import FrameRound, Missing
 from ego_agent.knowledge.experience import Experience, frames_of
 from ego_agent.monitor.evidence import Queues
 from ego_agent.monitor.link import LinkEstimate
@@ -33,21 +33,20 @@ class Lessons:
         done: FrameRound,
         outcome: Answer[Observation] | CoAdaptError,
         at: float,
-        *,
-        usable: bool = True,
+        wrong: Missing | None = None,
     ) -> None:
         """An answer, or why there is none, `time.monotonic()` seconds; also one that is late.
-        `usable`: whether it is what was asked for. One that shows another moment brings no more
-        than none."""
+        `wrong`: why it is not what was asked for. One that shows another moment brings no more than
+        none; of one that is not the robot's own nothing is believed."""
         answer_s = at - done.asked_at[robot]
         # Until the deadline it was waited for already.
         more_s = answer_s if robot in done.waiting else answer_s - done.deadline_s
-        if not isinstance(outcome, Answer):
+        if not isinstance(outcome, Answer) or (wrong is not None and wrong.kind != "skew"):
             self._note(done, robot, math.inf, more_s)
             return
         seen = outcome.message
         work_ms = seen.work_ms or seen.encode_ms
-        came_s = answer_s if usable else math.inf
+        came_s = answer_s if wrong is None else math.inf
         self._note(done, robot, came_s, more_s, seen.encode_ms * 1e-3, work_ms * 1e-3)
         # What the robot's kernel says of its own link.
         shown = self._queues.take((robot, seen.instance), seen.uplink)

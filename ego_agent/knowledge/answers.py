@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,6 +18,17 @@ ANOTHER_LINK = 2.0
 """A link that is more than this many times wider or narrower is another one."""
 
 
+LITTLE = 0.2
+"""Share of processor times that are shorter than the one that counts: whatever else runs, on that
+core or beside it, only makes work longer."""
+
+
+def little(times_s: Iterable[float]) -> float:
+    """What work takes that took so long, when little else runs; of one time or more."""
+    ranked = sorted(times_s)
+    return ranked[int(LITTLE * len(ranked))]
+
+
 class Weighted(NamedTuple):
     """One answer's time, and the frames that it counts for by now."""
 
@@ -28,6 +40,8 @@ class Weighted(NamedTuple):
 
     What came in time comes in time over a wider link, too, and what was late is late over a
     narrower one; the reverse is less and less likely, the more the link has changed."""
+    configured: bool = True
+    """Whether how wide it is now is known, not guessed."""
 
     @property
     def timely(self) -> float:
@@ -37,8 +51,10 @@ class Weighted(NamedTuple):
 
     @property
     def late(self) -> float:
-        """Frames that it counts for where it was late: none on a link that is several times
-        wider."""
+        """Frames that it counts for where it was late: none on a link that is known to be several
+        times wider."""
+        if not self.configured:
+            return self.frames * min(1.0, ANOTHER_LINK / self.wider)
         return self.frames * min(1.0, max(0.0, 2.0 - self.wider / ANOTHER_LINK))
 
 
@@ -74,7 +90,7 @@ class AnswerTimes:
     encode_s: float | None = None
     """Median of its own encoding times."""
     work_s: float | None = None
-    """Least processor time of that: whatever else runs there only makes it longer."""
+    """A low one (`little`) of the processor times of that."""
     answer_s: float | None = None
     """Median from question to answer, of the answers that came."""
     frames: float = 0.0

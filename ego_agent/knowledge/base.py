@@ -200,9 +200,15 @@ class Knowledge:
         return self._works.get(SINGLE, NO_WORK).fixed_ms * 1e-3
 
     def add_s(self, algorithm: Algorithm) -> float:
-        """Seconds of the ego's processor that one contribution takes: as measured, else as
-        usual."""
-        measured_s = self.own_costs.work_s(algorithm) if self.learns else None
-        if measured_s is not None:
+        """Seconds for which taking one contribution up keeps the ego busy, on the machine as it is:
+        as measured, else as usual."""
+        return self._adds(algorithm, self.own_costs.add_s(algorithm))
+
+    def work_s(self, algorithm: Algorithm) -> float:
+        """Seconds of the ego's processor that this takes, its price: as measured, else as usual."""
+        return self._adds(algorithm, self.own_costs.work_s(algorithm))
+
+    def _adds(self, algorithm: Algorithm, measured_s: float | None) -> float:
+        if self.learns and measured_s is not None:
             return measured_s
         return self._works.get(algorithm, NO_WORK).add_ms * 1e-3

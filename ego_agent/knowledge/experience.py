@@ -5,9 +5,10 @@ its weight in HALF_LIFE_S. Where a robot has shown little of an algorithm it bor
 robots' answers with that algorithm, made longer or shorter by how slow the robot is elsewhere; and
 before anybody has shown anything, answers are taken to come in time, so that they are tried.
 
-When the link has become much narrower, the answers that were late meanwhile were too many for it.
-That says nothing of the robot or the algorithm, and choices are held against the link anyway: such
-answers are forgotten.
+When a controller has made the link much narrower, the answers that were late meanwhile were too
+many for it. That says nothing of the robot or the algorithm, and choices are held against the link
+anyway: such answers are forgotten. A link that was found narrower by what it carries is another
+matter: the ego had tried too much.
 
 All times are `time.monotonic()` seconds of the ego, or differences that a robot measured on its own
 steady clock: a wall clock that jumps changes nothing here.
@@ -25,7 +26,7 @@ from statistics import median
 
 import numpy as np
 
-from ego_agent.knowledge.answers import ANOTHER_LINK, AnswerTimes, Pool, Weighted
+from ego_agent.knowledge.answers import ANOTHER_LINK, AnswerTimes, Pool, Weighted, little
 from swarm.messages import Algorithm
 
 MEMORY_FRAMES = 20.0
@@ -45,9 +46,8 @@ LEAST_ANSWERS = 3
 SLOWEST = 16.0
 """A robot is taken to be this many times slower than the others at most, and 1/8 at least."""
 FASTEST = 1.0 / 8.0
-UNKNOWN_S = 2.0
-"""That a link has become another one is known by then: the controller tells it once a second, and a
-cycle takes a second."""
+TOLD_S = 1.0
+"""A controller tells once a second what its links are."""
 DRAIN_S = 1.0
 """What was on its way over the wider link has left the queues by then."""
 MAX_SERIES = 4096
@@ -92,9 +92,11 @@ class Experience:
         self._lock = threading.Lock()
         self._series: OrderedDict[tuple[str, Algorithm], deque[Told]] = OrderedDict()
         self._capacity_bps: float | None = None
-        """C(t) of the last cycle."""
-        self._narrowed_s = -math.inf
-        """When C(t) was last found much narrower than in the cycle before."""
+        """C(t) of the last cycle, where a controller told it."""
+        self._looked_s = -math.inf
+        """When that was."""
+        self._narrowed_s = -math.inf, -math.inf
+        """Between which times C(t) last became much narrower."""
 
     def record(
         self,
@@ -144,21 +146,23 @@ class Experience:
             series = self._series.get((robot, algorithm))
             return series[-1] if series else None
 
-    def learnt(self, capacity_bps: float | None = None) -> Learnt:
-        """All that is known by now, on a link of that C(t)."""
+    def learnt(self, capacity_bps: float | None = None, *, configured: bool = True) -> Learnt:
+        """All that is known by now, on a link of that C(t); `configured`: that is known, as a
+        controller told it, not guessed."""
         now_s = self._clock()
         with self._lock:
             series = {key: tuple(told) for key, told in self._series.items() if told}
-        return Learnt(series, now_s, capacity_bps)
+        return Learnt(series, now_s, capacity_bps, configured)
 
-    def look(self, capacity_bps: float) -> None:
-        """Takes C(t) of a control cycle, and forgets what a link explains that has become much
-        narrower since the cycle before."""
+    def look(self, capacity_bps: float | None) -> None:
+        """Takes C(t) of a control cycle, None where no controller told it, and forgets what a link
+        explains that has become much narrower since the cycle before."""
         with self._lock:
             before, self._capacity_bps = self._capacity_bps, capacity_bps
-            if before is None or capacity_bps * ANOTHER_LINK >= before:
+            looked_s, self._looked_s = self._looked_s, self._clock()
+            if before is None or capacity_bps is None or capacity_bps * ANOTHER_LINK >= before:
                 return
-            self._narrowed_s = self._clock()
+            self._narrowed_s = looked_s - TOLD_S, self._looked_s + DRAIN_S
             for series in self._series.values():
                 kept = [told for told in series if not self._is_explained(told)]
                 series.clear()
@@ -167,8 +171,8 @@ class Experience:
     def _is_explained(self, told: Told) -> bool:
         """Whether it is late because the link had become narrower, and that was not known yet, or
         the queues were still full."""
-        since_s = told.asked_s - self._narrowed_s
-        return told.late and -UNKNOWN_S <= since_s <= DRAIN_S
+        begin_s, end_s = self._narrowed_s
+        return told.late and begin_s <= told.asked_s <= end_s
 
 
 class Learnt:
@@ -179,12 +183,14 @@ class Learnt:
         series: Mapping[tuple[str, Algorithm], tuple[Told, ...]],
         now_s: float,
         capacity_bps: float | None,
+        configured: bool = True,
     ) -> None:
         self._own = {
-            key: tuple(_weighted(told, now_s, capacity_bps)) for key, told in series.items()
+            key: tuple(_weighted(told, now_s, capacity_bps, configured))
+            for key, told in series.items()
         }
         self._encode_s = {key: _median(t.encode_s for t in told) for key, told in series.items()}
-        self._work_s = {key: _least(t.work_s for t in told) for key, told in series.items()}
+        self._work_s = {key: _little(t.work_s for t in told) for key, told in series.items()}
         self._answer_s = {
             key: _median(t.answer_s for t in told if t.answer_s < math.inf and not t.at_least)
             for key, told in series.items()
@@ -231,7 +237,7 @@ class Learnt:
 
 
 def _weighted(
-    told: tuple[Told, ...], now_s: float, capacity_bps: float | None
+    told: tuple[Told, ...], now_s: float, capacity_bps: float | None, configured: bool
 ) -> Iterable[Weighted]:
     """The newest answers up to MEMORY_FRAMES, each with the frames that it counts for by now."""
     left = MEMORY_FRAMES
@@ -240,7 +246,7 @@ def _weighted(
         left -= frames
         weight = math.exp2(-max(0.0, now_s - one.at_s) / HALF_LIFE_S)
         wider = 1.0 if capacity_bps is None else capacity_bps / one.capacity_bps
-        yield Weighted(one.answer_s, frames * weight, one.at_least, wider)
+        yield Weighted(one.answer_s, frames * weight, one.at_least, wider, configured)
         if left <= 0.0:
             return
 
@@ -256,8 +262,9 @@ def _median(values: Iterable[float | None]) -> float | None:
     return median(known) if known else None
 
 
-def _least(values: Iterable[float | None]) -> float | None:
-    return min((value for value in values if value is not None), default=None)
+def _little(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return little(known) if known else None
 
 
 def _slowness(series: Mapping[tuple[str, Algorithm], tuple[Told, ...]]) -> dict[str, float]:

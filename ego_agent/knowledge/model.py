@@ -69,6 +69,11 @@ class Snapshot:
     capacity_error: float | None = None
     """Share by which what was measured is off what a fresh `net/state` says; None without both."""
 
+    @property
+    def capacity_is_configured(self) -> bool:
+        """Whether C(t) is what a controller says, not a guess."""
+        return self.capacity_source == "net/state"
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:

@@ -6,13 +6,13 @@ import threading
 from collections import deque
 from statistics import median
 
+from ego_agent.knowledge.answers import little
 from swarm.messages import Algorithm
 
 FRAMES = 10
 """Frames of which the median counts."""
 WORKED_FRAMES = 100
-"""Frames of which the least processor time counts: whatever else runs, on this core or beside it,
-only makes work longer."""
+"""Frames of which a low processor time counts (`LITTLE`)."""
 
 
 class OwnCosts:
@@ -48,8 +48,15 @@ class OwnCosts:
             fixed = median(self._fixed_s.get(algorithm, (0.0,)))
             return fixed + contributions * median(self._add_s.get(algorithm, (0.0,)))
 
+    def add_s(self, algorithm: Algorithm) -> float | None:
+        """What taking one contribution up lasts; None where nothing is known."""
+        with self._lock:
+            known = self._add_s.get(algorithm)
+            return median(known) if known else None
+
     def work_s(self, algorithm: Algorithm) -> float | None:
-        """Processor time that one contribution takes; None where nothing is known."""
+        """Processor time that one contribution takes when little else runs; None where nothing is
+        known."""
         with self._lock:
             known = self._work_s.get(algorithm)
-            return min(known) if known else None
+            return little(known) if known else None

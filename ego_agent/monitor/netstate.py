@@ -28,6 +28,10 @@ configured anew counts at once, up and down."""
 SETTLING_S = 5.0
 """After a link was configured anew, control traffic that is more than robots may take there is
 about to become less: in the next cycle the ego tells them so."""
+MIN_ROBOTS = 2
+"""The ego and one that tells it of itself."""
+IDLE = 0.02
+"""Share of a link below which a class takes nothing of it."""
 MAX_SENDERS = 64
 """Controllers and routers whose messages are counted; the longest unheard is dropped."""
 MAX_LINKS = 1024
@@ -46,7 +50,7 @@ class _Word:
     configured: tuple[int, int] = (0, 0)
     """Capacity and level."""
     since: float = 0.0
-    """When that was first said."""
+    """When that capacity was first said."""
     recent: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=16))
     """When, and bit/s that this ego could have."""
     stood_ms: int | None = None
@@ -138,23 +142,27 @@ class LinkWatch:
             word = self._words[name] = _Word(state.controller, state.name)
         word.at = now_s
         if word.configured != (link.capacity_bps, link.level):
+            if word.configured[0] != link.capacity_bps:
+                word.since = now_s
             word.configured = (link.capacity_bps, link.level)
-            word.since = now_s
             word.recent.clear()
         available_bps = link.available_bps
         if name == (self._ego, "down") and now_s - word.since <= SETTLING_S:
-            available_bps += self._soon_less_bps(link)
-        granted_bps = link.grants.get(self._ego, available_bps)
-        word.recent.append((now_s, min(available_bps, granted_bps)))
+            available_bps = max(available_bps, self._soon_bps(link))
+        share = link.grants.get(self._ego, link.available_bps) / max(1, link.available_bps)
+        word.recent.append((now_s, round(available_bps * min(1.0, share))))
         least = min(bps for at, bps in word.recent if now_s - at <= STEADY_S)
         self._pass_on(name, float(least), now_s, stood=word.stood(link))
 
-    def _soon_less_bps(self, link: LinkState) -> int:
-        """By how much control traffic exceeds what robots may take of the cell."""
-        control, robots = link.classes.get("control"), self._robots()
-        if control is None or robots == 0:
+    def _soon_bps(self, link: LinkState) -> int:
+        """What fusion has of the cell when robots keep to what they may take there; 0 where that is
+        not known."""
+        background, robots = link.classes.get("background"), self._robots()
+        if background is None or robots < MIN_ROBOTS:
             return 0
-        return max(0, control.throughput_bps - round(control_bps(link.capacity_bps, robots)))
+        if background.throughput_bps > IDLE * link.capacity_bps or background.backlog_bytes:
+            return 0
+        return round(link.capacity_bps - control_bps(link.capacity_bps, robots))
 
     def _pass_on(
         self, name: _Link, bps: float | None, now_s: float, *, stood: bool = False

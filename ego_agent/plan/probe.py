@@ -71,17 +71,17 @@ class Prober:
         return probe
 
     def _hear(self, knowledge: Knowledge, now_s: float) -> None:
-        """What came of the last probe; one that nobody has heard of for FIRST_S was never sent."""
+        """What came of the last probe; one that nobody has heard of for FIRST_S was never sent, or
+        its end is explained by the link."""
         sent = self._sent
         if sent is None:
             return
         told = knowledge.experience.last(sent.probe.robot, sent.probe.algorithm)
         if told is None or told.at_s < sent.at_s:
-            if now_s - sent.at_s < FIRST_S:
-                return
-            came = False
-        else:
-            came = told.answer_s <= sent.deadline_s
+            if now_s - sent.at_s >= FIRST_S:
+                self._sent, self._due_s = None, now_s
+            return
+        came = told.answer_s <= sent.deadline_s
         self._sent = None
         # After a success the next robot is asked at once.
         self._due_s = now_s if came else now_s + self._wait_s

@@ -44,7 +44,7 @@ _TRIALS = 5
 _BETTER = 0.9
 """Share of one's processor time that the next one must stay below to be taken instead."""
 _TOLERANCE: dict[Numerics, float] = {"float32": 1e-3, "bfloat16": 0.03}
-"""How far chances may be off those of float32 in PyTorch."""
+"""How far chances, and features on average, may be off those of float32 in PyTorch."""
 
 
 class Backend(Protocol):
@@ -191,14 +191,17 @@ def _cheapest(exact: Backend, candidates: list[Backend], config: BevConfig) -> B
     # PyTorch's other threads would spin on while the next one is tried.
     torch.set_num_threads(1)
     try:
-        told = exact.decode(chances)[0].sigmoid()
+        points = cloud.astype(np.float32)
+        told, features = exact.decode(chances)[0].sigmoid(), exact.encode(points)
 
         def agrees(backend: Backend) -> bool:
-            off = float((backend.decode(chances)[0].sigmoid() - told).abs().max())
-            return off <= _TOLERANCE[backend.numerics]  # NaN is not.
+            off = (backend.decode(chances)[0].sigmoid() - told).abs().max()
+            # A cell may hold a point on a border, or not.
+            encoded = (backend.encode(points) - features).abs().mean()
+            return max(float(off), float(encoded)) <= _TOLERANCE[backend.numerics]  # NaN is not.
 
         backends = [*filter(agrees, candidates), exact]
-        costs_s = _costs_s(backends, cloud.astype(np.float32), chances)
+        costs_s = _costs_s(backends, points, chances)
     finally:
         torch.set_num_threads(threads)
     best = 0

@@ -83,7 +83,7 @@ class Lines:
             step = np.linalg.solve(information, pull)
             move = move - step
             if (np.abs(step) <= SETTLED).all():
-                break
+                break  # How well places fit before so small a step is how well they fit after it.
         else:
             fits = self._fit(around, sender, move)[3]
         better = fits - self._fit(around, sender, np.zeros(3))[3]

@@ -114,12 +114,20 @@ def slow_robots(state: State) -> Iterator[None]:
     pids = [process_id(state, "robot_agent", COADAPT_ROBOTS=robot) for robot in SLOW]
     over = threading.Event()
 
+    ended: list[str] = []
+
+    def send(number: int) -> None:
+        for robot, pid in zip(SLOW, pids, strict=True):
+            try:
+                os.kill(pid, number)
+            except ProcessLookupError:
+                ended.append(robot)
+
     def turns() -> None:
         while not over.wait(RUNS_S):
-            for number, pause_s in ((signal.SIGSTOP, TURN_S - RUNS_S), (signal.SIGCONT, 0.0)):
-                for pid in pids:
-                    os.kill(pid, number)
-                over.wait(pause_s)
+            send(signal.SIGSTOP)
+            over.wait(TURN_S - RUNS_S)
+            send(signal.SIGCONT)
 
     thread = threading.Thread(target=turns)
     thread.start()
@@ -128,8 +136,9 @@ def slow_robots(state: State) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
-        for pid in pids:
-            os.kill(pid, signal.SIGCONT)
+        send(signal.SIGCONT)
+    if ended:
+        raise RuntimeError(f"ended while they were slow: {', '.join(sorted({*ended}))}")
 
 
 def loaded(load: Load, state: State) -> AbstractContextManager[None]:
@@ -214,9 +223,10 @@ def changes_per_min(run: Run) -> float:
     return 60.0 * sum(a != b for a, b in pairwise(choices)) / max(1, len(choices))
 
 
-def asked_bytes(run: Run) -> float:
-    """What decisions of the schedule take, a fused frame: mean over cycles."""
-    return float(np.mean([line["decision"]["cost_bytes"] for line in of_schedule(run)]))
+def asked_bytes_s(run: Run) -> float:
+    """Bytes a second that decisions of the schedule take: mean over cycles."""
+    decisions = [line["decision"] for line in of_schedule(run)]
+    return float(np.mean([one["cost_bytes"] * one["rate_hz"] for one in decisions]))
 
 
 def of_schedule(run: Run) -> list[dict[str, Any]]:
@@ -304,19 +314,24 @@ def delivered(runs: Sequence[Run], world: World, ego: str, seconds: float) -> li
 
 
 def costs(run: Run, world: World, seconds: float) -> list[float]:
-    """lambda C of each window, by the objective's prices."""
+    """lambda C of each window, by the objective's prices; bytes are those that came in time."""
     objective, compute = Objective(), packaged_compute()
     length = round(WINDOW_S * world.rate_hz)
     count = round(seconds / WINDOW_S)
     sent, worked_s = np.zeros(count), np.zeros(count)
     begin = round((BEGIN_S + CASE_S) * world.rate_hz)
+    decided = {line["cycle"]: line["decision"] for line in run.cycles}
     for frame in scheduled(run, world, seconds):
+        if frame.cycle not in decided:
+            continue  # The last cycle's line was never written.
+        decision = decided[frame.cycle]
+        forms = {one["robot"]: one["algorithm"] for one in decision["assignments"]}
         window = (frame.frame - begin) // length
         sent[window] += sum(frame.bytes.values())
         for robot in {*frame.participants[1:], *frame.missing}:
             if frame.missing_kinds.get(robot) in NOT_ASKED:
                 continue
-            work = compute.work(world.detector, frame.forms.get(robot, frame.algorithm))
+            work = compute.work(world.detector, forms.get(robot, decision["algorithm"]))
             worked_s[window] += (work.encode_ms + work.add_ms) * 1e-3
     found = []
     for window in range(count):
@@ -358,8 +373,8 @@ def main() -> int:
         "value_gain": value.mean,
         "value_gain_low": value.low,
         "value_gain_high": value.high,
-        "bytes_per_frame": asked_bytes(runs[0]),
-        "bytes_per_frame_control": asked_bytes(runs[1]),
+        "asked_bytes_per_s": asked_bytes_s(runs[0]),
+        "asked_bytes_per_s_control": asked_bytes_s(runs[1]),
         "fps": len(frames[0]) / seconds,
         "fps_control": len(frames[1]) / seconds,
         "alone_ratio": float(np.mean([nobody_asked(frame) for frame in frames[0]])),

@@ -133,9 +133,10 @@ class Observation(Message, frozen=True, kw_only=True):
     pose: Vector6
     payload: bytes
     encode_ms: Annotated[float, msgspec.Meta(ge=0)]
-    """Time that passed from the question to the payload."""
+    """Time that passed from the question, or from the frame where it is published, to the
+    payload."""
     work_ms: NonNegative = 0.0
-    """Processor time of that; 0: the robot does not say."""
+    """Processor time that encoding it took, in the thread that did; 0: the robot does not say."""
     uplink: Backlog = Backlog()
     """Of what the robot's process has sent in the fusion class since its start, by its kernel."""
     shared_s: NonNegative = 0.0

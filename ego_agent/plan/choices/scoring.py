@@ -248,7 +248,7 @@ class Scorer:
         if price is None:
             candidate, known = self.scene.candidates[row - 1], self.knowledge
             work_s = candidate.answers.get(algorithm, UNTRIED).work_s
-            compute_s = known.add_s(algorithm)
+            compute_s = known.work_s(algorithm)
             if algorithm not in candidate.shared:
                 compute_s += known.encode_s(algorithm, work_s)
             size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps

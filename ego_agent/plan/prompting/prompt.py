@@ -111,7 +111,7 @@ def _system(scorer: Scorer) -> str:
 def _algorithm(knowledge: Knowledge, name: Algorithm) -> str:
     paradigm, _, kind = name.partition("-")
     words = [_WORDS.get(paradigm, "a form of its own"), *([kind] if kind else [])]
-    compute_s = knowledge.encode_s(name, None) + knowledge.add_s(name)
+    compute_s = knowledge.encode_s(name, None) + knowledge.work_s(name)
     points = 100 * knowledge.objective.cost(0.0, 1.0, compute_s, knowledge.objective.rate_hz)
     gain = knowledge.quality.gain(name)
     return f"{name}: {', '.join(words)}, F {gain:.2f}, {shown(coarse(points))} points a helper."

@@ -31,7 +31,7 @@ from swarm.errors import EvaluationError
 from swarm.files import write_whole
 
 DEFAULT, EVERYONE, SINGLE_RATE = "coverage", "static-early", "coverage at 10 Hz"
-NO_MEMORY = ", no memory"
+NO_MEMORY = ", objects not remembered"
 CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, RANDOM)
 MADE_FROM = (
     "ego_agent", "network_controller", "perception", "research/evaluation", "sensing", "swarm",
@@ -104,7 +104,7 @@ def compare(suite: Sequence[Scenario], workers: int, folder: Path) -> dict[str, 
     work is done.
     """
     kept = ResultStore(folder / "kept", MADE_FROM)
-    items = [_Item(one, at % one.windows) for at, one in enumerate(suite)]
+    items = [_Item(one, one.seed % one.windows) for one in suite]
     # Large swarms take longest: begun first, they do not keep one core busy at the end.
     items.sort(key=lambda item: -item.scenario.robots)
     found = [kept.get(item.key()) for item in items]

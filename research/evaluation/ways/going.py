@@ -43,7 +43,6 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
     asked, taking_part = _asked(driven, way)
     works = [{robot: _work(driven, form) for robot, form in one.items()} for one in asked]
     played = _played(driven, way, way.link, asked, works) if way.link is not None else None
-    own_ms = _work(driven, SINGLE).fixed_ms
     going: list[Going | None] = []
     for number, frame in enumerate(driven.frames):
         here = asked[number]
@@ -65,10 +64,16 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
                 sum(sizes.values()),
                 len(here),
                 taking_part[number],
-                own_ms + sum(works[number][robot].add_ms for robot in came),
+                _ego_ms(driven, [works[number][robot] for robot in came]),
             )
         )
     return going
+
+
+def _ego_ms(driven: Driven, taken: Sequence[Work]) -> float:
+    """The ego's work for a frame with those contributions."""
+    fixed_ms = max((work.fixed_ms for work in taken), default=_work(driven, SINGLE).fixed_ms)
+    return fixed_ms + sum(work.add_ms for work in taken)
 
 
 def _asked(driven: Driven, way: Way) -> tuple[list[Mapping[str, str]], list[int]]:

@@ -43,11 +43,6 @@ class Drivable(Protocol):
         """Who decides."""
         ...
 
-    @property
-    def frames(self) -> range:
-        """Their numbers in the world."""
-        ...
-
     def heard(self, frame: int, algorithms: Sequence[str]) -> Announced:
         """What the ego has heard by then, with sizes of those algorithms."""
         ...

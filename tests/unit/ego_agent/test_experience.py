@@ -188,6 +188,18 @@ def test_what_was_late_while_a_link_became_narrower_is_held_against_nobody() -> 
     assert in_time(known, "R1", "early") < 0.3
 
 
+def test_a_guess_that_rises_does_not_make_up_for_what_was_late() -> None:
+    known, _ = experience()
+    for _ in range(20):
+        known.record("R1", "late", 0.4, capacity_bps=1e6, deadline_s=DEADLINE_S)
+    guessed = known.learnt(4e6, configured=False).of("R1", ["late"])["late"]
+    assert guessed.in_time(DEADLINE_S) < 0.1
+    known.look(None)
+    known.look(1e5)
+    known.look(None)
+    assert in_time(known, "R1", "late") < 0.05
+
+
 def test_what_was_late_on_a_link_that_wavers_stays() -> None:
     known, _ = experience(told(["R1"], "early", math.inf))
     for capacity_bps in (20e6, 11e6, 20e6, 10e6):
@@ -246,7 +258,9 @@ def test_what_a_frame_takes_the_ego_grows_with_those_who_take_part() -> None:
     costs.record("early", 5, 0.05, 0.02, 0.005)
     assert costs.frame_s("early", 5) == pytest.approx(0.07)
     assert costs.work_s("early") == pytest.approx(0.001), "of a processor, not of the clock"
-    costs.record("early", 5, 0.05, 0.02, 0.02)
+    for _ in range(3):
+        costs.record("early", 5, 0.05, 0.02, 0.02)
     assert costs.work_s("early") == pytest.approx(0.001), "what else runs only makes it longer"
+    assert costs.add_s("early") == pytest.approx(0.004), "by the clock"
     assert costs.frame_s("early", 0) == pytest.approx(0.05)
     assert costs.frame_s("late", 5) == 0.0

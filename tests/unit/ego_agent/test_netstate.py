@@ -59,13 +59,13 @@ def state(
     level: int = 0,
     grants: dict[str, int] | None = None,
     fusion: Backlog | None = None,
-    control_bps: int = 0,
+    background_bps: int | None = None,
 ) -> LinkState:
     classes: dict[ClassName, LinkClass] = {}
     if fusion is not None:
         classes["fusion"] = class_of(fusion)
-    if control_bps:
-        classes["control"] = replace(class_of(Backlog()), throughput_bps=control_bps)
+    if background_bps is not None:
+        classes["background"] = replace(class_of(Backlog()), throughput_bps=background_bps)
     return LinkState(
         robot=robot,
         direction=direction,
@@ -200,24 +200,52 @@ def test_what_is_configured_anew_counts_at_once(ego: Ego, capacity_bps: float, l
     assert ego.capacity == (18e6, "net/state")
 
 
+ROBOTS = ("R2", "R3", "R4", "R5", "R6")
+
+
+@pytest.mark.parametrize(
+    ("capacity_bps", "available_bps"), [(1e6, 0.46e6), (1e6, 0.7e6), (0.3e6, 0.075e6)]
+)
 def test_control_traffic_that_is_about_to_become_less_is_not_held_against_a_new_link(
-    ego: Ego,
+    ego: Ego, capacity_bps: float, available_bps: float
 ) -> None:
-    for robot in ("R2", "R3", "R4", "R5", "R6"):
+    for robot in ROBOTS:
         ego.monitor.on_join(robot)
-    ego.hear(state(54e6, capacity_bps=55e6, control_bps=500_000))
+    ego.hear(state(54e6, capacity_bps=55e6, background_bps=0))
     ego.now_s += SETTLING_S + 1.0
-    narrow = state(0.46e6, capacity_bps=1e6, control_bps=500_000)
+    narrow = state(available_bps, capacity_bps=capacity_bps, background_bps=0)
     ego.hear(narrow)
-    assert ego.capacity[0] == pytest.approx(0.96e6 - control_bps(1e6, 6), rel=0.01)
+    assert ego.capacity[0] == pytest.approx(capacity_bps - control_bps(capacity_bps, 6), abs=1.0)
     ego.now_s += SETTLING_S + STEADY_S + 0.1
     ego.hear(narrow)
-    assert ego.capacity[0] == 0.46e6, "it has not become less"
+    assert ego.capacity[0] == available_bps, "it has not become less"
 
 
-def test_what_control_traffic_will_be_is_not_known_where_no_robot_is(ego: Ego) -> None:
-    ego.hear(state(54e6, capacity_bps=55e6, control_bps=500_000))
-    ego.hear(state(0.46e6, capacity_bps=1e6, control_bps=0))
+def test_each_of_several_egos_has_its_part_of_what_becomes_free(ego: Ego) -> None:
+    for robot in ROBOTS:
+        ego.monitor.on_join(robot)
+    grants = {EGO: 115_000, "R2": 345_000}
+    ego.hear(state(0.46e6, capacity_bps=1e6, background_bps=0, grants=grants))
+    assert ego.capacity[0] == pytest.approx((1e6 - control_bps(1e6, 6)) / 4, abs=1.0)
+
+
+@pytest.mark.parametrize("background_bps", [0, 200_000])
+def test_what_becomes_free_is_not_known_beside_telemetry_or_without_robots(
+    ego: Ego, background_bps: int
+) -> None:
+    for robot in ROBOTS if background_bps else ():
+        ego.monitor.on_join(robot)
+    ego.hear(state(54e6, capacity_bps=55e6, background_bps=background_bps))
+    ego.hear(state(0.46e6, capacity_bps=1e6, background_bps=background_bps))
+    assert ego.capacity[0] == 0.46e6
+
+
+def test_another_level_makes_no_new_link(ego: Ego) -> None:
+    for robot in ROBOTS:
+        ego.monitor.on_join(robot)
+    ego.hear(state(0.8e6, capacity_bps=1e6, background_bps=0))
+    ego.now_s += SETTLING_S + STEADY_S + 0.1
+    ego.hear(state(0.46e6, capacity_bps=1e6, level=1, background_bps=0))
     assert ego.capacity[0] == 0.46e6
 
 

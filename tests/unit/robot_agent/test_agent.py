@@ -20,7 +20,7 @@ from perception.fusion.registry import fusion_names
 from perception.scene import from_array
 from perception.types import Boxes
 from robot_agent.encoder import Encoder
-from robot_agent.frames import Frame
+from robot_agent.frames import Encoded
 from swarm.arrays import unpack_finite
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Points, transform
@@ -35,17 +35,25 @@ def request(**changes: object) -> ObservationRequest:
     return ObservationRequest(**{**values, **changes})  # type: ignore[arg-type]
 
 
-def test_waiting_for_a_processor_is_no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_for_a_processor_is_no_work() -> None:
     robot = sensed()
-    encode_once = robot.agent._encoder.encode
+    fusion = robot.agent._encoder._fusions["early"]
+    encode_once = fusion.encode
 
-    def slowly(frame: Frame, algorithm: str, options: EncodeOptions) -> bytes:
+    def slowly(points: Points, options: EncodeOptions) -> bytes:
         time.sleep(0.5)
-        return encode_once(frame, algorithm, options)
+        return encode_once(points, options)
 
-    monkeypatch.setattr(robot.agent._encoder, "encode", slowly)
+    fusion.encode = slowly  # type: ignore[method-assign]
     told = robot.agent.observe(request())
     assert 0.0 < told.work_ms <= told.encode_ms - 450.0
+
+
+def test_who_asks_for_an_encoded_frame_hears_what_it_took_too() -> None:
+    robot = sensed()
+    first, second = (robot.agent.observe(request(request=number)) for number in (1, 2))
+    assert first.payload is second.payload
+    assert first.work_ms == second.work_ms > 0.0
 
 
 def sensed(points: object = room, **options: object) -> Robot:
@@ -123,7 +131,7 @@ def test_nothing_is_measured_while_an_answer_is_encoded(monkeypatch: pytest.Monk
     begun, go = threading.Event(), threading.Event()
     encode = Encoder.encode
 
-    def held(self: Encoder, *form: Any) -> bytes:
+    def held(self: Encoder, *form: Any) -> Encoded:
         begun.set()
         assert go.wait(60)
         return encode(self, *form)
