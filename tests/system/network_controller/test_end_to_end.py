@@ -143,11 +143,11 @@ def test_a_smaller_link_gets_a_decision_that_fits_and_a_wider_one_the_richer_bac
 ) -> None:
     net("shape", "--rate", "55mbit")
     await_(lambda: rich(watch.view()), "points of many robots on a wide link")
-    net("shape", "--rate", "1mbit")
+    net("shape", "--rate", "500kbit")
 
     def announcements() -> SwarmView | None:
         view = watch.view()
-        return view if view.capacity_bps is not None and view.capacity_bps <= 1e6 else None
+        return view if view.capacity_bps is not None and view.capacity_bps <= 5e5 else None
 
     knows = await_(announcements, "a decision that knows of the smaller link")
     assert knows is not None
