@@ -19,6 +19,7 @@ from deploy.runtimes.docker import DockerRuntime
 from network_controller import ladder
 from network_controller.drivers import shaping
 from network_controller.drivers.docker import LABEL, SERVICE_LABEL, DockerDriver
+from network_controller.drivers.ifbs import ifb_of
 from network_controller.model import DIRECTIONS, Link
 from swarm.errors import LinkGoneError, NetworkError
 from swarm.traffic import TrafficClass
@@ -227,7 +228,7 @@ def test_a_container_on_a_network_that_is_not_the_swarms_is_left_alone(
 def test_containers_that_are_gone_are_said_to_be(yard: Yard, driver: DockerDriver) -> None:
     yard.add("robot-R9")
     link = Link("R9", "up")
-    queue = shaping.ifb_of(device_of(yard, "robot-R9"))
+    queue = ifb_of(device_of(yard, "robot-R9"))
     driver.apply(link, ladder.shape(RATE, 0))
     assert queue in {name for _, name in socket.if_nameindex()}
     yard.remove("robot-R9")

@@ -1,0 +1,338 @@
+"""Links that share a medium: one tree of the real `tc`, and real traffic between namespaces."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+from network_controller import ladder
+from network_controller.drivers.ifbs import ifb_of
+from network_controller.drivers.netlink import ClassReader
+from network_controller.model import ClassShape, Link, LinkShape
+from swarm.errors import NetworkError
+from swarm.traffic import TrafficClass
+from tests.support.link_support import Links, add_link, fill, links, must, receive_in, send
+
+CELL_BPS = 10_000_000
+FLOOD_BPS = 1.5 * CELL_BPS
+"""More than there is for anybody."""
+WARM_S, COUNTED_S = 0.7, 3.0
+_FLOOD = """
+import socket, sys, time
+out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+out.setsockopt(0, 1, int(sys.argv[2]))
+began, sent, bps, seconds = time.monotonic(), 0, float(sys.argv[3]), float(sys.argv[4])
+while (now := time.monotonic() - began) < seconds:
+    while 8 * sent < bps * now:
+        out.sendto(bytes(1400), (sys.argv[1], 9))
+        sent += 1400
+    time.sleep(0.002)
+"""
+
+
+@pytest.fixture(scope="module")
+def stage() -> Iterator[Links]:
+    with links(3) as made:
+        yield made
+
+
+@pytest.fixture
+def net(stage: Links) -> Iterator[Links]:
+    yield stage
+    for robot in stage.robots:
+        for link in (Link(robot, "down"), Link(robot, "up")):
+            stage.driver.clear(link)
+
+
+def share(
+    net: Links, rates_bps: Mapping[int, int], cell_bps: int = CELL_BPS, level: int = 0
+) -> None:
+    """Shapes links of a cell: each robot's guarantee, by its number; all may have the cell."""
+    for i, rate_bps in rates_bps.items():
+        shape = ladder.shape(rate_bps, level, ceil_bps=cell_bps, cell_bps=cell_bps)
+        net.driver.apply(down(net, i), shape)
+
+
+def down(net: Links, i: int) -> Link:
+    return Link(net.robots[i], "down")
+
+
+@contextmanager
+def floods(net: Links, marks: Mapping[int, TrafficClass], seconds: float) -> Iterator[None]:
+    """Datagrams to robots, for so long at most; nobody need receive them."""
+    with ExitStack() as stack:
+        for i, traffic in marks.items():
+            argv = [f"10.77.1.{i + 1}", str(traffic.tos), str(FLOOD_BPS), str(seconds)]
+            flood = subprocess.Popen([sys.executable, "-c", _FLOOD, *argv])
+            stack.callback(flood.wait)
+            stack.callback(flood.kill)
+        time.sleep(WARM_S)
+        yield
+
+
+def measured(net: Links, of: Collection[int]) -> dict[int, float]:
+    """What robots' links carry for a while, bit/s."""
+    began_s, before = time.monotonic(), sent_bytes(net, of)
+    time.sleep(COUNTED_S)
+    after, ended_s = sent_bytes(net, of), time.monotonic()
+    return {i: 8 * (after[i] - before[i]) / (ended_s - began_s) for i in of}
+
+
+def sent_bytes(net: Links, of: Collection[int]) -> dict[int, int]:
+    readings = net.driver.read([down(net, i) for i in of])
+    return {i: sum(c.sent_bytes for c in readings[down(net, i)].classes.values()) for i in of}
+
+
+def flooded(net: Links, marks: Mapping[int, TrafficClass]) -> dict[int, float]:
+    """What links carry when more than there is is sent towards each of them, bit/s."""
+    with floods(net, marks, WARM_S + COUNTED_S + 10.0):
+        return measured(net, marks)
+
+
+def ifbs() -> list[str]:
+    shown = json.loads(must("ip", "-j", "link", "show", "type", "ifb"))
+    return [one["ifname"] for one in shown]
+
+
+def state(device: str) -> str:
+    """All that `tc` shows of a device, without the kernel's own handles."""
+    ways = (["qdisc"], ["class"], ["filter"], ["filter", "egress"], ["filter", "ingress"])
+    shown = "".join(must("tc", what, "show", "dev", device, *more) for what, *more in ways)
+    return re.sub(r"\b[0-9a-f]{4}:(?= )", "own:", shown)
+
+
+def test_one_ego_has_what_the_others_leave_unused(net: Links) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    (alone,) = flooded(net, {0: TrafficClass.FUSION}).values()
+    assert alone == pytest.approx(CELL_BPS, rel=0.05)
+
+
+@pytest.mark.parametrize("parts", [(5_000_000, 5_000_000), (7_000_000, 3_000_000)])
+def test_two_that_want_more_than_there_is_have_what_was_granted(
+    net: Links, parts: tuple[int, int]
+) -> None:
+    share(net, dict(enumerate(parts)))
+    found = flooded(net, dict.fromkeys(range(2), TrafficClass.FUSION))
+    assert list(found.values()) == pytest.approx(parts, rel=0.1)
+
+
+def test_background_of_one_takes_nothing_of_anothers_guarantee(net: Links) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000}, level=1)
+    found = flooded(net, {0: TrafficClass.BACKGROUND, 1: TrafficClass.FUSION})
+    # What its guarantee for background leaves of its part goes to fusion first, whosever it is.
+    assert found[1] >= 0.9 * 5_000_000
+    assert sum(found.values()) == pytest.approx(CELL_BPS, rel=0.1)
+
+
+def test_airtime_is_divided_where_a_station_is_far(net: Links) -> None:
+    """The near one could have 16 Mbit/s, the far one 4: half of the time each."""
+    near = ladder.shape(8_000_000, 0, ceil_bps=16_000_000, cell_bps=10_000_000)
+    far = ladder.shape(2_000_000, 0, ceil_bps=4_000_000, cell_bps=10_000_000)
+    net.driver.apply(down(net, 0), near)
+    net.driver.apply(down(net, 1), far)
+    found = flooded(net, dict.fromkeys(range(2), TrafficClass.FUSION))
+    assert found[0] / 16e6 == pytest.approx(0.5, rel=0.1)
+    assert found[1] / 4e6 == pytest.approx(0.5, rel=0.1)
+    # Alone it has no more than its own rate, whatever the others leave.
+    (alone,) = flooded(net, {1: TrafficClass.FUSION}).values()
+    assert alone == pytest.approx(4e6, rel=0.1)
+
+
+@pytest.mark.parametrize("traffic", TrafficClass)
+def test_traffic_goes_through_the_class_of_its_mark_and_address(
+    net: Links, traffic: TrafficClass
+) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    both = [down(net, 0), down(net, 1)]
+    send(net, net.robots[1], 200_000, traffic.tos)
+    readings = net.driver.read(both)
+    counts = {
+        (link, one): reading.classes[one].sent_bytes
+        for link, reading in readings.items()
+        for one in reading.classes
+    }
+    assert counts.pop((both[1], traffic)) > 200_000
+    assert all(sent < 200_000 for sent in counts.values())
+
+
+def test_unmarked_traffic_is_background_and_robots_reach_egos(net: Links) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    net.driver.apply(Link(net.robots[1], "up"), ladder.shape(50_000_000, 0))
+    receive_in(net.robots[0], "10.77.1.1", 100_000, 0, frm=net.robots[1])
+    links = [down(net, 0), Link(net.robots[1], "up")]
+    for reading in net.driver.read(links).values():
+        assert reading.classes[TrafficClass.BACKGROUND].sent_bytes > 100_000
+
+
+def test_what_waits_is_read_from_the_links_own_classes(net: Links) -> None:
+    share(net, {0: 10_000, 1: 10_000}, cell_bps=20_000)
+    fill("10.77.1.2", 40_000, TrafficClass.FUSION.tos)
+    readings = net.driver.read([down(net, 0), down(net, 1)])
+    reader = ClassReader()
+    for link, reading in readings.items():
+        seen = reader.read(reading.queue)
+        assert set(seen) == set(TrafficClass)
+        for traffic, queue in seen.items():
+            shown = reading.classes[traffic].backlog_bytes
+            assert queue.waiting_bytes == pytest.approx(shown, abs=4096)
+        waiting = seen[TrafficClass.FUSION].waiting_bytes
+        assert waiting > 20_000 if link == down(net, 1) else waiting == 0
+    reader.close()
+
+
+def test_a_change_keeps_what_queues_hold_and_the_others_as_they_are(net: Links) -> None:
+    share(net, {0: 10_000, 1: 10_000}, cell_bps=20_000)
+    fill("10.77.1.1", 40_000, TrafficClass.FUSION.tos)
+    before = net.driver.read([down(net, 0), down(net, 1)])
+    share(net, {0: 14_000}, cell_bps=20_000)
+    after = net.driver.read([down(net, 0), down(net, 1)])
+    fusion = after[down(net, 0)].classes[TrafficClass.FUSION]
+    assert fusion.drops == before[down(net, 0)].classes[TrafficClass.FUSION].drops
+    assert fusion.backlog_bytes > 20_000
+    assert after[down(net, 0)].capacity_bps == 14_000
+    assert after[down(net, 1)].capacity_bps == before[down(net, 1)].capacity_bps
+
+
+def test_a_new_driver_finds_the_tree_and_goes_on_from_there(net: Links) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000}, level=2)
+    later = net.again()
+    both = {down(net, 0), down(net, 1)}
+    assert later.shaped() == both
+    for reading in later.read(both).values():
+        shapes = {traffic: one.shape for traffic, one in reading.classes.items()}
+        assert ladder.level_of(reading.capacity_bps, shapes) == 2
+        assert reading.cell_bps == CELL_BPS
+    before = {link: reading.queue for link, reading in later.read(both).items()}
+    share(net, {1: 4_000_000})
+    assert {link: reading.queue for link, reading in later.read(both).items()} == before
+
+
+def test_clearing_is_complete_and_leaves_the_others(net: Links) -> None:
+    before = [state(net.device(robot)) for robot in net.robots]
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    net.driver.apply(Link(net.robots[0], "up"), ladder.shape(CELL_BPS, 0))
+    for _ in range(2):
+        net.driver.clear(down(net, 0))
+    assert net.driver.shaped() == {down(net, 1), Link(net.robots[0], "up")}
+    send(net, net.robots[0], 100_000, TrafficClass.FUSION.tos)
+    net.driver.clear(Link(net.robots[0], "up"))
+    assert ifbs() == [ifb_of(net.bridge)]
+    net.driver.clear(down(net, 1))
+    assert ifbs() == []
+    assert [state(net.device(robot)) for robot in net.robots] == before
+
+
+def test_a_link_leaves_for_one_of_its_own_and_comes_back(net: Links) -> None:
+    device = net.device(net.robots[0])
+    net.driver.apply(down(net, 0), ladder.shape(CELL_BPS, 0))
+    alone = state(device)
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    assert "htb" not in state(device)
+    assert net.driver.read([down(net, 0)])[down(net, 0)].cell_bps == CELL_BPS
+    for i in range(2):
+        net.driver.apply(down(net, i), ladder.shape(CELL_BPS, 0))
+    assert ifbs() == []
+    assert sorted(state(device).split()) == sorted(alone.split())
+    assert net.driver.read([down(net, 0)])[down(net, 0)].cell_bps == 0
+
+
+def bad() -> LinkShape:
+    """A shape that `tc` refuses at its last class, when the others are changed already."""
+    good = ladder.shape(1_000_000, 0, ceil_bps=CELL_BPS, cell_bps=CELL_BPS // 2)
+    over = dict(good.classes)
+    over[TrafficClass.BACKGROUND] = ClassShape(250_000, CELL_BPS, -1)
+    return LinkShape(1_000_000, over, cell_bps=CELL_BPS // 2)
+
+
+def test_a_refusal_halfway_leaves_all_as_it_was(net: Links) -> None:
+    before = state(net.device(net.robots[0]))
+    with pytest.raises(NetworkError, match=r"prio -1.*|classid 1:130"):
+        net.driver.apply(down(net, 0), bad())
+    assert state(net.device(net.robots[0])) == before
+    assert ifbs() == []
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    before = state(ifb_of(net.bridge))
+    with pytest.raises(NetworkError, match=r"prio -1.*|classid 1:130"):
+        net.driver.apply(down(net, 0), bad())
+    assert state(ifb_of(net.bridge)) == before
+    send(net, net.robots[0], 50_000, TrafficClass.FUSION.tos)
+
+
+@pytest.mark.parametrize(
+    "tampering",
+    [
+        "tc qdisc del dev {tree} root",
+        "tc filter del dev {tree} parent 1: pref 1",
+        "tc qdisc del dev {device} clsact",
+        "ip link del {tree}",
+        "tc class change dev {tree} parent 1: classid 1:1 htb rate 1mbit ceil 1mbit",
+    ],
+)
+def test_what_somebody_else_did_to_the_tree_is_found_and_mended(net: Links, tampering: str) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    both = [down(net, 0), down(net, 1)]
+    tree, device = ifb_of(net.bridge), net.device(net.robots[0])
+    must(*tampering.format(tree=tree, device=device).split())
+    readings = net.driver.read(both)
+    if "filter" not in tampering:
+        assert down(net, 0) not in readings or readings[down(net, 0)].cell_bps != CELL_BPS
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    assert {r.cell_bps for r in net.driver.read(both).values()} == {CELL_BPS}
+    for i in range(2):
+        send(net, net.robots[i], 50_000, TrafficClass.FUSION.tos)
+        fusion = net.driver.read([down(net, i)])[down(net, i)].classes[TrafficClass.FUSION]
+        assert fusion.sent_bytes > 50_000
+
+
+def test_an_ifb_device_of_somebody_else_is_neither_used_nor_removed(net: Links) -> None:
+    foreign = ifb_of(net.bridge)
+    must("ip", "link", "add", foreign, "type", "ifb")
+    try:
+        with pytest.raises(NetworkError, match=f"{foreign}.* is not the swarm's"):
+            share(net, {0: 5_000_000})
+        net.driver.clear(down(net, 0))
+        net.driver.close()
+        assert foreign in ifbs()
+    finally:
+        must("ip", "link", "del", foreign)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_the_place_of_a_link_that_is_gone_is_given_back(net: Links, alone: bool) -> None:
+    robot, device = net.robots[2], net.device(net.robots[2])
+    share(net, {2: 5_000_000} if alone else {2: 5_000_000, 1: 5_000_000})
+    must("ip", "link", "del", device)
+    try:
+        net.driver.robots()
+        assert ifbs() == ([] if alone else [ifb_of(net.bridge)])
+        assert net.driver.shaped() == (frozenset() if alone else {down(net, 1)})
+    finally:
+        add_link(device, robot, "10.77.1.3")
+
+
+def test_what_a_killed_controller_left_goes_with_the_next_one(net: Links) -> None:
+    share(net, {2: 5_000_000})
+    must("ip", "link", "del", net.device(net.robots[2]))
+    try:
+        net.again().close()
+        assert ifbs() == []
+    finally:
+        add_link(net.device(net.robots[2]), net.robots[2], "10.77.1.3")
+
+
+def test_borrowed_bits_are_given_back_at_once(net: Links) -> None:
+    share(net, {0: 5_000_000, 1: 5_000_000})
+    with floods(net, {0: TrafficClass.FUSION}, 30.0):
+        with floods(net, {1: TrafficClass.FUSION}, 30.0):
+            found = measured(net, (0, 1))
+        assert list(found.values()) == pytest.approx([5e6, 5e6], rel=0.1)
+        # What is left of the other's queue is gone in a tenth of a second.
+        time.sleep(WARM_S)
+        assert measured(net, (0,))[0] == pytest.approx(CELL_BPS, rel=0.05)
