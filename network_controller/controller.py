@@ -111,6 +111,8 @@ class Controller:
         self._wake = threading.Event()
         self._unready = ""
         self._lacking: tuple[str, ...] = ()
+        self._unlent = ""
+        """Why links of the cell have their parts of it and no more."""
         self._adopted = False
         self._closed = False
         self._looks = 0
@@ -268,9 +270,8 @@ class Controller:
             raise NetworkError(self._unready)
         reply = self._operators.carry_out(request)
         self._wake.set()
-        if not self._unready:
-            return reply
-        return msgspec.structs.replace(reply, notes=(*reply.notes, self._unready))
+        notes = (*reply.notes, *(why for why in (self._unready, self._unlent) if why))
+        return msgspec.structs.replace(reply, notes=notes)
 
     @_locked
     def robot_at(self, ipv4: str) -> str | None:
@@ -363,9 +364,10 @@ class Controller:
         if not self._driver.one_tree:
             missing = f"driver {self._driver.name} shapes each link by itself"
         self._cell.lends = not missing
-        if missing:
-            why = f"egos of the cell have their parts of it and lend each other nothing: {missing}"
-            self._lacking = (*self._lacking, why)
+        why = f"egos of the cell lend each other nothing: {missing}" if missing else ""
+        if why and why != self._unlent:
+            self._notes.note("lends_nothing", why)
+        self._unlent = why
 
     def _adopt(self) -> None:
         """Takes over what an earlier controller shaped, at the level that it had reached."""

@@ -32,7 +32,7 @@ _UNIX = "unix://"
 _HOST = f"{_UNIX}/var/run/docker.sock"
 """Where the engine answers unless DOCKER_HOST says otherwise."""
 IFB_PREFIX = "ifb-veth"
-"""What the controller's devices for traffic from containers are called (`drivers/shaping.py`)."""
+"""What the controller's devices for traffic from containers are called (`drivers/ifbs.py`)."""
 GOING_ALREADY = 409
 """The engine's answer while a container is being removed."""
 

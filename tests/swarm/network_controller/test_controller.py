@@ -523,13 +523,14 @@ def test_where_no_tree_can_be_made_egos_have_their_parts_and_that_is_told(tmp_pa
     assert [states[Link(ego, "down")].capacity_bps for ego in ("R1", "R2")] == [4_000_000] * 2
     assert all(not shape.cell_bps for shape in site.driver.shapes.values())
     assert all(shape.ceil_bps == 4_000_000 for shape in site.driver.shapes.values())
-    assert any("lend each other nothing: clsact" in why for why in site.controller.troubles())
+    (note,) = site.ask("show").notes
+    assert "egos of the cell lend each other nothing: clsact (Error: no such thing)" in note
+    assert site.actions().count("lends_nothing") == 1
     site.driver.missing = {}
     site.driver.one_tree = False
     site.again()
     site.step()
-    (why,) = site.controller.troubles()
-    assert "driver memory shapes each link by itself" in why
+    assert "driver memory shapes each link by itself" in site.ask("show").notes[0]
 
 
 def test_a_cell_that_is_nobodys_any_more_is_left_for_links_of_their_own(tmp_path: Path) -> None:

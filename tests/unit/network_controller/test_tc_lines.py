@@ -19,8 +19,8 @@ rates = st.integers(MIN_RATE_BPS, MAX_RATE_BPS)
 levels = st.integers(0, ladder.TOP)
 
 
-def lines(rate_bps: int, level: int = 0, **options: float) -> list[str]:
-    shape = ladder.shape(rate_bps, level, **options)
+def lines(rate_bps: int, level: int = 0, delay_ms: float = 0.0, loss: float = 0.0) -> list[str]:
+    shape = ladder.shape(rate_bps, level, delay_ms=delay_ms, loss=loss)
     return htb.lines("dev0", shape, shaped=False, fq_codel=False)
 
 
