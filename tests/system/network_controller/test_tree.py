@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
-import subprocess
-import sys
 import time
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Mapping
 
 import pytest
 
@@ -18,23 +14,10 @@ from network_controller.drivers.netlink import ClassReader
 from network_controller.model import ClassShape, Link, LinkShape
 from swarm.errors import NetworkError
 from swarm.traffic import TrafficClass
+from tests.support.link_floods import WARM_S, down, flooded, floods, ifbs, measured
 from tests.support.link_support import Links, add_link, fill, links, must, receive_in, send
 
 CELL_BPS = 10_000_000
-FLOOD_BPS = 1.5 * CELL_BPS
-"""More than there is for anybody."""
-WARM_S, COUNTED_S = 0.7, 3.0
-_FLOOD = """
-import socket, sys, time
-out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-out.setsockopt(0, 1, int(sys.argv[2]))
-began, sent, bps, seconds = time.monotonic(), 0, float(sys.argv[3]), float(sys.argv[4])
-while (now := time.monotonic() - began) < seconds:
-    while 8 * sent < bps * now:
-        out.sendto(bytes(1400), (sys.argv[1], 9))
-        sent += 1400
-    time.sleep(0.002)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -58,47 +41,6 @@ def share(
     for i, rate_bps in rates_bps.items():
         shape = ladder.shape(rate_bps, level, ceil_bps=cell_bps, cell_bps=cell_bps)
         net.driver.apply(down(net, i), shape)
-
-
-def down(net: Links, i: int) -> Link:
-    return Link(net.robots[i], "down")
-
-
-@contextmanager
-def floods(net: Links, marks: Mapping[int, TrafficClass], seconds: float) -> Iterator[None]:
-    """Datagrams to robots, for so long at most; nobody need receive them."""
-    with ExitStack() as stack:
-        for i, traffic in marks.items():
-            argv = [f"10.77.1.{i + 1}", str(traffic.tos), str(FLOOD_BPS), str(seconds)]
-            flood = subprocess.Popen([sys.executable, "-c", _FLOOD, *argv])
-            stack.callback(flood.wait)
-            stack.callback(flood.kill)
-        time.sleep(WARM_S)
-        yield
-
-
-def measured(net: Links, of: Collection[int]) -> dict[int, float]:
-    """What robots' links carry for a while, bit/s."""
-    began_s, before = time.monotonic(), sent_bytes(net, of)
-    time.sleep(COUNTED_S)
-    after, ended_s = sent_bytes(net, of), time.monotonic()
-    return {i: 8 * (after[i] - before[i]) / (ended_s - began_s) for i in of}
-
-
-def sent_bytes(net: Links, of: Collection[int]) -> dict[int, int]:
-    readings = net.driver.read([down(net, i) for i in of])
-    return {i: sum(c.sent_bytes for c in readings[down(net, i)].classes.values()) for i in of}
-
-
-def flooded(net: Links, marks: Mapping[int, TrafficClass]) -> dict[int, float]:
-    """What links carry when more than there is is sent towards each of them, bit/s."""
-    with floods(net, marks, WARM_S + COUNTED_S + 10.0):
-        return measured(net, marks)
-
-
-def ifbs() -> list[str]:
-    shown = json.loads(must("ip", "-j", "link", "show", "type", "ifb"))
-    return [one["ifname"] for one in shown]
 
 
 def state(device: str) -> str:
