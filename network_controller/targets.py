@@ -32,9 +32,7 @@ class Targets:
     def cell_rates_bps(self) -> dict[str, int]:
         """What each link of the shared cell would have now if it were alone there; those that
         nobody wants shaped are left out."""
-        wishes = ((ego, self._wishes.get(Link(ego, "down"))) for ego in self._cell.egos)
-        now_ns = self._clock.now_ns()
-        return {ego: wish.rate_bps(now_ns) for ego, wish in wishes if wish is not None}
+        return self._cell_rates_bps(self._clock.now_ns())
 
     def level(self, link: Link) -> int:
         """What the slow loop says, or a session that needs more."""
@@ -70,8 +68,12 @@ class Targets:
             delay_ms=wish.delay_ms,
             loss=wish.loss,
             ceil_bps=rate_bps if lent else 0,
-            cell_bps=self._cell_bps() if lent else 0,
+            cell_bps=self._cell_bps(now_ns) if lent else 0,
         )
 
-    def _cell_bps(self) -> int:
-        return max(TRACE_FLOOR_BPS, self._cell.carries_bps(self.cell_rates_bps()))
+    def _cell_bps(self, now_ns: int) -> int:
+        return max(TRACE_FLOOR_BPS, self._cell.carries_bps(self._cell_rates_bps(now_ns)))
+
+    def _cell_rates_bps(self, now_ns: int) -> dict[str, int]:
+        wishes = ((ego, self._wishes.get(Link(ego, "down"))) for ego in self._cell.egos)
+        return {ego: wish.rate_bps(now_ns) for ego, wish in wishes if wish is not None}

@@ -18,6 +18,7 @@ from network_controller.drivers import shaping
 from network_controller.drivers.command import attempt
 from network_controller.drivers.ifbs import orphans
 from network_controller.drivers.interfaces import facts_of, index_of, master_of
+from network_controller.drivers.tree import Seat
 from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 
@@ -55,7 +56,7 @@ class DockerDriver:
     """Robots are the swarm's containers: `ego-R1` where there is one, else `robot-R1`."""
 
     name = "docker"
-    one_tree = False
+    one_tree = True
 
     def __init__(self, swarm: str) -> None:
         """The engine is asked when it is needed first."""
@@ -89,7 +90,7 @@ class DockerDriver:
                 f"interface {port.device} of robot {link.robot!r} no longer hangs on the swarm's "
                 f"bridge {port.bridge}; it is left alone"
             )
-        self._shaper.apply(port.device, link.direction, shape)
+        self._shaper.apply(port.device, link.direction, shape, _seat(port))
 
     def read(self, links: Collection[Link]) -> Mapping[Link, LinkReading]:
         """See `Driver.read`."""
@@ -160,7 +161,7 @@ class DockerDriver:
                         shaping.clear(port.device, direction)
         # What cannot be removed now must not hide the links that are there; `close` tries again.
         with suppress(NetworkError):
-            shaping.forget((port.device, None) for port in left)
+            shaping.forget((port.device, _seat(port)) for port in left)
         self._ports = known
         return known
 
@@ -218,6 +219,10 @@ class DockerDriver:
             return int(number), int(outside), mac
         except ValueError:
             return None
+
+
+def _seat(port: _Port) -> Seat:
+    return Seat(port.bridge, port.address)
 
 
 def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from network_controller.drivers.command import attempt
 from network_controller.drivers.htb import NUMBERS, slot_of
@@ -43,7 +43,8 @@ _SHOW = (
 _BY_NUMBER = {str(number): traffic for traffic, number in NUMBERS.items()}
 
 
-class Seen(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Seen:
     """What `tc` shows of devices."""
 
     readings: Mapping[Queue, LinkReading]

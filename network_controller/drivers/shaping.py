@@ -164,13 +164,12 @@ def _clear_own(device: str) -> None:
         raise NetworkError(f"tc does not clear {device} down: {words(done)}")
 
 
-def forget(devices: Iterable[tuple[str, Seat | None]]) -> None:
+def forget(devices: Iterable[tuple[str, Seat]]) -> None:
     """Removes what outlives those of these devices that have vanished."""
     for device, seat in devices:
         if not index_of(device):
             clear(device, "up")
-            if seat is not None:
-                tree.forget(seat)
+            tree.forget(seat)
 
 
 def read(devices: Collection[tuple[str, Direction]]) -> Mapping[tuple[str, Direction], LinkReading]:

@@ -156,6 +156,23 @@ def test_traffic_of_a_container_goes_through_the_class_of_its_mark_both_ways(
     assert up[TrafficClass.CONTROL].sent_bytes > SIZE > up[TrafficClass.FUSION].sent_bytes
 
 
+def test_links_that_share_a_medium_have_one_tree(yard: Yard, driver: DockerDriver) -> None:
+    addresses = driver.robots()
+    both = [Link("R1", "down"), Link("R2", "down")]
+    for link in both:
+        driver.apply(link, ladder.shape(RATE // 2, 0, ceil_bps=RATE, cell_bps=RATE))
+    send(yard, "router", addresses["R2"], TrafficClass.FUSION)
+    readings = driver.read(both)
+    (tree,) = {reading.queue.device for reading in readings.values()}
+    sent = [readings[link].classes[TrafficClass.FUSION].sent_bytes for link in both]
+    assert sent[1] > SIZE > sent[0]
+    for link in both:
+        assert tree in {name for _, name in socket.if_nameindex()}
+        driver.clear(link)
+    assert tree not in {name for _, name in socket.if_nameindex()}
+    assert not driver.shaped()
+
+
 def test_a_new_driver_adopts_what_is_shaped_and_clearing_may_be_repeated(
     yard: Yard, driver: DockerDriver
 ) -> None:
