@@ -22,7 +22,7 @@ from network_controller.drivers.base import Driver
 from network_controller.enforce import Enforcer
 from network_controller.journal import Journal
 from network_controller.metrics import ControllerMetrics
-from network_controller.model import Link, lacking
+from network_controller.model import Link, lacking, lacking_tree
 from network_controller.notes import Notes
 from network_controller.observe import Observer, link_state
 from network_controller.operators import Operators
@@ -111,6 +111,8 @@ class Controller:
         self._wake = threading.Event()
         self._unready = ""
         self._lacking: tuple[str, ...] = ()
+        self._unlent = ""
+        """Why links of the cell have their parts of it and no more."""
         self._adopted = False
         self._closed = False
         self._looks = 0
@@ -198,13 +200,13 @@ class Controller:
         now_s = time.monotonic()
         readings = self._driver.read(self._enforcer.links())
         self._enforcer.check(readings, self._robots)
-        self._queues.watch(self._driver.devices(self._enforcer.links()))
+        shaped = self._enforcer.links()
+        self._queues.watch({k: found.queue for k, found in readings.items() if k in shaped})
         backlogs = {link: self._queues.read(link) for link in readings}
         classes = self._observer.look(readings, backlogs, now_s, between=between)
         loads = {link: self._observer.load(link, reading) for link, reading in readings.items()}
         while self._heard:
             self._loop.on_demand(*self._heard.popleft())
-        shaped = self._enforcer.links()
         for action in self._loop.tick({k: v for k, v in loads.items() if k in shaped}, now_s):
             self._take(action)
         demands = self._loop.demands(now_s)
@@ -212,8 +214,14 @@ class Controller:
             {ego: (d.needed_bytes_s, d.unreachable_s) for ego, d in demands.items()}
         )
         needs = {ego: 8.0 * demand.needed_bytes_s for ego, demand in demands.items()}
-        cell_bps = self._targets.cell_bps(self._ego)
-        if self._cell.divide(cell_bps, needs):
+        rates_bps = self._targets.cell_rates_bps()
+        busy = {
+            link.robot
+            for link, found in readings.items()
+            if link.direction == "down" and self._observer.busy(link, found)
+        }
+        changed = [self._cell.divide(rates_bps, needs), self._cell.use(busy)]
+        if any(changed):
             self._wake.set()
         states = tuple(
             link_state(
@@ -227,7 +235,7 @@ class Controller:
             )
             for link, reading in sorted(readings.items())
         )
-        if grants := self._cell.grants(cell_bps):
+        if grants := self._cell.grants(rates_bps):
             states = tuple(
                 msgspec.structs.replace(state, grants=grants)
                 if state.direction == "down" and state.robot in grants
@@ -262,9 +270,8 @@ class Controller:
             raise NetworkError(self._unready)
         reply = self._operators.carry_out(request)
         self._wake.set()
-        if not self._unready:
-            return reply
-        return msgspec.structs.replace(reply, notes=(*reply.notes, self._unready))
+        notes = (*reply.notes, *(why for why in (self._unready, self._unlent) if why))
+        return msgspec.structs.replace(reply, notes=notes)
 
     @_locked
     def robot_at(self, ipv4: str) -> str | None:
@@ -337,7 +344,10 @@ class Controller:
         try:
             self._robots = self._driver.robots()
             if self._unready or not self._enforcer.links():
-                self._lacking = lacking(self._driver.capabilities())
+                found = self._driver.capabilities()
+                self._lacking = lacking(found)
+                if self._cell.egos:
+                    self._share(lacking_tree(found))
         except NetworkError as error:
             if str(error) != self._unready:
                 self._notes.note("unready", str(error))
@@ -349,12 +359,23 @@ class Controller:
         if not self._adopted:
             self._adopt()
 
+    def _share(self, missing: str) -> None:
+        """Lets links of the cell lend each other what they leave unused, if nothing is missing."""
+        if not self._driver.one_tree:
+            missing = f"driver {self._driver.name} shapes each link by itself"
+        self._cell.lends = not missing
+        why = f"egos of the cell lend each other nothing: {missing}" if missing else ""
+        if why and why != self._unlent:
+            self._notes.note("lends_nothing", why)
+        self._unlent = why
+
     def _adopt(self) -> None:
         """Takes over what an earlier controller shaped, at the level that it had reached."""
         wanted = self._targets.shapes()
         found = self._driver.shaped()
         for link, reading in self._driver.read(found).items():
-            level = ladder.level_of({t: one.shape for t, one in reading.classes.items()})
+            classes = {t: one.shape for t, one in reading.classes.items()}
+            level = ladder.level_of(reading.capacity_bps, classes)
             if link in wanted and level is not None:
                 self._loop.levels[link] = level
                 self._notes.note("adopted", "an earlier controller shaped it", link, level=level)

@@ -133,6 +133,7 @@ def _alike(reading: LinkReading, shape: LinkShape) -> bool:
 
     return (
         near(reading.capacity_bps, shape.capacity_bps)
+        and near(reading.cell_bps, shape.cell_bps)
         and abs(reading.delay_ms - shape.delay_ms) <= max(0.01, TOLERANCE * shape.delay_ms)
         and abs(reading.loss - shape.loss) <= max(1e-4, TOLERANCE * shape.loss)
         and all(

@@ -19,8 +19,17 @@ _FUSION_BACKGROUND = ((0.25, 0.25), (0.25, 0.25), (0.35, 0.15), (0.45, 0.05))
 TOP = len(_FUSION_BACKGROUND) - 1
 
 
-def shape(capacity_bps: int, level: int, *, delay_ms: float = 0.0, loss: float = 0.0) -> LinkShape:
-    """The division of a capacity in bit/s at a level from 0 to TOP.
+def shape(
+    capacity_bps: int,
+    level: int,
+    *,
+    delay_ms: float = 0.0,
+    loss: float = 0.0,
+    ceil_bps: int = 0,
+    cell_bps: int = 0,
+) -> LinkShape:
+    """The division of a capacity in bit/s at a level from 0 to TOP. Of a cell that carries
+    `cell_bps` the link may have `ceil_bps` at most; without one its capacity is all that it has.
 
     Raises ValueError for another level.
     """
@@ -32,23 +41,25 @@ def shape(capacity_bps: int, level: int, *, delay_ms: float = 0.0, loss: float =
         TrafficClass.FUSION: (fusion, 1),
         TrafficClass.BACKGROUND: (background, 1 if level == 0 else 2),
     }
+    ceil_bps = max(ceil_bps, capacity_bps)
     classes = {
-        traffic: ClassShape(max(1, round(capacity_bps * share)), capacity_bps, priority)
+        traffic: ClassShape(max(1, round(capacity_bps * share)), ceil_bps, priority)
         for traffic, (share, priority) in shares.items()
     }
-    return LinkShape(capacity_bps, classes, delay_ms, loss)
+    return LinkShape(capacity_bps, classes, delay_ms, loss, cell_bps)
 
 
-def level_of(classes: Mapping[TrafficClass, ClassShape]) -> int | None:
-    """The level that a division is at, also when its rates were rounded; None for none of them."""
+def level_of(capacity_bps: int, classes: Mapping[TrafficClass, ClassShape]) -> int | None:
+    """The level that a division of a capacity is at, also when its rates were rounded; None for
+    none of them."""
     try:
         fusion, background = classes[TrafficClass.FUSION], classes[TrafficClass.BACKGROUND]
     except KeyError:
         return None
     for level in range(TOP + 1):
-        wanted = shape(fusion.ceil_bps, level).classes
+        wanted = shape(capacity_bps, level).classes
         if background.priority == wanted[TrafficClass.BACKGROUND].priority and all(
-            abs(have.rate_bps - wanted[traffic].rate_bps) <= 0.02 * fusion.ceil_bps
+            abs(have.rate_bps - wanted[traffic].rate_bps) <= 0.02 * capacity_bps
             for traffic, have in (
                 (TrafficClass.FUSION, fusion),
                 (TrafficClass.BACKGROUND, background),

@@ -42,9 +42,27 @@ class LinkShape:
     """How one direction of a link is to be shaped."""
 
     capacity_bps: int
+    """Guaranteed."""
     classes: Mapping[TrafficClass, ClassShape]
     delay_ms: float = 0.0
     loss: float = 0.0
+    cell_bps: int = 0
+    """What the medium carries of which the link is a part, and lends from; 0: it is its own."""
+
+    @property
+    def ceil_bps(self) -> int:
+        """What the link may have at most, with what others leave."""
+        return max((one.ceil_bps for one in self.classes.values()), default=self.capacity_bps)
+
+
+@dataclass(frozen=True, slots=True)
+class Queue:
+    """Where the kernel queues a link."""
+
+    device: str
+    """The interface of this network namespace that has the HTB."""
+    slot: int = 0
+    """Which of the links that share the HTB it is, from 1; 0: the HTB is its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +85,9 @@ class LinkReading:
     classes: Mapping[TrafficClass, ClassReading]
     delay_ms: float = 0.0
     loss: float = 0.0
+    cell_bps: int = 0
+    """See `LinkShape`."""
+    queue: Queue = Queue("")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,21 +100,25 @@ class Capabilities:
     """Feature to the kernel's words; everything else of FEATURES."""
 
 
-FEATURES = ("htb", "bfifo", "u32", "ingress", "mirred", "ifb", "netem", "fq_codel")
+FEATURES = ("htb", "bfifo", "u32", "clsact", "mirred", "ifb", "netem", "fq_codel")
 NEEDED = ("htb", "bfifo", "u32")
 """For shaping towards robots."""
-NEEDED_UP = ("ingress", "mirred", "ifb")
-"""For shaping from robots, beside the others."""
+NEEDED_UP = ("clsact", "mirred", "ifb")
+"""For shaping from robots, and for one tree of all links of a cell, beside the others."""
 
 
 def lacking(found: Capabilities) -> tuple[str, ...]:
     """What cannot be shaped with these capabilities, and why; nothing where all can."""
     for what, needed in (("links", NEEDED), ("links from robots", NEEDED_UP)):
-        missing = [
-            f"{feature} ({found.missing[feature]})"
-            for feature in needed
-            if feature in found.missing
-        ]
-        if missing:
-            return (f"{what} cannot be shaped: this kernel lacks {', '.join(missing)}",)
+        if missing := _missing(found, needed):
+            return (f"{what} cannot be shaped: this kernel lacks {missing}",)
     return ()
+
+
+def lacking_tree(found: Capabilities) -> str:
+    """What keeps all links of a cell from one tree with these capabilities; empty for nothing."""
+    return _missing(found, (*NEEDED, *NEEDED_UP))
+
+
+def _missing(found: Capabilities, needed: tuple[str, ...]) -> str:
+    return ", ".join(f"{one} ({found.missing[one]})" for one in needed if one in found.missing)

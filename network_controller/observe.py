@@ -21,6 +21,9 @@ CLASS_NAMES: Mapping[TrafficClass, ClassName] = {
 SMOOTHING = 0.5
 """Weight of the last second; a rise counts at once, so that no ego plans with what is taken."""
 
+IDLE = 0.1
+"""A link that carries less than this part of its guarantee is idle: beacons alone."""
+
 
 class Observer:
     """Keeps the counters of the last look at each link. Times are `time.monotonic()` seconds."""
@@ -105,6 +108,12 @@ class Observer:
             control_bps=self._smooth.get((link, TrafficClass.CONTROL), 0.0),
             background_bps=math.inf if waiting else throughput_bps,
         )
+
+    def busy(self, link: Link, reading: LinkReading) -> bool:
+        """Whether anybody uses a link, after `look`."""
+        throughput_bps = sum(self._smooth.get((link, traffic), 0.0) for traffic in reading.classes)
+        waiting = any(one.backlog_bytes > 0 for one in reading.classes.values())
+        return waiting or throughput_bps > IDLE * reading.capacity_bps
 
 
 def _waiting_bytes(cls: ClassReading, reading: LinkReading, throughput_bps: float) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from network_controller.drivers.netlink import ClassQueue, ClassReader
-from network_controller.model import Link
+from network_controller.model import Link, Queue
 from swarm.backlog import BacklogMeter
 from swarm.log import Logger
 from swarm.messages import Backlog
@@ -27,7 +27,7 @@ RETRY_S = 5.0
 class Reader(Protocol):
     """Where the counters come from."""
 
-    def read(self, device: str) -> Mapping[TrafficClass, ClassQueue]:
+    def read(self, queue: Queue) -> Mapping[TrafficClass, ClassQueue]:
         """See `ClassReader.read`."""
         ...
 
@@ -41,7 +41,7 @@ class QueueWatch:
 
     def __init__(self, log: Logger) -> None:
         self._log = log
-        self._devices: Mapping[Link, str] = {}
+        self._watched: Mapping[Link, Queue] = {}
         self._meters: dict[tuple[Link, TrafficClass], _Meter] = {}
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -52,12 +52,12 @@ class QueueWatch:
         self._thread = threading.Thread(target=self._run, name="queues", daemon=True)
         self._thread.start()
 
-    def watch(self, devices: Mapping[Link, str]) -> None:
-        """The links to sample from now on, and the interfaces that queue them. A link that is
-        sampled no longer is forgotten: its counters begin anew."""
+    def watch(self, queues: Mapping[Link, Queue]) -> None:
+        """The links to sample from now on, and where they queue. A link that is sampled no longer
+        is forgotten: its counters begin anew."""
         with self._lock:
-            self._devices = dict(devices)
-            self._meters = {k: m for k, m in self._meters.items() if k[0] in devices}
+            self._watched = dict(queues)
+            self._meters = {k: m for k, m in self._meters.items() if k[0] in queues}
 
     def read(self, link: Link) -> Mapping[TrafficClass, Backlog]:
         """The counters of a link's classes so far."""
@@ -90,17 +90,17 @@ class QueueWatch:
         while not self._stop.wait(wait_s):
             begun_s = time.thread_time()
             with self._lock:
-                devices = dict(self._devices)
+                watched = dict(self._watched)
             standing = False
-            for link, device in devices.items():
-                standing |= self._add(link, reader.read(device), time.monotonic())
+            for link, queue in watched.items():
+                standing |= self._add(link, reader.read(queue), time.monotonic())
             took_s = time.thread_time() - begun_s
             wait_s = max(STANDING_S if standing else IDLE_S, took_s / COST)
 
     def _add(self, link: Link, seen: Mapping[TrafficClass, ClassQueue], now_s: float) -> bool:
         """Takes a sample; returns whether a queue stands."""
         with self._lock:
-            if link not in self._devices:
+            if link not in self._watched:
                 return False
             for traffic, queue in seen.items():
                 self._meters.setdefault((link, traffic), _Meter()).add(queue, now_s)

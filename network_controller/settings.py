@@ -37,8 +37,8 @@ class ControllerSettings(SwarmSettings, frozen=True, kw_only=True):
     """All egos, where there are several: their links are shaped alike, from the start and by such
     requests."""
     cell: Literal["own", "shared"] = "own"
-    """Whether each ego's link is a cell of its own, or all together are one medium: a capacity is
-    then that of all of them, and each has its part."""
+    """Whether each ego's link is a cell of its own, or all together are one medium: each has its
+    part of the time, at the capacity that is wanted for its own link."""
     ego_standby: Name | None = None
     """The ego that stands in for it: its link is shaped alike, from the start and by such requests.
     """

@@ -9,15 +9,15 @@ from __future__ import annotations
 import socket
 import sys
 
-from network_controller.drivers import shaping
 from network_controller.drivers.command import run
+from network_controller.drivers.ifbs import orphans
 from swarm.errors import NetworkError
 
 
 def main() -> int:
     """Removes them; 1 when that is not allowed here."""
     try:
-        for device in shaping.orphans([name for _, name in socket.if_nameindex()]):
+        for device in orphans([name for _, name in socket.if_nameindex()]):
             run("ip", "link", "del", device)
     except NetworkError as error:
         print(f"network_controller.sweep: {error}", file=sys.stderr)

@@ -29,11 +29,10 @@ class Targets:
         now_ns = self._clock.now_ns()
         return {wish.link: self._shape(wish, now_ns) for wish in self._wishes}
 
-    def cell_bps(self, robot: str) -> int:
-        """The capacity that is wanted now for the medium that a robot's link is a part of; 0 where
-        nobody wants it shaped."""
-        wish = self._wishes.get(Link(robot, "down"))
-        return wish.rate_bps(self._clock.now_ns()) if wish is not None else 0
+    def cell_rates_bps(self) -> dict[str, int]:
+        """What each link of the shared cell would have now if it were alone there; those that
+        nobody wants shaped are left out."""
+        return self._cell_rates_bps(self._clock.now_ns())
 
     def level(self, link: Link) -> int:
         """What the slow loop says, or a session that needs more."""
@@ -60,6 +59,21 @@ class Targets:
     def _shape(self, wish: Wish, now_ns: int) -> LinkShape:
         level = self.level(wish.link)
         rate_bps = wish.rate_bps(now_ns)
-        if wish.direction == "down":
-            rate_bps = max(TRACE_FLOOR_BPS, int(rate_bps * self._cell.part(wish.robot)))
-        return ladder.shape(rate_bps, level, delay_ms=wish.delay_ms, loss=wish.loss)
+        shared = wish.direction == "down" and wish.robot in self._cell.egos
+        part_bps = max(TRACE_FLOOR_BPS, int(rate_bps * self._cell.part(wish.robot)))
+        lent = shared and self._cell.lends
+        return ladder.shape(
+            part_bps if shared else rate_bps,
+            level,
+            delay_ms=wish.delay_ms,
+            loss=wish.loss,
+            ceil_bps=rate_bps if lent else 0,
+            cell_bps=self._cell_bps(now_ns) if lent else 0,
+        )
+
+    def _cell_bps(self, now_ns: int) -> int:
+        return max(TRACE_FLOOR_BPS, self._cell.carries_bps(self._cell_rates_bps(now_ns)))
+
+    def _cell_rates_bps(self, now_ns: int) -> dict[str, int]:
+        wishes = ((ego, self._wishes.get(Link(ego, "down"))) for ego in self._cell.egos)
+        return {ego: wish.rate_bps(now_ns) for ego, wish in wishes if wish is not None}

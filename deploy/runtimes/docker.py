@@ -31,8 +31,8 @@ STOP_S = 5
 _UNIX = "unix://"
 _HOST = f"{_UNIX}/var/run/docker.sock"
 """Where the engine answers unless DOCKER_HOST says otherwise."""
-IFB_PREFIX = "ifb-veth"
-"""What the controller's devices for traffic from containers are called (`drivers/shaping.py`)."""
+IFB_PREFIX = "ifb-"
+"""How the names of the controller's devices that queue begin (`drivers/ifbs.py`)."""
 GOING_ALREADY = 409
 """The engine's answer while a container is being removed."""
 
@@ -126,17 +126,18 @@ class DockerRuntime:
             return False
         containers = self._containers(swarm)
         _check_own(swarm, containers)
+        own = [c for c in containers if c.labels[compose.SERVICE_LABEL] != "grafana"]
         if containers:
             found = True
             with ThreadPoolExecutor(len(containers)) as pool:
                 list(pool.map(_remove, containers))
-            own = [c for c in containers if c.labels[compose.SERVICE_LABEL] != "grafana"]
-            if own:
-                _sweep(engine, own[0].attrs["Image"])
         for network in engine.networks.list(filters={"label": f"{compose.LABEL}={swarm}"}):
             with contextlib.suppress(docker.errors.NotFound):
                 network.remove()
             found = True
+        # Only now: what queued for the swarm's bridge outlives it.
+        if own:
+            _sweep(engine, own[0].attrs["Image"])
         return record.remove_run_dir(swarm) or found
 
     def status(self, swarm: str) -> tuple[ProcessStatus, ...]:
@@ -237,7 +238,7 @@ def _sweep(engine: Any, image: str) -> None:
     """Removes what a controller that was killed left on the host. It takes a container as the
     controller's own: whoever may use the engine need not be root here."""
     names = {name for _, name in socket.if_nameindex()}
-    links = {name.removeprefix("ifb-") for name in names if name.startswith(IFB_PREFIX)}
+    links = {name.removeprefix(IFB_PREFIX) for name in names if name.startswith(IFB_PREFIX)}
     if not links - names:
         return
     host = {k: v for k, v in compose.CONTROLLER.items() if k != "cap_add"}

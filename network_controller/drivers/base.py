@@ -27,6 +27,9 @@ class Driver(Protocol):
     """
 
     name: str
+    one_tree: bool
+    """Whether links that share a medium lend each other what they leave unused, where the kernel
+    can; otherwise each is shaped to its own part."""
 
     def robots(self) -> Mapping[str, str]:
         """The robots (and egos) whose links are on this host now, with their IPv4 address."""
@@ -49,10 +52,6 @@ class Driver(Protocol):
 
     def read(self, links: Collection[Link]) -> Mapping[Link, LinkReading]:
         """Shapes and counters of links; those that are gone or not shaped are left out."""
-        ...
-
-    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
-        """The interfaces of this network namespace whose HTB queues links, as last found."""
         ...
 
     def clear(self, link: Link) -> None:

@@ -16,7 +16,9 @@ from typing import Any
 
 from network_controller.drivers import shaping
 from network_controller.drivers.command import attempt
+from network_controller.drivers.ifbs import orphans
 from network_controller.drivers.interfaces import facts_of, index_of, master_of
+from network_controller.drivers.tree import Seat
 from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 
@@ -54,6 +56,7 @@ class DockerDriver:
     """Robots are the swarm's containers: `ego-R1` where there is one, else `robot-R1`."""
 
     name = "docker"
+    one_tree = True
 
     def __init__(self, swarm: str) -> None:
         """The engine is asked when it is needed first."""
@@ -87,7 +90,7 @@ class DockerDriver:
                 f"interface {port.device} of robot {link.robot!r} no longer hangs on the swarm's "
                 f"bridge {port.bridge}; it is left alone"
             )
-        self._shaper.apply(port.device, link.direction, shape)
+        self._shaper.apply(port.device, link.direction, shape, _seat(port))
 
     def read(self, links: Collection[Link]) -> Mapping[Link, LinkReading]:
         """See `Driver.read`."""
@@ -95,15 +98,6 @@ class DockerDriver:
         ports = self._ports if self._ports else self._find()
         places = {(ports[k.robot].device, k.direction): k for k in links if k.robot in ports}
         return {places[place]: found for place, found in shaping.read(list(places)).items()}
-
-    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
-        """See `Driver.devices`."""
-        ports = self._ports
-        return {
-            k: shaping.queueing_device(ports[k.robot].device, k.direction)
-            for k in links
-            if k.robot in ports
-        }
 
     def clear(self, link: Link) -> None:
         """See `Driver.clear`."""
@@ -132,7 +126,7 @@ class DockerDriver:
         """Removes `ifb` devices whose links are gone, and lets go of the engine."""
         here = [name for _, name in socket.if_nameindex()]
         with suppress(NetworkError):
-            for device in shaping.orphans(here):
+            for device in orphans(here):
                 attempt("ip", "link", "del", device)
         if self._engine is not None:
             self._engine.close()
@@ -167,7 +161,7 @@ class DockerDriver:
                         shaping.clear(port.device, direction)
         # What cannot be removed now must not hide the links that are there; `close` tries again.
         with suppress(NetworkError):
-            shaping.forget(port.device for port in left)
+            shaping.forget((port.device, _seat(port)) for port in left)
         self._ports = known
         return known
 
@@ -225,6 +219,10 @@ class DockerDriver:
             return int(number), int(outside), mac
         except ValueError:
             return None
+
+
+def _seat(port: _Port) -> Seat:
+    return Seat(port.bridge, port.address)
 
 
 def _by_robot(listed: Collection[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:

@@ -5,17 +5,28 @@
     ├── 1:10  control      by DSCP EF, and ARP: without it nobody finds anybody
     ├── 1:20  fusion       by DSCP AF41
     └── 1:30  background   by DSCP CS1, and whatever carries no mark
+
+Links that share a medium have one tree, each of them a slot of it (here the second):
+
+1:  root, default 1:2
+└── 1:1    what the medium carries
+    ├── 1:2    what is for no link in particular, such as ARP
+    └── 1:200  the link's guarantee, up to what it may have at most; by the robot's address
+        ├── 1:210, 1:220, 1:230   the classes, as above
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from ipaddress import IPv4Address
 
 from network_controller.model import LinkShape
 from swarm.traffic import TrafficClass
 
 NUMBERS = {TrafficClass.CONTROL: 10, TrafficClass.FUSION: 20, TrafficClass.BACKGROUND: 30}
 DSCP_MASK = 0xFC
+DESTINATION = 16
+"""Where an IPv4 header has it, in bytes."""
 BURST_S = 0.02
 """What may go out at once: a scheduler that wakes a few milliseconds late loses no tokens."""
 MIN_BURST_BYTES = 3_200
@@ -35,6 +46,9 @@ TARGET_MS, TARGET_PACKETS = 5.0, 1.5
 """fq_codel's target delay; at low rates as long as it takes to send a packet and a half, or every
 packet would come too late (RFC 8289, section 4.3)."""
 FULL_PACKET_BYTES = 1514
+MAX_SLOTS = 254
+OTHERS_BPS = 8_000
+"""Guaranteed to what is for no link in particular; it is served first with what is left."""
 
 
 def lines(device: str, shape: LinkShape, *, shaped: bool, fq_codel: bool) -> list[str]:
@@ -45,10 +59,54 @@ def lines(device: str, shape: LinkShape, *, shaped: bool, fq_codel: bool) -> lis
     root = [] if shaped else [f"qdisc add dev {device} root handle 1: htb default 30"]
     return [
         *root,
-        *_classes(device, shape),
-        *_queues(device, shape, fq_codel),
+        _class(device, "1:", "1:1", shape.capacity_bps, shape.capacity_bps, shape),
+        *_leaves(device, shape, 0),
+        *_queues(device, shape, fq_codel, 0),
         *([] if shaped else _filters(device)),
     ]
+
+
+def root_lines(device: str, shape: LinkShape, *, shaped: bool) -> list[str]:
+    """The lines that give a device the tree of a medium, or change what the medium carries."""
+    root = [] if shaped else [f"qdisc add dev {device} root handle 1: htb default 2"]
+    return [
+        *root,
+        _class(device, "1:", "1:1", shape.cell_bps, shape.cell_bps, shape),
+        _class(device, "1:1", "1:2", OTHERS_BPS, shape.cell_bps, shape, 0),
+        f"qdisc replace dev {device} parent 1:2 bfifo limit {MIN_QUEUE_BYTES}",
+    ]
+
+
+def slot_lines(
+    device: str, shape: LinkShape, slot: int, address: str, *, shaped: bool, fq_codel: bool
+) -> list[str]:
+    """The lines that give a link a slot of a tree, or change it in place."""
+    own = minor(slot, 0)
+    return [
+        _class(device, "1:1", f"1:{own}", shape.capacity_bps, shape.ceil_bps, shape),
+        *_leaves(device, shape, slot),
+        *_queues(device, shape, fq_codel, slot),
+        *([] if shaped else _slot_filters(device, slot, address)),
+    ]
+
+
+def leave_lines(device: str, slot: int) -> list[str]:
+    """The lines that take a slot away; some may fail where it is not whole."""
+    classes = [minor(slot, number) for number in (*NUMBERS.values(), 0)]
+    return [
+        f"filter del dev {device} parent 1: pref {slot}",
+        *(f"class del dev {device} classid 1:{one}" for one in classes),
+    ]
+
+
+def minor(slot: int, number: int) -> str:
+    """The name of a class: of slot 0 its number, else the slot's and that one."""
+    return f"{slot:x}{number:02d}" if slot else str(number)
+
+
+def slot_of(name: str) -> tuple[int, str]:
+    """The slot of a class's name, and the rest of it: a class's number, or `00` of a link's own."""
+    return int(name[:-2] or "0", 16), name[-2:]
 
 
 def burst_bytes(rate_bps: int) -> int:
@@ -56,26 +114,35 @@ def burst_bytes(rate_bps: int) -> int:
     return max(MIN_BURST_BYTES, int(rate_bps / 8 * BURST_S))
 
 
-def _classes(device: str, shape: LinkShape) -> Iterator[str]:
-    capacity = shape.capacity_bps
-    burst = burst_bytes(capacity)
-    quantum = int(capacity / 8 * QUANTUM_S)
+def _class(
+    device: str,
+    parent: str,
+    name: str,
+    rate_bps: int,
+    ceil_bps: int,
+    shape: LinkShape,
+    priority: int | None = None,
+) -> str:
+    # That of the whole tree, for its leaves share what is left by it.
+    quantum = int((shape.cell_bps or shape.capacity_bps) / 8 * QUANTUM_S)
     quantum = min(MAX_QUANTUM_BYTES, max(MIN_QUANTUM_BYTES, quantum))
-    yield (
-        f"class replace dev {device} parent 1: classid 1:1 htb rate {capacity}bit "
-        f"ceil {capacity}bit burst {burst}b cburst {burst}b quantum {quantum}"
+    return (
+        f"class replace dev {device} parent {parent} classid {name} htb "
+        f"rate {rate_bps}bit ceil {ceil_bps}bit "
+        f"{'' if priority is None else f'prio {priority} '}"
+        f"burst {burst_bytes(rate_bps)}b cburst {burst_bytes(ceil_bps)}b quantum {quantum}"
     )
+
+
+def _leaves(device: str, shape: LinkShape, slot: int) -> Iterator[str]:
+    parent = f"1:{minor(slot, 0)}" if slot else "1:1"
     for traffic, number in NUMBERS.items():
-        wanted = shape.classes[traffic]
-        yield (
-            f"class replace dev {device} parent 1:1 classid 1:{number} htb "
-            f"rate {wanted.rate_bps}bit ceil {wanted.ceil_bps}bit prio {wanted.priority} "
-            f"burst {burst_bytes(wanted.rate_bps)}b cburst {burst_bytes(wanted.ceil_bps)}b "
-            f"quantum {quantum}"
-        )
+        one = shape.classes[traffic]
+        name = f"1:{minor(slot, number)}"
+        yield _class(device, parent, name, one.rate_bps, one.ceil_bps, shape, one.priority)
 
 
-def _queues(device: str, shape: LinkShape, fq_codel: bool) -> Iterator[str]:
+def _queues(device: str, shape: LinkShape, fq_codel: bool, slot: int) -> Iterator[str]:
     limit = max(MIN_QUEUE_BYTES, int(shape.capacity_bps / 8 * QUEUE_S))
     if shape.delay_ms or shape.loss:
         held = int(shape.capacity_bps / 8 * shape.delay_ms * 1e-3)
@@ -92,7 +159,7 @@ def _queues(device: str, shape: LinkShape, fq_codel: bool) -> Iterator[str]:
     # Without a handle: the kernel changes a queue of the same kind in place and replaces one of
     # another kind, but refuses a handle that a queue of another kind has already.
     for number in NUMBERS.values():
-        yield f"qdisc replace dev {device} parent 1:{number} {queue}"
+        yield f"qdisc replace dev {device} parent 1:{minor(slot, number)} {queue}"
 
 
 def _filters(device: str) -> Iterator[str]:
@@ -104,10 +171,36 @@ def _filters(device: str) -> Iterator[str]:
     yield f"filter add dev {device} parent 1: protocol arp prio 4 u32 match u32 0 0 flowid 1:10"
 
 
-def filters() -> frozenset[tuple[int, str]]:
-    """What `tc filter show` prints of the filters: a class's number and `value/mask`."""
-    marks = {
-        (number, f"00{traffic.tos:02x}0000/00{DSCP_MASK:02x}0000")
+def _slot_filters(device: str, slot: int, address: str) -> Iterator[str]:
+    rule = (
+        f"filter add dev {device} parent 1: protocol ip prio {slot} u32 match ip dst {address}/32"
+    )
+    for traffic, number in NUMBERS.items():
+        # The last one is background's, and takes what carries no mark, too.
+        last = traffic is TrafficClass.BACKGROUND
+        mark = "" if last else f"match ip dsfield {traffic.tos:#04x} {DSCP_MASK:#04x} "
+        yield f"{rule} {mark}flowid 1:{minor(slot, number)}"
+
+
+def filters() -> frozenset[tuple[str, tuple[str, ...]]]:
+    """What `tc filter show` prints of the filters: a class's name, and `value/mask at place`."""
+    marks = {(str(number), (_mark(traffic),)) for traffic, number in NUMBERS.items()}
+    everything = "00000000/00000000 at 0"
+    return frozenset(marks | {(str(NUMBERS[TrafficClass.CONTROL]), (everything,))})
+
+
+def destination(address: str) -> str:
+    """The match of an IPv4 address that packets go to, as `tc filter show` prints it."""
+    return f"{int(IPv4Address(address)):08x}/ffffffff at {DESTINATION}"
+
+
+def slot_filters(slot: int, to: str) -> frozenset[tuple[str, tuple[str, ...]]]:
+    """What it prints of the filters of a slot, whose packets go to `to`; see `destination`."""
+    return frozenset(
+        (minor(slot, number), (to,) if traffic is TrafficClass.BACKGROUND else (to, _mark(traffic)))
         for traffic, number in NUMBERS.items()
-    }
-    return frozenset(marks | {(NUMBERS[TrafficClass.CONTROL], "00000000/00000000")})
+    )
+
+
+def _mark(traffic: TrafficClass) -> str:
+    return f"00{traffic.tos:02x}0000/00{DSCP_MASK:02x}0000 at 0"

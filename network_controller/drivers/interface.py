@@ -26,7 +26,15 @@ from network_controller.drivers.interfaces import index_of
 from network_controller.drivers.readings import read_devices
 from network_controller.drivers.refusals import refusal
 from network_controller.drivers.traces import Traces
-from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape, lacking
+from network_controller.model import (
+    DIRECTIONS,
+    Capabilities,
+    Link,
+    LinkReading,
+    LinkShape,
+    Queue,
+    lacking,
+)
 from swarm.errors import LinkGoneError, NetworkError, SettingError
 from swarm.settings import load
 
@@ -69,6 +77,7 @@ class InterfaceDriver:
     """Robots are the settings'; each direction of each has an `ifb` device with its HTB."""
 
     name = "interface"
+    one_tree = False
 
     def __init__(self, swarm: str) -> None:
         """Raises SettingError where the settings do not say which interface, or which robots."""
@@ -133,17 +142,13 @@ class InterfaceDriver:
         if not names or not self._traces.began(self._interface):
             return {}
         show = "".join(f"filter show dev {self._interface} {way}\n" for way in traces.WAYS)
-        found, text = read_devices(sorted(names), show)
-        hooked = {(value, int(at), device) for value, at, device in _HOOK.findall(text)}
+        seen = read_devices(sorted(names), show)
+        hooked = {(value, int(at), device) for value, at, device in _HOOK.findall(seen.text)}
         return {
-            link: found[device]
+            link: seen.readings[Queue(device)]
             for device, link in names.items()
-            if device in found and (*self._match(link), device) in hooked
+            if Queue(device) in seen.readings and (*self._match(link), device) in hooked
         }
-
-    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
-        """See `Driver.devices`."""
-        return {link: self._device(link) for link in links}
 
     def clear(self, link: Link) -> None:
         """See `Driver.clear`. With the last link, all that was put on the interface goes."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from network_controller.drivers.htb import NUMBERS
+from network_controller.model import Queue
 from swarm.traffic import TrafficClass
 
 _HEADER = struct.Struct("=IHHII")
@@ -23,7 +24,9 @@ _ERROR, _DONE = 2, 3
 _NEW_CLASS, _GET_CLASS = 40, 42
 _REQUEST_DUMP = 0x1 | 0x300
 _STATS2, _BASIC, _QUEUE = 7, 1, 3
-_BY_HANDLE = {0x10000 | int(str(number), 16): traffic for traffic, number in NUMBERS.items()}
+_BY_MINOR = {int(str(number), 16): traffic for traffic, number in NUMBERS.items()}
+_SLOT = 0x100
+"""Between the classes of links that share one tree; see `htb.minor`."""
 TIMEOUT_S = 1.0
 BUFFER = 1 << 16
 
@@ -45,13 +48,13 @@ class ClassReader:
         self._socket.settimeout(TIMEOUT_S)
         self._sequence = 0
 
-    def read(self, device: str) -> Mapping[TrafficClass, ClassQueue]:
-        """The classes of our shape on a device; none where it is gone or not shaped.
+    def read(self, queue: Queue) -> Mapping[TrafficClass, ClassQueue]:
+        """The classes of a link; none where it is gone or not shaped.
 
         Raises OSError when the kernel does not answer.
         """
         try:
-            index = socket.if_nametoindex(device)
+            index = socket.if_nametoindex(queue.device)
         except OSError:
             return {}
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
@@ -59,13 +62,13 @@ class ClassReader:
         size = _HEADER.size + len(body)
         head = _HEADER.pack(size, _GET_CLASS, _REQUEST_DUMP, self._sequence, 0)
         self._socket.send(head + body)
-        return dict(self._answers())
+        return dict(self._answers(0x10000 + queue.slot * _SLOT))
 
     def close(self) -> None:
         """Lets go of the kernel."""
         self._socket.close()
 
-    def _answers(self) -> Iterator[tuple[TrafficClass, ClassQueue]]:
+    def _answers(self, base: int) -> Iterator[tuple[TrafficClass, ClassQueue]]:
         while True:
             data = memoryview(self._socket.recv(BUFFER))
             while len(data) >= _HEADER.size:
@@ -79,9 +82,9 @@ class ClassReader:
                     code = -struct.unpack_from("=i", message)[0]
                     raise OSError(code, os.strerror(code))
                 if kind == _NEW_CLASS:
-                    handle = _TCMSG.unpack_from(message)[4]
-                    if handle in _BY_HANDLE:
-                        yield _BY_HANDLE[handle], _queue(message[_TCMSG.size :])
+                    minor = _TCMSG.unpack_from(message)[4] - base
+                    if minor in _BY_MINOR:
+                        yield _BY_MINOR[minor], _queue(message[_TCMSG.size :])
 
 
 def _queue(attributes: memoryview) -> ClassQueue:

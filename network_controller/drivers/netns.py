@@ -12,7 +12,9 @@ from pathlib import Path
 
 from network_controller.drivers import shaping
 from network_controller.drivers.command import attempt, run
+from network_controller.drivers.ifbs import orphans
 from network_controller.drivers.interfaces import index_of, master_of
+from network_controller.drivers.tree import Seat
 from network_controller.model import DIRECTIONS, Capabilities, Link, LinkReading, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 
@@ -33,6 +35,7 @@ class NetnsDriver:
     """Robots are the named namespaces whose `eth0` hangs on the swarm's bridge."""
 
     name = "netns"
+    one_tree = True
 
     def __init__(self, swarm: str, bridge: str = BRIDGE, namespaces: Path = NAMESPACES) -> None:
         """The namespaces hold one swarm only; its name is of no matter here."""
@@ -63,22 +66,13 @@ class NetnsDriver:
                 f"interface {port.device} of robot {link.robot!r} no longer hangs on the swarm's "
                 f"bridge {self._bridge}; it is left alone"
             )
-        self._shaper.apply(port.device, link.direction, shape)
+        self._shaper.apply(port.device, link.direction, shape, self._seat(port))
 
     def read(self, links: Collection[Link]) -> Mapping[Link, LinkReading]:
         """See `Driver.read`."""
         ports = self._find()
         places = {(ports[k.robot].device, k.direction): k for k in links if k.robot in ports}
         return {places[place]: found for place, found in shaping.read(list(places)).items()}
-
-    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
-        """See `Driver.devices`."""
-        ports = self._ports
-        return {
-            k: shaping.queueing_device(ports[k.robot].device, k.direction)
-            for k in links
-            if k.robot in ports
-        }
 
     def clear(self, link: Link) -> None:
         """See `Driver.clear`."""
@@ -101,7 +95,10 @@ class NetnsDriver:
     def close(self) -> None:
         """Removes `ifb` devices whose links are gone."""
         with suppress(NetworkError):
-            for device in shaping.orphans([port.device for port in self._find().values()]):
+            # What still leads to the tree of the cell must not be lost with it.
+            shared = any(link.direction == "down" for link in self.shaped())
+            owners = [port.device for port in self._find().values()]
+            for device in orphans([*owners, *([self._bridge] if shared else [])]):
                 attempt("ip", "link", "del", device)
 
     def _find(self) -> Mapping[str, _Port]:
@@ -122,10 +119,15 @@ class NetnsDriver:
                 if port is not None:
                     known[robot] = port
         shaping.forget(
-            port.device for robot, port in self._ports.items() if known.get(robot) != port
+            (port.device, self._seat(port))
+            for robot, port in self._ports.items()
+            if known.get(robot) != port
         )
         self._ports = known
         return known
+
+    def _seat(self, port: _Port) -> Seat:
+        return Seat(self._bridge, port.address)
 
 
 def _host_ends(bridge: str) -> Mapping[tuple[str, int], tuple[str, int]]:

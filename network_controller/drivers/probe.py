@@ -49,8 +49,8 @@ def _trials(device: str, peer: str, ifb: str) -> list[tuple[str, tuple[str, ...]
     redirect = ("action", "mirred", "egress", "redirect", "dev", peer)
     return [
         ("ifb", ("ip", "link", "add", ifb, "type", "ifb")),
-        ("ingress", (*add, "handle", "ffff:", "ingress")),
-        ("mirred", (*rule, "ffff:", "protocol", "all", "prio", "1", *everything, *redirect)),
+        ("clsact", (*add, "clsact")),
+        ("mirred", (*rule[:-1], "egress", "protocol", "all", "prio", "1", *everything, *redirect)),
         ("netem", (*root, "netem", "delay", "1ms")),
         ("fq_codel", (*root, "fq_codel")),
         ("bfifo", (*root, "bfifo", "limit", "10000")),

@@ -64,7 +64,8 @@ class LinkState(msgspec.Struct, frozen=True, kw_only=True):
     robot: RobotId
     direction: Direction
     capacity_bps: Annotated[int, msgspec.Meta(ge=1)]
-    """What was configured, and read back from the kernel."""
+    """What was configured, and read back from the kernel; in a cell that egos share, what the link
+    is guaranteed of it."""
     available_bps: Count
     """What fusion can have now, with what control and background take at present."""
     latency_ms: NonNegative

@@ -44,12 +44,14 @@ class Memory:
     """A driver whose kernel is a dictionary."""
 
     name = "memory"
+    one_tree = True
 
     def __init__(self) -> None:
         self.present = {"R1": "10.0.0.1", "R2": "10.0.0.2"}
         self.shapes: dict[Link, LinkShape] = {}
         self.refused: dict[Link, str] = {}
         self.unable = ""
+        self.missing: dict[str, str] = {}
         self.sent = self.backlog = 0
         self.applied: list[Link] = []
 
@@ -59,7 +61,7 @@ class Memory:
     def capabilities(self) -> Capabilities:
         if self.unable:
             raise NetworkError(self.unable)
-        return Capabilities(frozenset(FEATURES), {})
+        return Capabilities(frozenset(FEATURES) - self.missing.keys(), self.missing)
 
     def apply(self, link: Link, shape: LinkShape) -> None:
         if link.robot not in self.present:
@@ -79,13 +81,11 @@ class Memory:
                 },
                 shape.delay_ms,
                 shape.loss,
+                shape.cell_bps,
             )
             for link, shape in self.shapes.items()
             if link in links and link.robot in self.present
         }
-
-    def devices(self, links: Collection[Link]) -> Mapping[Link, str]:
-        return {link: f"no-{link.robot}" for link in links}
 
     def clear(self, link: Link) -> None:
         self.shapes.pop(link, None)
@@ -488,6 +488,57 @@ def test_links_of_egos_that_share_a_cell_have_its_parts_and_say_so(tmp_path: Pat
     states = site.step()
     assert states[Link("R1", "down")].capacity_bps == 7_000_000
     assert states[Link("R2", "down")].grants == {"R1": 7_000_000, "R2": 1_000_000}
+    # What it leaves unused for a moment the others may have.
+    assert {shape.cell_bps for shape in site.driver.shapes.values()} == {8_000_000}
+    assert {shape.ceil_bps for shape in site.driver.shapes.values()} == {8_000_000}
     # A link that is not an ego's is nobody's part.
     site.ask(rate_bps=3_000_000, robot="R2", direction="up")
     assert site.driver.rate(Link("R2", "up")) == 3_000_000
+    assert site.driver.shapes[Link("R2", "up")].cell_bps == 0
+
+
+def test_a_station_that_is_far_has_its_part_of_the_time_at_its_own_rate(tmp_path: Path) -> None:
+    site = Site(tmp_path, cell=("R1", "R2"))
+    site.ask(rate_bps=54_000_000)
+    site.ask(rate_bps=12_000_000, robot="R2")
+    site.driver.backlog = 1
+    site.step()
+    near, far = (site.driver.shapes[Link(ego, "down")] for ego in ("R1", "R2"))
+    assert (near.capacity_bps, near.ceil_bps, near.cell_bps) == (27e6, 54e6, 33e6)
+    assert (far.capacity_bps, far.ceil_bps, far.cell_bps) == (6e6, 12e6, 33e6)
+    # It comes nearer.
+    site.ask(rate_bps=36_000_000, robot="R2")
+    site.step()
+    near, far = (site.driver.shapes[Link(ego, "down")] for ego in ("R1", "R2"))
+    assert (near.capacity_bps, near.cell_bps) == (27e6, 45e6)
+    assert (far.capacity_bps, far.ceil_bps, far.cell_bps) == (18e6, 36e6, 45e6)
+
+
+def test_where_no_tree_can_be_made_egos_have_their_parts_and_that_is_told(tmp_path: Path) -> None:
+    site = Site(tmp_path, cell=("R1", "R2"))
+    site.driver.missing = {"clsact": "Error: no such thing"}
+    site.again()
+    site.ask(rate_bps=8_000_000)
+    states = site.step()
+    assert [states[Link(ego, "down")].capacity_bps for ego in ("R1", "R2")] == [4_000_000] * 2
+    assert all(not shape.cell_bps for shape in site.driver.shapes.values())
+    assert all(shape.ceil_bps == 4_000_000 for shape in site.driver.shapes.values())
+    (note,) = site.ask("show").notes
+    assert "egos of the cell lend each other nothing: clsact (Error: no such thing)" in note
+    assert site.actions().count("lends_nothing") == 1
+    site.driver.missing = {}
+    site.driver.one_tree = False
+    site.again()
+    site.step()
+    assert "driver memory shapes each link by itself" in site.ask("show").notes[0]
+
+
+def test_a_cell_that_is_nobodys_any_more_is_left_for_links_of_their_own(tmp_path: Path) -> None:
+    site = Site(tmp_path, cell=("R1", "R2"))
+    site.ask(rate_bps=8_000_000)
+    site.step()
+    site.cell = ()
+    site.again()
+    site.step()
+    assert {shape.capacity_bps for shape in site.driver.shapes.values()} == {8_000_000}
+    assert all(not shape.cell_bps for shape in site.driver.shapes.values())

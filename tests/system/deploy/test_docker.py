@@ -42,7 +42,7 @@ def networks() -> list[Any]:
 
 def ifbs() -> set[str]:
     """Devices that the controller makes on the host for traffic from containers."""
-    return {name for _, name in socket.if_nameindex() if name.startswith("ifb-veth")}
+    return {name for _, name in socket.if_nameindex() if name.startswith("ifb-")}
 
 
 def containers() -> dict[str, Any]:

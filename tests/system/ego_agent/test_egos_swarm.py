@@ -78,6 +78,8 @@ def test_the_egos_have_their_parts_of_one_cell(swarm: State) -> None:
             assert set(cell.grants) == set(EGOS)
             assert sum(cell.grants.values()) == pytest.approx(20e6, rel=0.01)
             assert cell.capacity_bps < 20e6
+            # What the others leave unused for a moment is everybody's.
+            assert cell.classes["fusion"].ceil_bps == pytest.approx(20e6, rel=0.01)
 
 
 def test_a_robot_that_both_want_publishes_once_until_one_is_left(swarm: State) -> None:

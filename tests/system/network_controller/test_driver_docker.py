@@ -19,6 +19,7 @@ from deploy.runtimes.docker import DockerRuntime
 from network_controller import ladder
 from network_controller.drivers import shaping
 from network_controller.drivers.docker import LABEL, SERVICE_LABEL, DockerDriver
+from network_controller.drivers.ifbs import ifb_of
 from network_controller.model import DIRECTIONS, Link
 from swarm.errors import LinkGoneError, NetworkError
 from swarm.traffic import TrafficClass
@@ -155,6 +156,23 @@ def test_traffic_of_a_container_goes_through_the_class_of_its_mark_both_ways(
     assert up[TrafficClass.CONTROL].sent_bytes > SIZE > up[TrafficClass.FUSION].sent_bytes
 
 
+def test_links_that_share_a_medium_have_one_tree(yard: Yard, driver: DockerDriver) -> None:
+    addresses = driver.robots()
+    both = [Link("R1", "down"), Link("R2", "down")]
+    for link in both:
+        driver.apply(link, ladder.shape(RATE // 2, 0, ceil_bps=RATE, cell_bps=RATE))
+    send(yard, "router", addresses["R2"], TrafficClass.FUSION)
+    readings = driver.read(both)
+    (tree,) = {reading.queue.device for reading in readings.values()}
+    sent = [readings[link].classes[TrafficClass.FUSION].sent_bytes for link in both]
+    assert sent[1] > SIZE > sent[0]
+    for link in both:
+        assert tree in {name for _, name in socket.if_nameindex()}
+        driver.clear(link)
+    assert tree not in {name for _, name in socket.if_nameindex()}
+    assert not driver.shaped()
+
+
 def test_a_new_driver_adopts_what_is_shaped_and_clearing_may_be_repeated(
     yard: Yard, driver: DockerDriver
 ) -> None:
@@ -227,7 +245,7 @@ def test_a_container_on_a_network_that_is_not_the_swarms_is_left_alone(
 def test_containers_that_are_gone_are_said_to_be(yard: Yard, driver: DockerDriver) -> None:
     yard.add("robot-R9")
     link = Link("R9", "up")
-    queue = shaping.ifb_of(device_of(yard, "robot-R9"))
+    queue = ifb_of(device_of(yard, "robot-R9"))
     driver.apply(link, ladder.shape(RATE, 0))
     assert queue in {name for _, name in socket.if_nameindex()}
     yard.remove("robot-R9")

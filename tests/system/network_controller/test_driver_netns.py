@@ -13,6 +13,7 @@ import pytest
 from deploy.netns import launch
 from network_controller import ladder
 from network_controller.drivers import shaping
+from network_controller.drivers.ifbs import MAX_NAME, ifb_of
 from network_controller.drivers.netns import NetnsDriver
 from network_controller.model import DIRECTIONS, ClassShape, Link, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
@@ -41,7 +42,13 @@ def state(device: str) -> str:
     """All that `tc` shows of a device's shape, without counters and the kernel's own handles."""
     shown = "".join(
         must("tc", what, "show", "dev", device, *more)
-        for what, *more in (["qdisc"], ["class"], ["filter"], ["filter", "parent", "ffff:"])
+        for what, *more in (
+            ["qdisc"],
+            ["class"],
+            ["filter"],
+            ["filter", "ingress"],
+            ["filter", "egress"],
+        )
     )
     return re.sub(r"\b[0-9a-f]{4}:(?= )", "own:", shown)
 
@@ -165,7 +172,7 @@ def test_a_refusal_halfway_leaves_an_unshaped_link_unshaped(
 def test_a_refusal_halfway_leaves_a_shaped_link_as_it_was(net: Links, direction: Direction) -> None:
     link = Link(net.robots[0], direction)
     device = net.device(link.robot)
-    target = device if direction == "down" else shaping.ifb_of(device)
+    target = device if direction == "down" else ifb_of(device)
     net.driver.apply(link, ladder.shape(RATE, 2))
     before = state(target)
     with pytest.raises(NetworkError, match="classid 1:30"):
@@ -201,8 +208,8 @@ def test_traffic_from_a_robot_is_shaped_again_after_its_redirection_was_lost(net
     link = Link(net.robots[0], "up")
     device = net.device(link.robot)
     losses = (
-        ("tc", "qdisc", "del", "dev", device, "ingress"),
-        ("ip", "link", "del", shaping.ifb_of(device)),
+        ("tc", "qdisc", "del", "dev", device, "clsact"),
+        ("ip", "link", "del", ifb_of(device)),
     )
     for loss in losses:
         net.driver.apply(link, ladder.shape(RATE, 0))
@@ -233,7 +240,7 @@ def test_delay_is_refused_with_the_kernels_words_where_it_has_no_netem(net: Link
 def test_capabilities_are_tried_on_devices_that_are_gone_afterwards(net: Links) -> None:
     before = socket.if_nameindex()
     found = net.again().capabilities()
-    assert {"htb", "bfifo", "u32", "ingress", "mirred", "ifb"} <= found.present
+    assert {"htb", "bfifo", "u32", "clsact", "mirred", "ifb"} <= found.present
     assert all(found.missing.values())
     assert [name for _, name in socket.if_nameindex()] == [name for _, name in before]
 
@@ -257,7 +264,7 @@ def test_interfaces_that_are_not_on_the_bridge_are_left_alone(net: Links) -> Non
 
 def test_an_ifb_device_of_somebody_else_is_neither_used_nor_removed(net: Links) -> None:
     link = Link(net.robots[0], "up")
-    foreign = shaping.ifb_of(net.device(link.robot))
+    foreign = ifb_of(net.device(link.robot))
     must("ip", "link", "add", foreign, "type", "ifb")
     try:
         with pytest.raises(NetworkError, match=f"{foreign}.* is not the swarm's"):
@@ -328,10 +335,10 @@ def test_programs_run_in_the_robots_namespace(net: Links) -> None:
 
 
 def test_names_of_devices_fit_and_differ_for_long_links() -> None:
-    names = {shaping.ifb_of(f"verylongname-{i}") for i in range(5)} | {shaping.ifb_of("link1")}
+    names = {ifb_of(f"verylongname-{i}") for i in range(5)} | {ifb_of("link1")}
     assert len(names) == 6
-    assert all(len(name) <= shaping.MAX_NAME for name in names)
-    assert shaping.ifb_of("veth1234567") == "ifb-veth1234567"
+    assert all(len(name) <= MAX_NAME for name in names)
+    assert ifb_of("veth1234567") == "ifb-veth1234567"
 
 
 def test_without_a_bridge_there_are_no_robots() -> None:
@@ -354,7 +361,7 @@ def test_in_a_users_own_namespaces_both_directions_can_be_shaped() -> None:
     program = (
         "from network_controller.drivers.netns import NetnsDriver\n"
         "found = NetnsDriver('links').capabilities().present\n"
-        "print(found >= {'htb', 'bfifo', 'u32', 'ingress', 'mirred', 'ifb'})\n"
+        "print(found >= {'htb', 'bfifo', 'u32', 'clsact', 'mirred', 'ifb'})\n"
     )
     own = ("unshare", "--user", "--map-root-user", "--net", "--mount")
     refused = launch.why_not()

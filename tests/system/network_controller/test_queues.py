@@ -12,7 +12,7 @@ import pytest
 
 from network_controller import ladder
 from network_controller.drivers.netlink import ClassReader
-from network_controller.model import DIRECTIONS, Link
+from network_controller.model import DIRECTIONS, Link, Queue
 from network_controller.queues import QueueWatch
 from swarm.log import make_logger
 from swarm.messages import Backlog, Direction
@@ -75,7 +75,7 @@ def test_the_shaper_and_tcp_both_see_the_rate_of_a_link_that_is_filled(
     link = Link(net.robots[0], "down")
     net.driver.apply(link, ladder.shape(RATE_BPS, 0))
     queues.start()
-    queues.watch(net.driver.devices([link]))
+    queues.watch({link: net.driver.read([link])[link].queue})
     with closing(TcpWatch()) as watch:
         stream(net, 1_000_000)
         sent = watch.total()
@@ -90,7 +90,7 @@ def test_on_a_link_that_is_wide_enough_no_queue_stands(net: Links, queues: Queue
     link = Link(net.robots[0], "down")
     net.driver.apply(link, ladder.shape(1_000_000_000, 0))
     queues.start()
-    queues.watch(net.driver.devices([link]))
+    queues.watch({link: net.driver.read([link])[link].queue})
     with closing(TcpWatch()) as watch:
         stream(net, 1_000_000)
         until(
@@ -107,24 +107,24 @@ def test_on_a_link_that_is_wide_enough_no_queue_stands(net: Links, queues: Queue
 def test_what_waits_is_read_as_tc_shows_it(net: Links, direction: Direction) -> None:
     link = Link(net.robots[0], direction)
     net.driver.apply(link, ladder.shape(10_000, 0))
-    (device,) = net.driver.devices([link]).values()
+    queue_of = net.driver.read([link])[link].queue
     with closing(ClassReader()) as reader:
-        assert set(reader.read(device)) == set(TrafficClass)
+        assert set(reader.read(queue_of)) == set(TrafficClass)
         if direction == "down":
             fill("10.77.1.1", 40_000, TrafficClass.FUSION.tos)
         shown = net.driver.read([link])[link].classes
-        for traffic, queue in reader.read(device).items():
+        for traffic, queue in reader.read(queue_of).items():
             assert queue.waiting_bytes == pytest.approx(shown[traffic].backlog_bytes, abs=2048)
             assert queue.sent_bytes == pytest.approx(shown[traffic].sent_bytes, abs=2048)
-        assert reader.read("nowhere") == {}
-        assert reader.read("lo") == {}
+        assert reader.read(Queue("nowhere")) == {}
+        assert reader.read(Queue("lo")) == {}
 
 
 def test_a_link_that_was_made_anew_is_counted_anew(net: Links, queues: QueueWatch) -> None:
     link = Link(net.robots[0], "down")
     net.driver.apply(link, ladder.shape(10_000, 0))
     queues.start()
-    queues.watch(net.driver.devices([link]))
+    queues.watch({link: net.driver.read([link])[link].queue})
     fill("10.77.1.1", 40_000, TrafficClass.FUSION.tos)
     until(lambda: stood_ms(queues, link) > 200, "the queue stands")
     before = queues.read(link)[TrafficClass.FUSION].stood_ms

@@ -51,7 +51,7 @@ def test_there_are_no_other_levels(level: int) -> None:
 
 @given(capacities, levels)
 def test_a_level_is_recognised_by_its_division(capacity: int, level: int) -> None:
-    assert ladder.level_of(ladder.shape(capacity, level).classes) == level
+    assert ladder.level_of(capacity, ladder.shape(capacity, level).classes) == level
 
 
 @given(capacities, st.floats(0, 2), st.floats(0, 2))

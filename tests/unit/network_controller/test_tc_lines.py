@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from network_controller import ladder
 from network_controller.drivers import htb
-from network_controller.drivers.readings import parse, rate_bps, size_bytes
+from network_controller.drivers.readings import filters, parse, rate_bps, size_bytes
+from network_controller.model import Queue
 from swarm.messages.net import MAX_RATE_BPS, MIN_RATE_BPS
 from swarm.traffic import TrafficClass
 
@@ -18,8 +19,8 @@ rates = st.integers(MIN_RATE_BPS, MAX_RATE_BPS)
 levels = st.integers(0, ladder.TOP)
 
 
-def lines(rate_bps: int, level: int = 0, **options: float) -> list[str]:
-    shape = ladder.shape(rate_bps, level, **options)
+def lines(rate_bps: int, level: int = 0, delay_ms: float = 0.0, loss: float = 0.0) -> list[str]:
+    shape = ladder.shape(rate_bps, level, delay_ms=delay_ms, loss=loss)
     return htb.lines("dev0", shape, shaped=False, fq_codel=False)
 
 
@@ -48,6 +49,27 @@ def test_guarantees_never_exceed_the_capacity(rate: int, level: int) -> None:
 def test_a_change_touches_neither_the_root_nor_the_filters() -> None:
     changed = htb.lines("dev0", ladder.shape(5_000_000, 1), shaped=True, fq_codel=False)
     assert not [line for line in changed if line.startswith("filter") or " root " in line]
+
+
+@given(rate=rates, level=levels, slot=st.integers(1, htb.MAX_SLOTS))
+def test_a_slot_of_a_tree_has_its_guarantee_and_borrows_up_to_its_ceiling(
+    rate: int, level: int, slot: int
+) -> None:
+    shape = ladder.shape(rate, level, ceil_bps=2 * rate, cell_bps=3 * rate)
+    text = htb.root_lines("ifb0", shape, shaped=False)
+    text += htb.slot_lines("ifb0", shape, slot, "10.0.0.7", shaped=False, fq_codel=False)
+    classes = [line for line in text if line.startswith("class ")]
+    root, _, own, *leaves = classes
+    assert f"rate {3 * rate}bit ceil {3 * rate}bit" in root
+    assert f"parent 1:1 classid 1:{slot:x}00 htb rate {rate}bit ceil {2 * rate}bit" in own
+    assert len(leaves) == len(TrafficClass)
+    assert all(f"parent 1:{slot:x}00 " in one and f"ceil {2 * rate}bit" in one for one in leaves)
+    assert sum(numbers(leaves, "rate")) <= rate
+    assert len(set(numbers(classes, "quantum"))) == 1
+    for name in (f"{slot:x}00", f"{slot:x}30"):
+        assert htb.slot_of(name) == (slot, name[-2:])
+    changed = htb.slot_lines("ifb0", shape, slot, "10.0.0.7", shaped=True, fq_codel=False)
+    assert not [line for line in changed if line.startswith("filter")]
 
 
 def test_delay_and_loss_take_the_place_of_the_plain_queue() -> None:
@@ -95,8 +117,8 @@ class htb 1:20 parent 1:1 leaf 8001: prio 1 rate 1375Kbit ceil 5500Kbit burst 34
 def test_readings_are_of_the_device_whose_turn_it_is() -> None:
     none = "qdisc noqueue 0: root refcnt 2\n Sent 0 bytes 0 pkt (dropped 0, overlimits 0 x)\n"
     found = parse(none + SHOWN, ["plain", "shaped"])
-    assert set(found) == {"shaped"}
-    reading = found["shaped"]
+    assert set(found) == {Queue("shaped")}
+    reading = found[Queue("shaped")]
     fusion = reading.classes[TrafficClass.FUSION]
     assert (reading.capacity_bps, reading.delay_ms, reading.loss) == (5_500_000, 20.0, 0.01)
     assert (fusion.shape.rate_bps, fusion.shape.ceil_bps, fusion.shape.priority) == (
@@ -106,8 +128,50 @@ def test_readings_are_of_the_device_whose_turn_it_is() -> None:
     assert (fusion.sent_bytes, fusion.backlog_bytes, fusion.overlimits) == (123_456, 12_288, 4)
 
 
+TREE = """\
+qdisc htb 1: root refcnt 2 r2q 10 default 0x2 direct_packets_stat 0 direct_qlen 32
+qdisc netem 8002: parent 1:210 limit 1000 delay 20ms
+class htb 1:1 root rate 10Mbit ceil 10Mbit burst 25000b cburst 25000b
+class htb 1:2 parent 1:1 prio 0 rate 8Kbit ceil 10Mbit burst 1600b cburst 1600b
+class htb 1:100 parent 1:1 rate 4Mbit ceil 10Mbit burst 12500b cburst 25000b
+class htb 1:120 parent 1:100 leaf 8026: prio 1 rate 1Mbit ceil 10Mbit burst 3200b cburst 25000b
+ Sent 77 bytes 1 pkt (dropped 0, overlimits 0 requeues 0)
+class htb 1:200 parent 1:1 rate 6Mbit ceil 7Mbit burst 12500b cburst 25000b
+class htb 1:210 parent 1:200 leaf 8002: prio 0 rate 600Kbit ceil 7Mbit burst 3200b cburst 25000b
+"""
+
+
+def test_each_slot_of_a_tree_is_a_reading() -> None:
+    found = parse(TREE, ["ifb0"])
+    assert set(found) == {Queue("ifb0", 1), Queue("ifb0", 2)}
+    one, two = found[Queue("ifb0", 1)], found[Queue("ifb0", 2)]
+    assert (one.capacity_bps, one.cell_bps, one.delay_ms) == (4_000_000, 10_000_000, 0.0)
+    assert (two.capacity_bps, two.cell_bps, two.delay_ms) == (6_000_000, 10_000_000, 20.0)
+    assert one.classes[TrafficClass.FUSION].sent_bytes == 77
+    assert two.classes[TrafficClass.CONTROL].shape.ceil_bps == 7_000_000
+
+
+RULES = """\
+filter protocol ip pref 7 u32 chain 0 fh 800: ht divisor 1
+filter protocol ip pref 7 u32 chain 0 fh 800::800 order 2048 key bkt 0 *flowid 1:710 not_in_hw
+  match 0a000007/ffffffff at 16
+  match 00b80000/00fc0000 at 0
+filter protocol ip pref 7 u32 chain 0 fh 800::801 order 2049 key bkt 0 *flowid 1:720 not_in_hw
+  match 0a000007/ffffffff at 16
+  match 00880000/00fc0000 at 0
+filter protocol ip pref 7 u32 chain 0 fh 800::802 order 2050 key bkt 0 *flowid 1:730 not_in_hw
+  match 0a000007/ffffffff at 16
+"""
+
+
+def test_filters_of_a_slot_are_told_from_others() -> None:
+    to = htb.destination("10.0.0.7")
+    assert filters(RULES) == htb.slot_filters(7, to)
+    assert filters(RULES.replace("0088", "00b8")) != htb.slot_filters(7, to)
+
+
 def test_drops_of_a_queue_that_drops_late_are_counted() -> None:
-    reading = parse(SHOWN, ["shaped"])["shaped"]
+    reading = parse(SHOWN, ["shaped"])[Queue("shaped")]
     assert reading.classes[TrafficClass.FUSION].drops == 5
 
 
