@@ -6,7 +6,6 @@ import json
 import re
 import socket
 import sys
-from collections.abc import Iterator
 
 import pytest
 
@@ -19,23 +18,9 @@ from network_controller.model import DIRECTIONS, ClassShape, Link, LinkShape
 from swarm.errors import LinkGoneError, NetworkError
 from swarm.messages import Direction
 from swarm.traffic import TrafficClass
-from tests.support.link_support import Links, add_link, fill, links, must, send
+from tests.support.link_support import Links, add_link, fill, must, send
 
 RATE = 50_000_000
-
-
-@pytest.fixture(scope="module")
-def stage() -> Iterator[Links]:
-    with links(3) as made:
-        yield made
-
-
-@pytest.fixture
-def net(stage: Links) -> Iterator[Links]:
-    yield stage
-    for robot in stage.robots:
-        for direction in DIRECTIONS:
-            stage.driver.clear(Link(robot, direction))
 
 
 def state(device: str) -> str:

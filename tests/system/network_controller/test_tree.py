@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import pytest
 
@@ -14,23 +14,9 @@ from network_controller.model import ClassShape, Link, LinkShape
 from swarm.errors import NetworkError
 from swarm.traffic import TrafficClass
 from tests.support.link_floods import FLOOD_S, down, floods, ifbs, must_carry
-from tests.support.link_support import Links, add_link, fill, links, must, receive_in, send
+from tests.support.link_support import Links, add_link, fill, must, receive_in, send
 
 CELL_BPS = 10_000_000
-
-
-@pytest.fixture(scope="module")
-def stage() -> Iterator[Links]:
-    with links(3) as made:
-        yield made
-
-
-@pytest.fixture
-def net(stage: Links) -> Iterator[Links]:
-    yield stage
-    for robot in stage.robots:
-        for link in (Link(robot, "down"), Link(robot, "up")):
-            stage.driver.clear(link)
 
 
 def share(
