@@ -87,7 +87,6 @@ class FrameFuser:
         prepare_s = time.monotonic() - prepare_at
         rejected: dict[str, Missing] = {}
         add_s = work_s = 0.0
-        count = 0
         for contribution in done.contributions_in_turn():
             begun_at, work_begun_s = time.monotonic(), time.thread_time()
             # One robot's payload must not end the frame, whatever is wrong with it.
@@ -98,7 +97,7 @@ class FrameFuser:
             else:
                 add_s += time.monotonic() - begun_at
                 work_s += time.thread_time() - work_begun_s
-                count += 1
+        count = len(done.contributions) - len(rejected)
         fuse_at = time.monotonic()
         try:
             found, corrections = gathering.finish(), gathering.corrections()

@@ -16,8 +16,6 @@ PRIOR_WEIGHT = 0.5
 """Frames that the belief counts for that answers come in time."""
 ANOTHER_LINK = 2.0
 """A link that is more than this many times wider or narrower is another one."""
-
-
 LITTLE = 0.2
 """Share of processor times that are shorter than the one that counts: whatever else runs, on that
 core or beside it, only makes work longer."""

@@ -120,15 +120,15 @@ class Experience:
         if asked_s is None:
             asked_s = now_s - answer_s if answer_s < math.inf else now_s
         told = Told(
-            now_s,
-            asked_s,
-            max(0.0, answer_s),
-            max(1.0, frames),
-            encode_s,
-            work_s,
-            max(1.0, capacity_bps),
-            at_least,
-            answer_s > deadline_s,
+            at_s=now_s,
+            asked_s=asked_s,
+            answer_s=max(0.0, answer_s),
+            frames=max(1.0, frames),
+            encode_s=encode_s,
+            work_s=work_s,
+            capacity_bps=max(1.0, capacity_bps),
+            at_least=at_least,
+            late=answer_s > deadline_s,
         )
         key = (robot, algorithm)
         with self._lock:

@@ -113,7 +113,6 @@ def slow_robots(state: State) -> Iterator[None]:
     """Some robots' processes get a tenth of a processor: between they are stopped."""
     pids = [process_id(state, "robot_agent", COADAPT_ROBOTS=robot) for robot in SLOW]
     over = threading.Event()
-
     ended: list[str] = []
 
     def send(number: int) -> None:

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import msgspec
 
+from ego_agent.knowledge.answers import ANOTHER_LINK
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import Assignment, Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
-ANOTHER_LINK = 2.0
-"""A link that is this many times wider or narrower than a cycle ago is another one."""
 MAX_CYCLE_S = 5.0
 """A decision is taken to have been in force no longer than this until the next one, however the
 clock jumps."""
