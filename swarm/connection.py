@@ -20,6 +20,7 @@ import zenoh
 from swarm import transport, zenoh_config
 from swarm.errors import IdentityError, TransportError
 from swarm.log import Logger
+from swarm.tcp.dead import GiveUp
 from swarm.transport import CLOSE_S, Entity, close_zenoh
 
 POLL_S = 0.5
@@ -128,7 +129,11 @@ class Connection:
         grace_s = GRACE_S
         short_since: float | None = None
         renew_at, renew_s = 0.0, POLL_S
+        give_up = GiveUp()
         while not self._closing.wait(POLL_S):
+            # Without a descriptor to spare nobody can look.
+            with suppress(OSError):
+                give_up.look()
             up = self.links()
             if up and self._renewed() and time.monotonic() >= renew_at:
                 done = self._replace(up, "identity_renewed")

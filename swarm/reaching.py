@@ -6,6 +6,7 @@ import re
 import socket
 import ssl
 
+from swarm.traffic import TrafficClass
 from swarm.trust.identity import Identity
 
 CONNECT_S = 2.0
@@ -27,7 +28,7 @@ def why_not(locator: str, identity: Identity | None) -> str:
         return ""
     host, port = found["host"].strip("[]"), int(found["port"])
     try:
-        connection = socket.create_connection((host, port), CONNECT_S)
+        connection = _connected(host, port)
     except socket.gaierror as error:
         return f"{host!r} is the name of no machine ({error.strerror}): a typo?"
     except ConnectionRefusedError:
@@ -38,6 +39,24 @@ def why_not(locator: str, identity: Identity | None) -> str:
         return f"{host} cannot be reached: {error.strerror or error}"
     with connection:
         return _refused(connection, host, identity) if found["protocol"] == "tls" else ""
+
+
+def _connected(host: str, port: int) -> socket.socket:
+    """Raises OSError. Marked as the control traffic that it is: what carries no mark waits behind
+    all that does."""
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    connection = socket.socket(family, kind, protocol)
+    try:
+        if family == socket.AF_INET6:
+            connection.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, TrafficClass.CONTROL.tos)
+        else:
+            connection.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, TrafficClass.CONTROL.tos)
+        connection.settimeout(CONNECT_S)
+        connection.connect(address)
+    except OSError:
+        connection.close()
+        raise
+    return connection
 
 
 def _refused(connection: socket.socket, host: str, identity: Identity | None) -> str:

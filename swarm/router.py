@@ -29,6 +29,7 @@ from swarm.peers import Peers
 from swarm.process import leave, stop_on_signals
 from swarm.refusals import Refusals
 from swarm.targets import Targets
+from swarm.tcp.dead import GiveUp
 from swarm.tcp.peers import PeerTraffic
 from swarm.tcp.reporter import TcpReporter
 from swarm.tcp.stuck import Way
@@ -253,7 +254,7 @@ def main() -> int:
         log.warning("plain", host=args.host, means="whoever reaches this address is believed")
     turned = LoopWatch(log).loop("router")
     peers = Peers(args.peer, identity, log)
-    way = Way(log)
+    way, give_up = Way(log), GiveUp()
     renewal = (
         Renewal(identity, partial(router.certificate, identity.name), log)
         if identity is not None and args.peer
@@ -266,6 +267,7 @@ def main() -> int:
             targets.look()
         peers.look(router.ends() if args.peer else ())
         way.look()
+        give_up.look()
         if identity is None or (now := members.version(identity)) == seen:
             continue
         seen = now

@@ -28,6 +28,11 @@ after which a silent peer counts as gone. The wait is for one batch (`swarm.chun
 larger), 0.5 s at 1 Mbit/s; the rest is for TCP, which may stand still for seconds when a rate
 collapses and a full queue is lost."""
 
+REACH_MS = 2_000
+"""How long a router waits for another one at one try. Zenoh tries a peer's links one after the
+other, and TCP asks a silent address after 1, 2 and 3 seconds again, then ever more rarely: with
+Zenoh's 10 s a cable that is back is found only up to ten seconds later."""
+
 CONTROL_BUFFER_BYTES = 16_384
 """What a router's socket holds of control traffic on its way to one process. Left to itself the
 kernel takes megabytes: minutes of old news before a link that has become narrow."""
@@ -122,6 +127,7 @@ def _meshed(peers: Sequence[str], protocol: traffic.Protocol) -> dict[str, Any]:
         "connect/endpoints": connect,
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
+        "transport/unicast/open_timeout": REACH_MS,
         "connect/retry": {
             "period_init_ms": 500,
             "period_max_ms": 1000,

@@ -27,6 +27,7 @@ from swarm.process import leave, stop_on_signals
 from swarm.trust.identity import KEY
 
 PROCESS = "robot_agent.__main__"
+DETECTOR = "perception.detector.learned"
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -93,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
 def _become(wish: Wish, router: str, swarm: str, stop: threading.Event) -> int:
     """Runs the robot in the world that is typed or learnt. Raises CoAdaptError."""
     # What the robot is made of takes as long to load as the ego takes to say a word.
-    loading = threading.Thread(target=importlib.import_module, args=(PROCESS,), daemon=True)
+    loading = threading.Thread(target=_load, daemon=True)
     loading.start()
     learnt: dict[str, object] = {}
     if needs_ego(wish.given()):
@@ -102,6 +103,11 @@ def _become(wish: Wish, router: str, swarm: str, stop: threading.Event) -> int:
     settings = settings_of(wish, router, swarm, learnt, os.environ)
     loading.join()
     return int(importlib.import_module(PROCESS).serve(lambda: settings, stop))
+
+
+def _load() -> None:
+    for name in (PROCESS, DETECTOR):
+        importlib.import_module(name)
 
 
 def _wish(args: argparse.Namespace) -> Wish:

@@ -11,6 +11,7 @@ import os
 import socket
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 from swarm.traffic import TrafficClass
@@ -101,6 +102,13 @@ def connections(traffic: TrafficClass) -> Iterator[Connection]:
         except OSError:
             continue  # It listens, or is closed by now.
         yield Connection(int(name), inode, _written(local), _written(peer))
+
+
+def limit_silence(descriptor: int, silent_ms: int) -> None:
+    """Has a connection fail once what it has sent is not acknowledged for so long (RFC 5482). Does
+    nothing where the descriptor is no TCP socket (any more)."""
+    with suppress(OSError), _copy(descriptor) as held:
+        held.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, silent_ms)
 
 
 def _copy(descriptor: int) -> socket.socket:

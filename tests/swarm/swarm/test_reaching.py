@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 
 from deploy.trust.keystore import Keystore
 from swarm.reaching import why_not
+from swarm.tcp.info import connections
+from swarm.traffic import TrafficClass
 from swarm.trust.identity import Identity
 from tests.support.free_ports import free_ports
 from tests.support.secure_swarm import SecureRouter, made_keystore, secure_router
@@ -68,6 +71,21 @@ def test_a_typo_and_a_port_where_nobody_listens_are_told() -> None:
     port = free_ports(1)
     assert why_not(f"tcp/127.0.0.1:{port}", None).endswith(f"nothing listens on its port {port}")
     assert why_not("unixsock-stream//run/x", None) == ""
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_its_own_connection_is_marked_as_control(host: str, store: Keystore) -> None:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.create_server((host, 0), family=family) as server:
+        port = server.getsockname()[1]
+        locator = f"tls/{f'[{host}]' if ':' in host else host}:{port}"
+        asking = threading.Thread(target=why_not, args=(locator, store.identity("R2")))
+        asking.start()
+        taken, _ = server.accept()  # and says nothing: it waits
+        with taken:
+            peers = {one.peer for one in connections(TrafficClass.CONTROL)}
+        asking.join()
+    assert f"{host}:{port}" in peers
 
 
 def test_who_listens_and_says_nothing_is_no_secure_router(store: Keystore) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ import pytest
 from swarm import keyspace
 from swarm.messages import Observation, ObservationRequest, TcpState
 from swarm.session import Session
+from swarm.tcp.dead import LOOK_S, SILENT_MS, GiveUp
 from swarm.tcp.info import TcpInfo, connections, tcp_info
 from swarm.tcp.watch import TcpWatch
 from swarm.traffic import TrafficClass
@@ -79,6 +81,46 @@ def test_what_is_no_tcp_socket_tells_nothing() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         assert tcp_info(other.fileno()) is None
     assert tcp_info(10_000) is None
+
+
+def test_connections_with_a_mark_fail_once_nothing_is_acknowledged_for_long(pair: Pair) -> None:
+    sender, receiver = pair
+    GiveUp().look()
+    assert silent_ms(sender) == SILENT_MS
+    assert silent_ms(receiver) == 0  # It carries no mark, so it is not the swarm's.
+
+
+def test_a_new_connection_is_cared_for_at_the_next_look() -> None:
+    now_s = 100.0
+    give_up = GiveUp(lambda: now_s)
+    give_up.look()
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.socket() as sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, TrafficClass.CONTROL.tos)
+        sender.connect(server.getsockname())
+        give_up.look()
+        assert silent_ms(sender) == 0
+        now_s += LOOK_S
+        give_up.look()
+        assert silent_ms(sender) == SILENT_MS
+
+
+def test_a_client_cares_for_its_connections(shared_router: RouterProcess) -> None:
+    with Session(shared_router.address, "dead"):
+        until(lambda: own_limits() == {SILENT_MS}, "all of the client's are cared for", 10.0)
+
+
+def own_limits() -> set[int]:
+    """Of this process's Zenoh connections."""
+    found = set()
+    for cls in TrafficClass:
+        for one in connections(cls):
+            with socket.socket(fileno=os.dup(one.descriptor)) as held:
+                found.add(silent_ms(held))
+    return found
+
+
+def silent_ms(of: socket.socket) -> int:
+    return of.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
 
 
 def test_a_receiver_that_does_not_read_is_not_taken_for_a_narrow_link(
