@@ -37,6 +37,10 @@ class Drive:
     frames: int
     kind: str = "floor"
     """Of the factory (worlds.factory.scenarios)."""
+    rings: int = 32
+    """Of the factory's LiDARs."""
+    room: float = 1.0
+    """Floor a robot of the factory, of what is usual."""
     folder: Path | None = None
     pose_noise_m: float = 0.0
     pose_errors: PoseErrors = "anew"
@@ -46,7 +50,13 @@ class Drive:
     def open(self) -> World:
         """The world; no scan is computed yet."""
         return open_world(
-            self.world, data=self.folder, robots=self.robots, seed=self.seed, scenario=self.kind
+            self.world,
+            data=self.folder,
+            robots=self.robots,
+            seed=self.seed,
+            rings=self.rings,
+            room=self.room,
+            scenario=self.kind,
         )
 
 

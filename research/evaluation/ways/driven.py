@@ -91,8 +91,9 @@ class _Item:
 
     def key(self) -> str:
         """By which the result is kept."""
-        link = self.scenario.link
-        return f"driven {self.scenario.setting()} {self.window} {link} {POLICIES}"
+        one = self.scenario
+        frames = f"{one.decision_frame(self.window)}+{one.window_frames}"
+        return f"driven {one.setting()} {self.window} {frames} {one.link} {POLICIES}"
 
 
 def compare(suite: Sequence[Scenario], workers: int, folder: Path) -> dict[str, Any]:
@@ -141,6 +142,8 @@ def drive_all(item: _Item) -> list[dict[str, float]]:
         first=first,
         frames=scenario.window_frames + SETTLED_FRAMES,
         kind=scenario.kind,
+        rings=scenario.rings,
+        room=scenario.room,
         pose_noise_m=scenario.pose_noise_m,
         pose_memory=True,
     )
