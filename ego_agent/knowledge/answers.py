@@ -31,29 +31,26 @@ class Weighted(NamedTuple):
     """One answer's time, and the frames that it counts for by now."""
 
     answer_s: float
-    frames: float
-    at_least: bool
-    wider: float = 1.0
-    """How many times wider the link is now.
+    timely: float
+    """Where it was in time."""
+    late: float
+    """Where it was late."""
+    at_least: bool = False
+    """Whether it took longer than told."""
+
+
+def on_another_link(wider: float, *, configured: bool) -> tuple[float, float]:
+    """What answers count for, in time and late, on a link that is so many times wider than theirs;
+    `configured`: that is known, not guessed.
 
     What came in time comes in time over a wider link, too, and what was late is late over a
-    narrower one; the reverse is less and less likely, the more the link has changed."""
-    configured: bool = True
-    """Whether how wide it is now is known, not guessed."""
-
-    @property
-    def timely(self) -> float:
-        """Frames that it counts for where it was in time: fewer on a link that is another one,
-        and narrower."""
-        return self.frames * min(1.0, ANOTHER_LINK * self.wider)
-
-    @property
-    def late(self) -> float:
-        """Frames that it counts for where it was late: none on a link that is known to be several
-        times wider."""
-        if not self.configured:
-            return self.frames * min(1.0, ANOTHER_LINK / self.wider)
-        return self.frames * min(1.0, max(0.0, 2.0 - self.wider / ANOTHER_LINK))
+    narrower one; the reverse is less and less likely, the more the link has changed. A link that is
+    known to be several times wider says nothing of what was late.
+    """
+    timely = min(1.0, ANOTHER_LINK * wider)
+    if configured:
+        return timely, min(1.0, max(0.0, 2.0 - wider / ANOTHER_LINK))
+    return timely, min(1.0, ANOTHER_LINK / wider)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,14 @@ from statistics import median
 
 import numpy as np
 
-from ego_agent.knowledge.answers import ANOTHER_LINK, AnswerTimes, Pool, Weighted, little
+from ego_agent.knowledge.answers import (
+    ANOTHER_LINK,
+    AnswerTimes,
+    Pool,
+    Weighted,
+    little,
+    on_another_link,
+)
 from swarm.messages import Algorithm
 
 MEMORY_FRAMES = 20.0
@@ -189,6 +196,7 @@ class Learnt:
             key: tuple(_weighted(told, now_s, capacity_bps, configured))
             for key, told in series.items()
         }
+        self._frames = {key: sum(map(_counts, own)) for key, own in self._own.items()}
         self._encode_s = {key: _median(t.encode_s for t in told) for key, told in series.items()}
         self._work_s = {key: _little(t.work_s for t in told) for key, told in series.items()}
         self._answer_s = {
@@ -212,7 +220,7 @@ class Learnt:
                     self._encode_s.get(key),
                     self._work_s.get(key),
                     self._answer_s.get(key),
-                    sum(_counts(one) for one in own),
+                    self._frames.get(key, 0.0),
                 )
         return known
 
@@ -220,7 +228,7 @@ class Learnt:
         parts: dict[Algorithm, list[tuple[float, float, float]]] = {}
         for (robot, algorithm), own in self._own.items():
             slowness = self._slowness.get(robot, 1.0)
-            share = min(1.0, POOL_EACH / max(1e-9, sum(_counts(one) for one in own)))
+            share = min(1.0, POOL_EACH / max(1e-9, self._frames[robot, algorithm]))
             parts.setdefault(algorithm, []).extend(
                 (
                     one.answer_s / slowness,
@@ -241,12 +249,15 @@ def _weighted(
 ) -> Iterable[Weighted]:
     """The newest answers up to MEMORY_FRAMES, each with the frames that it counts for by now."""
     left = MEMORY_FRAMES
+    over, timely, late = capacity_bps, 1.0, 1.0
     for one in reversed(told):
         frames = min(one.frames, left)
         left -= frames
-        weight = math.exp2(-max(0.0, now_s - one.at_s) / HALF_LIFE_S)
-        wider = 1.0 if capacity_bps is None else capacity_bps / one.capacity_bps
-        yield Weighted(one.answer_s, frames * weight, one.at_least, wider, configured)
+        frames *= math.exp2(-max(0.0, now_s - one.at_s) / HALF_LIFE_S)
+        if capacity_bps is not None and one.capacity_bps != over:
+            over = one.capacity_bps
+            timely, late = on_another_link(capacity_bps / over, configured=configured)
+        yield Weighted(one.answer_s, frames * timely, frames * late, one.at_least)
         if left <= 0.0:
             return
 

@@ -87,7 +87,8 @@ def _varied(scene: UnifiedScene, rng: random.Random) -> UnifiedScene:
     """Some robots with narrow links of their own, with late answers, or of unknown sizes."""
 
     def changed(candidate: Candidate) -> Candidate:
-        late = AnswerTimes(own=(Weighted(0.6, rng.uniform(1.0, 9.0), False),), frames=9.0)
+        frames = rng.uniform(1.0, 9.0)
+        late = AnswerTimes(own=(Weighted(0.6, frames, frames),), frames=9.0)
         if rng.random() < 0.1:
             candidate = dataclasses.replace(candidate, capacity_bps=10 ** rng.uniform(4, 7))
         if rng.random() < 0.1:

@@ -169,8 +169,9 @@ def _changed(
 
 def _answers(late: float) -> AnswerTimes:
     """Of a robot of whose frames that share comes late at the fastest rate, not at slower ones."""
-    own = (
-        Weighted(LATE_ANSWER_S, TRIED_FRAMES * late, False),
-        Weighted(PROMPT_ANSWER_S, TRIED_FRAMES * (1.0 - late), False),
-    )
+    own = _heard(LATE_ANSWER_S, late), _heard(PROMPT_ANSWER_S, 1.0 - late)
     return AnswerTimes(own=own, answer_s=PROMPT_ANSWER_S, frames=TRIED_FRAMES)
+
+
+def _heard(answer_s: float, share: float) -> Weighted:
+    return Weighted(answer_s, TRIED_FRAMES * share, TRIED_FRAMES * share)

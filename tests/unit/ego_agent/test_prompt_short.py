@@ -41,7 +41,7 @@ def short(found: UnifiedScene, known: Knowledge | None = None) -> LlmPrompt:
 
 def late(found: UnifiedScene) -> UnifiedScene:
     """The scene with robots whose points hardly ever come in time."""
-    slow = {"early": AnswerTimes(own=(Weighted(0.6, 9.5, False),), frames=9.5)}
+    slow = {"early": AnswerTimes(own=(Weighted(0.6, 9.5, 9.5),), frames=9.5)}
     return replace(found, candidates=tuple(replace(c, answers=slow) for c in found.candidates))
 
 

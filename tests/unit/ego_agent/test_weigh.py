@@ -100,7 +100,8 @@ def test_what_each_robot_adds_is_what_scoring_the_choice_with_it_says(seed: int)
     rng = random.Random(seed)
     known = knowing(())
     usual = floor(16, known, 10 ** rng.uniform(5.0, 7.0))
-    late = AnswerTimes(own=(Weighted(0.6, rng.uniform(1.0, 4.0), False),), frames=9.0)
+    frames = rng.uniform(1.0, 4.0)
+    late = AnswerTimes(own=(Weighted(0.6, frames, frames),), frames=9.0)
     scene = replace(
         usual,
         candidates=tuple(
