@@ -42,21 +42,30 @@ def why_not(locator: str, identity: Identity | None) -> str:
 
 
 def _connected(host: str, port: int) -> socket.socket:
-    """Raises OSError. Marked as the control traffic that it is: what carries no mark waits behind
-    all that does."""
-    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    connection = socket.socket(family, kind, protocol)
-    try:
-        if family == socket.AF_INET6:
-            connection.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, TrafficClass.CONTROL.tos)
+    """A connection to the first of a host's addresses that takes one. Raises OSError."""
+    failed: OSError | None = None
+    for family, kind, protocol, _, address in socket.getaddrinfo(
+        host, port, type=socket.SOCK_STREAM
+    ):
+        connection = socket.socket(family, kind, protocol)
+        try:
+            _mark(connection)
+            connection.settimeout(CONNECT_S)
+            connection.connect(address)
+        except OSError as error:
+            connection.close()
+            failed = error
         else:
-            connection.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, TrafficClass.CONTROL.tos)
-        connection.settimeout(CONNECT_S)
-        connection.connect(address)
-    except OSError:
-        connection.close()
-        raise
-    return connection
+            return connection
+    raise failed or OSError(f"{host} has no address")
+
+
+def _mark(connection: socket.socket) -> None:
+    """As the control traffic that it is: what carries no mark waits behind all that does."""
+    if connection.family == socket.AF_INET6:
+        connection.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_TCLASS, TrafficClass.CONTROL.tos)
+    else:
+        connection.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, TrafficClass.CONTROL.tos)
 
 
 def _refused(connection: socket.socket, host: str, identity: Identity | None) -> str:
