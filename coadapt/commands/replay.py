@@ -120,6 +120,11 @@ def _check_text(result: dict[str, Any]) -> list[str]:
         f"check    {result['equal']} of {result['compared']} frames fuse to the recorded boxes "
         f"({result['boxes']} boxes, within {result['largest']:.1g})"
     ]
+    if result["other_times"]:
+        lines.append(
+            f"  not compared: {result['other_times']} frames in which a robot answered with its "
+            "scan before or after the recorded one"
+        )
     lines += [
         f"  frame {one['frame']}, {one['algorithm']}: {one['why']}" for one in different[:SHOWN]
     ]

@@ -8,12 +8,16 @@ import numpy as np
 
 from ego_agent.execute.frame_fuser import FrameResult
 from ego_agent.execute.pipeline import AskedFrame
+from perception.fusion.alignment import move_of
 from perception.fusion.known import KnownRobot
 from perception.memory.memory import Remembered
 from swarm import messages
 from swarm.arrays import pack
 from swarm.messages import MIXED, Algorithm, Detections
 from swarm.messages.ego import MAX_NAMED
+
+LEAST_MOVE = 1e-9
+"""Metres or radians; what is less is a rounding error of the world's frame."""
 
 
 def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -> Detections:
@@ -39,6 +43,8 @@ def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -
         age_ms=max(0.0, age_s * 1e3),
         tracks=None if result.tracks is None else _tracks(result.tracks),
         forms=_forms(frame, result),
+        ages_ms=_ages_ms(result),
+        corrections=_corrections(result),
     )
 
 
@@ -47,6 +53,22 @@ def _forms(frame: AskedFrame, result: FrameResult) -> dict[str, Algorithm]:
     if frame.algorithm != MIXED:
         return {}
     return {robot: frame.round.algorithm_of(robot) for robot in result.participants[1:]}
+
+
+def _ages_ms(result: FrameResult) -> dict[str, float]:
+    """How much older than the ego's scan each fused observation is, where it is of another time."""
+    ages_ms = {one.robot: round(one.age_s * 1e3) for one in result.round.contributions}
+    return {robot: ages_ms[robot] for robot in result.participants[1:] if ages_ms.get(robot)}
+
+
+def _corrections(result: FrameResult) -> dict[str, tuple[float, float, float]]:
+    """By what participants' poses were put right, where they were."""
+    moves = {
+        one.robot: move_of(by, one.world_from_sensor[:2, 3])
+        for one in result.round.contributions
+        if (by := result.corrections.get(one.robot)) is not None
+    }
+    return {robot: move for robot, move in moves.items() if max(map(abs, move)) > LEAST_MOVE}
 
 
 def _tracks(told: Remembered) -> messages.Tracks:

@@ -19,6 +19,7 @@ from perception.memory.memory import Frame, Memory, Remembered, View
 from perception.memory.remembering import remember
 from perception.types import Boxes
 from swarm.errors import PerceptionError
+from swarm.geometry import Matrix
 from swarm.log import Logger
 
 
@@ -33,6 +34,8 @@ class FrameResult:
     known: tuple[KnownRobot, ...]
     """Robots of which fresh beacons tell, in the world frame."""
     participants: tuple[str, ...]
+    corrections: Mapping[str, Matrix]
+    """By what participants' poses were put right, 4 x 4 in the world frame."""
     missing: Mapping[str, Missing]
     latency_ms: float
     """From the first query to the fused boxes."""
@@ -126,6 +129,7 @@ class FrameFuser:
             boxes=boxes,
             known=known,
             participants=(self._ego, *sorted(used)),
+            corrections=corrections,
             missing=done.missing | rejected,
             latency_ms=(end_at - done.begun_at) * 1e3,
             wait_ms=max(0.0, taken_at - done.closed_at) * 1e3,

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 
-from options.recordings.format import FUSED, Box, Fused, KnownBox
+from options.recordings.format import FUSED, Box, Fused, KnownBox, Vector3
 from options.recordings.world import RecordingWorld
+from perception.fusion.alignment import Estimate, correction
 from perception.fusion.known import KnownRobot
 from perception.fusion.mixed import scored_by
 from perception.fusion.publishing import publish
 from perception.types import Boxes
 from swarm.body import Body
 from swarm.errors import PerceptionError, RecordingError, WorldError
-from swarm.geometry import Pose
+from swarm.geometry import Matrix, Pose, invert
 from worlds.cooperative.fusing import fuse_frame
 
 TOLERANCE = 1e-3
 """Metres, radians and score; messages carry float32."""
+MAX_APART_FRAMES = 0.5
+"""An observation farther than this from the ego's scan is not of the recorded frame; nearer, it is
+only by what the clocks are apart."""
 
 
 class Difference(msgspec.Struct, frozen=True):
@@ -43,6 +48,8 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     """Difference within the equal frames: metres, radians or score."""
     without_scans: int
     """Fused frames whose scans were not recorded."""
+    other_times: int = 0
+    """Fused frames in which a robot answered with its scan before or after the recorded one."""
     different: tuple[Difference, ...]
 
 
@@ -58,9 +65,15 @@ def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = N
         raise RecordingError(
             f"recording {world.file.path} has no fused frame with scans: nothing can be compared"
         )
+    allowed_ms = MAX_APART_FRAMES * 1e3 / (world.file.header.rate_hz or world.rate_hz)
+    of_one_time = [
+        (one, frame)
+        for one, frame in with_scans
+        if all(abs(age_ms) <= allowed_ms for age_ms in one.ages_ms.values())
+    ]
     equal, boxes, largest = 0, 0, 0.0
     different: list[Difference] = []
-    for done, (one, frame) in enumerate(with_scans, start=1):
+    for done, (one, frame) in enumerate(of_one_time, start=1):
         boxes += len(one.boxes)
         apart = _apart(world, one, frame)
         if isinstance(apart, str):
@@ -69,13 +82,14 @@ def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = N
             equal += 1
             largest = max(largest, apart)
         if progress is not None:
-            progress(done, len(with_scans))
+            progress(done, len(of_one_time))
     return Check(
-        compared=len(with_scans),
+        compared=len(of_one_time),
         equal=equal,
         boxes=boxes,
         largest=largest,
         without_scans=len(known) - len(with_scans),
+        other_times=len(with_scans) - len(of_one_time),
         different=tuple(different),
     )
 
@@ -85,7 +99,15 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
     if one.known is None:
         return "it was recorded before known robots were told apart from boxes"
     try:
-        fused = fuse_frame(world, frame, one.ego, one.participants, one.algorithm, forms=one.forms)
+        fused = fuse_frame(
+            world,
+            frame,
+            one.ego,
+            one.participants,
+            one.algorithm,
+            forms=one.forms,
+            poses=None if one.corrections is None else _Corrected(one.corrections),
+        )
         scored_as = scored_by(one.forms.values()) if one.forms else one.algorithm
         helpers = len(one.participants) - 1
         known = [_known(box) for box in one.known]
@@ -113,6 +135,26 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
     if labels != [box.label for box in one.boxes]:
         return "boxes have other labels"
     return largest
+
+
+@dataclass(frozen=True, slots=True)
+class _Corrected:
+    """Senders' poses are put right by what the ego put them right by, whatever it had seen before:
+    see `perception.fusion.aligner.Remembering`."""
+
+    moves: Mapping[str, Vector3]
+    """x, y and turn in the world frame; of those that were moved."""
+    world_from_own: Matrix = field(default_factory=lambda: np.eye(4))
+
+    def at(self, time_s: float, world_from_own: Matrix) -> _Corrected:
+        return replace(self, world_from_own=world_from_own)
+
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix:
+        if robot not in self.moves:
+            return np.eye(4)
+        stands = (self.world_from_own @ own_from_sender)[:2, 3]
+        by = correction(np.array(self.moves[robot]), stands)
+        return invert(self.world_from_own) @ by @ self.world_from_own
 
 
 def _known(box: KnownBox) -> KnownRobot:

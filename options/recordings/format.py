@@ -185,6 +185,11 @@ class Fused(msgspec.Struct, frozen=True, kw_only=True):
     participants."""
     forms: dict[str, str] = msgspec.field(default_factory=dict)
     """What each participant has sent, in a frame of several forms."""
+    ages_ms: dict[str, float] = msgspec.field(default_factory=dict)
+    """By how much a participant's observation is older than the frame, where it is of another
+    time; its scan of that time is not recorded with the frame."""
+    corrections: dict[str, Vector3] | None = None
+    """By what participants' poses were put right: x, y, turn; None in older recordings."""
 
 
 class Budget(msgspec.Struct, frozen=True, kw_only=True):

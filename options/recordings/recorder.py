@@ -220,6 +220,8 @@ def _fused(message: Detections) -> layout.Fused:
         capture_ns=message.capture_ns,
         algorithm=message.algorithm,
         forms=dict(message.forms),
+        ages_ms=dict(message.ages_ms),
+        corrections=message.corrections,
         participants=message.participants,
         missing=dict(message.missing),
         bytes=dict(message.bytes),

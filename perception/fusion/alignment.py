@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from perception.kernels.library import places as loops
 from perception.kernels.library import pointer
 from swarm.errors import PayloadError
-from swarm.geometry import Matrix
+from swarm.geometry import Matrix, yaw_of
 
 Floats = NDArray[np.float64]
 
@@ -164,6 +164,12 @@ def correction(move: Floats, sender: Floats) -> Matrix:
     matrix[:2, :2] = [[cos, -sin], [sin, cos]]
     matrix[:2, 3] = sender + np.array([x, y]) - matrix[:2, :2] @ sender
     return matrix
+
+
+def move_of(by: Matrix, sender: Floats) -> tuple[float, float, float]:
+    """The other way round: by what a 4 x 4 matrix moves a sender at (2,), x, y and turn."""
+    x, y = (by[:2, :2] @ sender + by[:2, 3] - sender).tolist()
+    return x, y, yaw_of(by)
 
 
 def estimate(field: Field, places: Floats, sender: Floats) -> Estimate:

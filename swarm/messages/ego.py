@@ -220,3 +220,10 @@ class Detections(Message, frozen=True, kw_only=True):
     forms: dict[RobotId, Algorithm] = msgspec.field(default_factory=dict)
     """What each participant but the ego has sent, in a frame of several; empty where `algorithm`
     says it."""
+    ages_ms: dict[RobotId, float] = msgspec.field(default_factory=dict)
+    """By how much a participant's observation is older than the ego's scan (negative: newer), of
+    those that are apart by a millisecond or more."""
+    corrections: dict[RobotId, tuple[float, float, float]] | None = None
+    """By what participants' poses were put right before they were fused: shift along the world's x
+    and y in metres, and turn about the robot in radians; of those that were. None where that is
+    not told, as by egos of older programs."""

@@ -14,6 +14,7 @@ from options.recordings.outlet import Outlet
 from options.recordings.recorder import Recorder
 from options.recordings.scans import Scans
 from options.recordings.sink import Sink
+from perception.fusion.aligner import Remembering
 from swarm.arrays import pack
 from swarm.messages import Decision, Detections
 from swarm.process import capture_ns
@@ -23,9 +24,10 @@ from worlds.factory.world import FactoryWorld
 EPOCH_NS = 1_780_000_000_123_456_789
 
 
-def detections(world: FactoryWorld, number: int) -> Detections:
-    """What an ego says of a frame of R1 and R2; R3 was asked, too."""
-    fused = fuse_frame(world, number, "R1", ["R2"], "late")
+def detections(world: FactoryWorld, number: int, poses: Remembering | None = None) -> Detections:
+    """What an ego says of a frame of R1 and R2; R3 was asked, too. `poses`: what it knows of
+    theirs."""
+    fused = fuse_frame(world, number, "R1", ["R2"], "late", poses=poses)
     boxes = fused.boxes
     table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
     return Detections(
@@ -60,13 +62,14 @@ DECISION = Decision(
 
 def write_recording(
     path: Path,
-    numbers: Sequence[int],
+    frames: Sequence[int | Detections],
     robots: int = 3,
     points: Points = "all",
     *,
     whole: bool = False,
 ) -> Path:
-    """A recording of these frames of a factory with LiDARs of 16 rings. The last comes twice."""
+    """A recording of these frames of a factory with LiDARs of 16 rings, by number or as an ego
+    told them. The last comes twice."""
     ids = tuple(f"R{number}" for number in range(1, robots + 1))
     spec = make_spec(robots=ids, rings=16, epoch_ns=EPOCH_NS, run_dir=str(path.parent))
     scans = Scans(spec, points, None, whole=whole) if points != "none" else None
@@ -74,9 +77,10 @@ def write_recording(
     outlet = Outlet(Sink(path))
     recorder = Recorder(spec, outlet, scans, points, EPOCH_NS)
     recorder.take(Received(DECISION, EPOCH_NS))
-    for number in (*numbers, numbers[-1]):
-        recorder.take(Received(detections(world, number), EPOCH_NS))
+    for one in (*frames, frames[-1]):
+        fused = detections(world, one) if isinstance(one, int) else one
+        recorder.take(Received(fused, EPOCH_NS))
         recorder.flush()
-    assert recorder.fused == len(numbers)
+    assert recorder.fused == len(frames)
     outlet.close()
     return path

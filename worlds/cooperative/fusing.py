@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.fusion.aligner import Remembering
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.detectors import shared_finder
@@ -68,11 +69,13 @@ def fuse_frame(
     disturbance: Disturbance | None = None,
     *,
     forms: Mapping[str, str] | None = None,
+    poses: Remembering | None = None,
 ) -> Fused:
     """Encodes the participants' scans, decodes and fuses them at the ego.
 
     `participants` may or may not hold the ego, which always takes part. `forms`: the algorithm of
-    each participant, in place of `algorithm`, where they differ. Noise is drawn from (robot, frame)
+    each participant, in place of `algorithm`, where they differ. `poses`: what is known of
+    senders' poses; without, the frame speaks for itself. Noise is drawn from (robot, frame)
     alone, so a run repeats exactly.
 
     >>> from worlds.registry import open_world
@@ -107,9 +110,11 @@ def fuse_frame(
     if not late:
         own = _own_scan(world, ego, frame)
         gathering = fusion.begin(own.points, own.world_from_own)
+        if poses is not None:
+            gathering.remembered = poses.at(own.time_s, own.world_from_own)
         return _gathered(gathering, fusion, world, senders, frame, frame, disturbance, ego)
     # The ego knows how things move from its frames before.
-    motion = MotionCompensation(world.detector)
+    motion = MotionCompensation(world.detector, poses=poses)
     times = [max(0, frame - HISTORY_FRAMES), frame]
     sent = [max(0, now - late) for now in times]
     for at in sorted({*times, *sent}):

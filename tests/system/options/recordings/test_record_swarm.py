@@ -210,9 +210,9 @@ def test_a_recording_of_a_factory_is_small_and_exact(tmp_path: Path, figure: Fig
             scan, expected = recorded.scan(robot, frame), floor.scan(robot, one.frame)
             assert scan.points.tobytes() == expected.points.tobytes()
     result = check(recorded)
-    assert result.compared == made.frames
     # A robot of a busy machine may answer with the scan before the one asked for.
-    assert result.equal >= result.compared / 2, result.different
+    assert result.compared + result.other_times == made.frames
+    assert result.equal == result.compared > 0, result.different
     assert result.largest < 1e-4
     per_scan_mb = made.bytes / 1e6 / made.frames / len(FLOOR)
     mb_per_robot_s = per_scan_mb * floor.rate_hz

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,9 @@ from options.recordings.recorder import Recorder
 from options.recordings.sink import Sink
 from options.recordings.world import RecordingWorld
 from options.ros.fused import Teller
+from perception.fusion.alignment import Estimate, correction, move_of
 from swarm.errors import RecordingError, WorldError
+from swarm.geometry import Matrix, invert
 from swarm.messages import SceneDescription
 from tests.support.message_samples import SAMPLES
 from tests.support.recording_files import EPOCH_NS, detections, write_recording
@@ -80,6 +83,44 @@ def test_every_frame_fuses_again_to_the_recorded_boxes(recorded: Path) -> None:
     assert (result.compared, result.equal, result.different) == (3, 3, ())
     assert result.boxes > 0
     assert result.largest < 1e-5
+
+
+def test_a_frame_with_a_scan_of_another_time_is_not_compared(tmp_path: Path) -> None:
+    """R2 answers for frame 42 with its scan of frame 41; for 43 its clock is 2 ms off."""
+    world = FactoryWorld(robots=3, rings=16)
+    late = msgspec.structs.replace(detections(world, 42), ages_ms={"R2": 100.0})
+    off = msgspec.structs.replace(detections(world, 43), ages_ms={"R2": -2.0})
+    result = check(RecordingWorld(write_recording(tmp_path / "late.mcap", (late, off))))
+    assert (result.compared, result.equal, result.other_times) == (1, 1, 1)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """An ego to which all that it remembers says that R2 is off by this, in its own frame."""
+
+    by: Matrix
+
+    def at(self, time_s: float, world_from_own: Matrix) -> Moved:
+        return self
+
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix:
+        return self.by
+
+
+def test_a_frame_is_fused_with_poses_as_the_ego_had_put_them_right(tmp_path: Path) -> None:
+    world = FactoryWorld(robots=3, rings=16)
+    told = []
+    for number in NUMBERS:
+        own, sender = (world.pose(robot, number).matrix() for robot in ("R1", "R2"))
+        by = correction(np.array([0.6, -0.3, 0.02]), (invert(own) @ sender)[:2, 3])
+        move = move_of(own @ by @ invert(own), sender[:2, 3])
+        fused = detections(world, number, Moved(by))
+        told.append(msgspec.structs.replace(fused, corrections={"R2": move}))
+    untold = [msgspec.structs.replace(one, corrections={}) for one in told]
+    result = check(RecordingWorld(write_recording(tmp_path / "told.mcap", told)))
+    assert (result.compared, result.equal, result.different) == (3, 3, ())
+    assert result.largest < 1e-5
+    assert check(RecordingWorld(write_recording(tmp_path / "untold.mcap", untold))).equal == 0
 
 
 def test_foxglove_finds_its_own_schemas_and_json_with_schemas(recorded: Path) -> None:
