@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 POOL_WEIGHT = 2.0
 """Frames that the other robots' answers count for beside a robot's own."""
 PRIOR_WEIGHT = 0.5
 """Frames that the belief counts for that answers come in time."""
-ANOTHER_LINK = 2.0
-"""A link that is more than this many times wider or narrower is another one."""
 LITTLE = 0.2
 """Share of processor times that are shorter than the one that counts: whatever else runs, on that
 core or beside it, only makes work longer."""
@@ -32,54 +29,62 @@ class Weighted(NamedTuple):
 
     answer_s: float
     timely: float
-    """Where it was in time."""
+    """Where it was in time; 0 where it took longer than told."""
     late: float
     """Where it was late."""
-    at_least: bool = False
-    """Whether it took longer than told."""
-
-
-def on_another_link(wider: float, *, configured: bool) -> tuple[float, float]:
-    """What answers count for, in time and late, on a link that is so many times wider than theirs;
-    `configured`: that is known, not guessed.
-
-    What came in time comes in time over a wider link, too, and what was late is late over a
-    narrower one; the reverse is less and less likely, the more the link has changed. A link that is
-    known to be several times wider says nothing of what was late.
-    """
-    timely = min(1.0, ANOTHER_LINK * wider)
-    if configured:
-        return timely, min(1.0, max(0.0, 2.0 - wider / ANOTHER_LINK))
-    return timely, min(1.0, ANOTHER_LINK / wider)
 
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """Answer times of all robots with one algorithm, as of a robot of usual speed."""
+    """Answers by the time that they took."""
 
-    times_s: NDArray[np.float64]
-    """Rising."""
-    timely: NDArray[np.float64]
+    times_s: Sequence[float]
+    """Rising; infinite for those that never came."""
+    timely: Sequence[float]
     """Frames of each time and all before it that count where that is in time: answers whose time
     is known."""
-    late: NDArray[np.float64]
+    late: Sequence[float]
     """The same that count where that is late, of all answers."""
+
+    @classmethod
+    def of(cls, answers: Iterable[Weighted]) -> Pool:
+        """These together."""
+        ranked = sorted(answers)
+        return cls(
+            [one.answer_s for one in ranked],
+            list(accumulate(one.timely for one in ranked)),
+            list(accumulate(one.late for one in ranked)),
+        )
 
     def within(self, limit_s: float) -> tuple[float, float]:
         """Frames whose answer took no longer, and all of which that is known. Of one that took
         longer than told it is not known where that is less than the limit."""
-        at = int(np.searchsorted(self.times_s, limit_s, side="right"))
+        if not self.times_s:
+            return 0.0, 0.0
+        at = bisect_right(self.times_s, limit_s)
         hits, in_time = (self.timely[at - 1], self.late[at - 1]) if at else (0.0, 0.0)
-        return float(hits), float(hits + self.late[-1] - in_time)
+        return hits, hits + self.late[-1] - in_time
+
+    @property
+    def never(self) -> float:
+        """Frames whose answer never came."""
+        at = bisect_left(self.times_s, math.inf)
+        if at == len(self.times_s):
+            return 0.0
+        return self.late[-1] - (self.late[at - 1] if at else 0.0)
+
+
+NOTHING = Pool((), (), ())
 
 
 @dataclass(frozen=True, slots=True)
 class AnswerTimes:
     """What is known of one robot's answers with one algorithm."""
 
-    own: tuple[Weighted, ...] = ()
-    """Its own answers; infinite seconds for those that never came."""
+    own: Pool = NOTHING
+    """Its own answers."""
     pool: Pool | None = None
+    """All robots' answers with the algorithm, as of a robot of usual speed."""
     slowness: float = 1.0
     """How many times longer than others' its answers take."""
     encode_s: float | None = None
@@ -94,8 +99,7 @@ class AnswerTimes:
     @property
     def lost(self) -> float:
         """Share of its own frames whose answer never came; 0 without evidence."""
-        never = sum(one.late for one in self.own if one.answer_s == math.inf)
-        return never / self.frames if self.frames > 0.0 else 0.0
+        return self.own.never / self.frames if self.frames > 0.0 else 0.0
 
     @property
     def transfer_s(self) -> float | None:
@@ -106,13 +110,8 @@ class AnswerTimes:
 
     def in_time(self, deadline_s: float) -> float:
         """Probability that an answer comes within the deadline."""
-        hits = total = PRIOR_WEIGHT
-        for one in self.own:
-            if one.answer_s > deadline_s:
-                total += one.late
-            elif not one.at_least:
-                hits += one.timely
-                total += one.timely
+        hits, total = self.own.within(deadline_s)
+        hits, total = hits + PRIOR_WEIGHT, total + PRIOR_WEIGHT
         if self.pool is not None:
             within, known = self.pool.within(deadline_s / self.slowness)
             borrowed = min(POOL_WEIGHT, known)

@@ -19,69 +19,24 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import OrderedDict, deque
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from statistics import median
+from collections import OrderedDict
+from collections.abc import Callable
 
 import numpy as np
 
-from ego_agent.knowledge.answers import (
-    ANOTHER_LINK,
-    AnswerTimes,
-    Pool,
-    Weighted,
-    little,
-    on_another_link,
-)
+from ego_agent.knowledge.learnt import ANOTHER_LINK, NO_ANSWERS, Learnt
+from ego_agent.knowledge.series import MEMORY_FRAMES, Series, Told
 from swarm.messages import Algorithm
 
-MEMORY_FRAMES = 20.0
-"""Frames of one robot and algorithm that are remembered: two seconds at 10 Hz, so that a decision
-whose answers stay away loses its credit within two or three cycles."""
 LEAST_REMEMBERED = 5
 """Answers that are remembered at least. At lower rates one counts for up to a fifth of the memory,
 so that two to five seconds are remembered whatever the rate."""
-HALF_LIFE_S = 30.0
-"""What is not seen again is half forgotten after this."""
-POOL_EACH = 4.0
-"""Frames that one robot counts for at most in what is told of all."""
-CENSORED_S = 4.0
-"""What an answer that never came counts for where times are compared."""
-LEAST_ANSWERS = 3
-"""Fewer answers do not tell how slow a robot is."""
-SLOWEST = 16.0
-"""A robot is taken to be this many times slower than the others at most, and 1/8 at least."""
-FASTEST = 1.0 / 8.0
 TOLD_S = 1.0
 """A controller tells once a second what its links are."""
 DRAIN_S = 1.0
 """What was on its way over the wider link has left the queues by then."""
 MAX_SERIES = 4096
 """Robots and algorithms that are remembered; the longest unheard is dropped."""
-
-
-@dataclass(frozen=True, slots=True)
-class Told:
-    """How one request ended."""
-
-    at_s: float
-    asked_s: float
-    answer_s: float
-    """From the question to the whole answer; infinite where none came."""
-    frames: float
-    """Frames that waited for it."""
-    encode_s: float | None
-    """The robot's share of it; None without an answer."""
-    work_s: float | None
-    """The processor time of that."""
-    capacity_bps: float
-    """C(t) at that time."""
-    at_least: bool
-    """It took longer than `answer_s`, nobody knows how long: whether it would have met a later
-    deadline is not known."""
-    late: bool
-    """It came after the deadline of its frame, or never."""
 
 
 def frames_of(waited_s: float, rate_hz: float, usual_hz: float) -> float:
@@ -97,7 +52,7 @@ class Experience:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._lock = threading.Lock()
-        self._series: OrderedDict[tuple[str, Algorithm], deque[Told]] = OrderedDict()
+        self._series: OrderedDict[tuple[str, Algorithm], Series] = OrderedDict()
         self._capacity_bps: float | None = None
         """C(t) of the last cycle, where a controller told it."""
         self._looked_s = -math.inf
@@ -141,8 +96,10 @@ class Experience:
         with self._lock:
             if self._is_explained(told):
                 return
-            series = self._series.setdefault(key, deque(maxlen=round(MEMORY_FRAMES)))
-            series.append(told)
+            series = self._series.get(key)
+            if series is None:
+                series = self._series[key] = Series()
+            series.take(told)
             self._series.move_to_end(key)
             if len(self._series) > MAX_SERIES:
                 self._series.popitem(last=False)
@@ -151,15 +108,18 @@ class Experience:
         """How the newest request for this ended."""
         with self._lock:
             series = self._series.get((robot, algorithm))
-            return series[-1] if series else None
+            return None if series is None else series.newest()
 
     def learnt(self, capacity_bps: float | None = None, *, configured: bool = True) -> Learnt:
         """All that is known by now, on a link of that C(t); `configured`: that is known, as a
         controller told it, not guessed."""
         now_s = self._clock()
         with self._lock:
-            series = {key: tuple(told) for key, told in self._series.items() if told}
-        return Learnt(series, now_s, capacity_bps, configured)
+            keys = [key for key, series in self._series.items() if len(series)]
+            used = np.array([len(self._series[key]) for key in keys], dtype=np.intp)
+            tables = [self._series[key].table for key in keys]
+            answers = np.stack(tables) if tables else NO_ANSWERS
+        return Learnt(keys, answers, used, now_s, capacity_bps, configured)
 
     def look(self, capacity_bps: float | None) -> None:
         """Takes C(t) of a control cycle, None where no controller told it, and forgets what a link
@@ -171,127 +131,10 @@ class Experience:
                 return
             self._narrowed_s = looked_s - TOLD_S, self._looked_s + DRAIN_S
             for series in self._series.values():
-                kept = [told for told in series if not self._is_explained(told)]
-                series.clear()
-                series.extend(kept)
+                series.forget(*self._narrowed_s)
 
     def _is_explained(self, told: Told) -> bool:
         """Whether it is late because the link had become narrower, and that was not known yet, or
         the queues were still full."""
         begin_s, end_s = self._narrowed_s
         return told.late and begin_s <= told.asked_s <= end_s
-
-
-class Learnt:
-    """What is known at one moment."""
-
-    def __init__(
-        self,
-        series: Mapping[tuple[str, Algorithm], tuple[Told, ...]],
-        now_s: float,
-        capacity_bps: float | None,
-        configured: bool = True,
-    ) -> None:
-        self._own = {
-            key: tuple(_weighted(told, now_s, capacity_bps, configured))
-            for key, told in series.items()
-        }
-        self._frames = {key: sum(map(_counts, own)) for key, own in self._own.items()}
-        self._encode_s = {key: _median(t.encode_s for t in told) for key, told in series.items()}
-        self._work_s = {key: _little(t.work_s for t in told) for key, told in series.items()}
-        self._answer_s = {
-            key: _median(t.answer_s for t in told if t.answer_s < math.inf and not t.at_least)
-            for key, told in series.items()
-        }
-        self._slowness = _slowness(series)
-        self._pools = self._pooled()
-
-    def of(self, robot: str, algorithms: Iterable[Algorithm]) -> dict[Algorithm, AnswerTimes]:
-        """What is known of a robot's answers; without algorithms of which nothing is known."""
-        known = {}
-        for algorithm in algorithms:
-            key = (robot, algorithm)
-            own, pool = self._own.get(key, ()), self._pools.get(algorithm)
-            if own or pool is not None:
-                known[algorithm] = AnswerTimes(
-                    own,
-                    pool,
-                    self._slowness.get(robot, 1.0),
-                    self._encode_s.get(key),
-                    self._work_s.get(key),
-                    self._answer_s.get(key),
-                    self._frames.get(key, 0.0),
-                )
-        return known
-
-    def _pooled(self) -> dict[Algorithm, Pool]:
-        parts: dict[Algorithm, list[tuple[float, float, float]]] = {}
-        for (robot, algorithm), own in self._own.items():
-            slowness = self._slowness.get(robot, 1.0)
-            share = min(1.0, POOL_EACH / max(1e-9, self._frames[robot, algorithm]))
-            parts.setdefault(algorithm, []).extend(
-                (
-                    one.answer_s / slowness,
-                    0.0 if one.at_least else one.timely * share,
-                    one.late * share,
-                )
-                for one in own
-            )
-        pools = {}
-        for algorithm, weighted in parts.items():
-            table = np.array(sorted(weighted))
-            pools[algorithm] = Pool(table[:, 0], *np.cumsum(table[:, 1:], axis=0).T)
-        return pools
-
-
-def _weighted(
-    told: tuple[Told, ...], now_s: float, capacity_bps: float | None, configured: bool
-) -> Iterable[Weighted]:
-    """The newest answers up to MEMORY_FRAMES, each with the frames that it counts for by now."""
-    left = MEMORY_FRAMES
-    over, timely, late = capacity_bps, 1.0, 1.0
-    for one in reversed(told):
-        frames = min(one.frames, left)
-        left -= frames
-        frames *= math.exp2(-max(0.0, now_s - one.at_s) / HALF_LIFE_S)
-        if capacity_bps is not None and one.capacity_bps != over:
-            over = one.capacity_bps
-            timely, late = on_another_link(capacity_bps / over, configured=configured)
-        yield Weighted(one.answer_s, frames * timely, frames * late, one.at_least)
-        if left <= 0.0:
-            return
-
-
-def _counts(one: Weighted) -> float:
-    """Frames that an answer counts for at most, whatever the deadline."""
-    never_in_time = one.at_least or one.answer_s == math.inf
-    return one.late if never_in_time else max(one.timely, one.late)
-
-
-def _median(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return median(known) if known else None
-
-
-def _little(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return little(known) if known else None
-
-
-def _slowness(series: Mapping[tuple[str, Algorithm], tuple[Told, ...]]) -> dict[str, float]:
-    """How many times longer than usual each robot's answers take: the geometric mean, over its
-    algorithms, of its median by the median of all robots' medians."""
-    medians: dict[Algorithm, dict[str, float]] = {}
-    for (robot, algorithm), told in series.items():
-        if len(told) >= LEAST_ANSWERS:
-            typical = median(min(t.answer_s, CENSORED_S) for t in told)
-            medians.setdefault(algorithm, {})[robot] = max(1e-3, typical)
-    ratios: dict[str, list[float]] = {}
-    for by_robot in medians.values():
-        usual = median(by_robot.values())
-        for robot, typical in by_robot.items():
-            ratios.setdefault(robot, []).append(math.log(typical / usual))
-    return {
-        robot: min(SLOWEST, max(FASTEST, math.exp(sum(logs) / len(logs))))
-        for robot, logs in ratios.items()
-    }

@@ -8,7 +8,7 @@ import random
 import msgspec
 
 from ego_agent.analyze.scene import analyze
-from ego_agent.knowledge.answers import AnswerTimes, Weighted
+from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord
 from ego_agent.knowledge.model import Candidate, UnifiedScene
@@ -88,7 +88,7 @@ def _varied(scene: UnifiedScene, rng: random.Random) -> UnifiedScene:
 
     def changed(candidate: Candidate) -> Candidate:
         frames = rng.uniform(1.0, 9.0)
-        late = AnswerTimes(own=(Weighted(0.6, frames, frames),), frames=9.0)
+        late = AnswerTimes(own=Pool.of([Weighted(0.6, frames, frames)]), frames=9.0)
         if rng.random() < 0.1:
             candidate = dataclasses.replace(candidate, capacity_bps=10 ** rng.uniform(4, 7))
         if rng.random() < 0.1:

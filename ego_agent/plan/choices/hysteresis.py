@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from ego_agent.knowledge.answers import ANOTHER_LINK
+from ego_agent.knowledge.learnt import ANOTHER_LINK
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import Assignment, Decision

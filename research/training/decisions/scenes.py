@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from ego_agent.analyze.scene import analyze
-from ego_agent.knowledge.answers import AnswerTimes, Weighted
+from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, RobotView, Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
@@ -170,7 +170,7 @@ def _changed(
 def _answers(late: float) -> AnswerTimes:
     """Of a robot of whose frames that share comes late at the fastest rate, not at slower ones."""
     own = _heard(LATE_ANSWER_S, late), _heard(PROMPT_ANSWER_S, 1.0 - late)
-    return AnswerTimes(own=own, answer_s=PROMPT_ANSWER_S, frames=TRIED_FRAMES)
+    return AnswerTimes(own=Pool.of(own), answer_s=PROMPT_ANSWER_S, frames=TRIED_FRAMES)
 
 
 def _heard(answer_s: float, share: float) -> Weighted:

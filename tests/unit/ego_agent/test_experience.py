@@ -12,13 +12,13 @@ from ego_agent.knowledge.answers import AnswerTimes
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.experience import (
     DRAIN_S,
-    HALF_LIFE_S,
     MAX_SERIES,
-    MEMORY_FRAMES,
     Experience,
     frames_of,
 )
+from ego_agent.knowledge.learnt import HALF_LIFE_S
 from ego_agent.knowledge.own_costs import OwnCosts
+from ego_agent.knowledge.series import MEMORY_FRAMES
 from tests.support.ego_scenes import snapshot, view
 
 DEADLINE_S = 0.25

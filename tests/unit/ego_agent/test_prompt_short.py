@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from ego_agent.knowledge.answers import AnswerTimes, Weighted
+from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.objective import Objective
@@ -41,7 +41,7 @@ def short(found: UnifiedScene, known: Knowledge | None = None) -> LlmPrompt:
 
 def late(found: UnifiedScene) -> UnifiedScene:
     """The scene with robots whose points hardly ever come in time."""
-    slow = {"early": AnswerTimes(own=(Weighted(0.6, 9.5, 9.5),), frames=9.5)}
+    slow = {"early": AnswerTimes(own=Pool.of([Weighted(0.6, 9.5, 9.5)]), frames=9.5)}
     return replace(found, candidates=tuple(replace(c, answers=slow) for c in found.candidates))
 
 

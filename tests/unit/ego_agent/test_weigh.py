@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from ego_agent.knowledge.answers import AnswerTimes, Weighted
+from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
@@ -101,7 +101,7 @@ def test_what_each_robot_adds_is_what_scoring_the_choice_with_it_says(seed: int)
     known = knowing(())
     usual = floor(16, known, 10 ** rng.uniform(5.0, 7.0))
     frames = rng.uniform(1.0, 4.0)
-    late = AnswerTimes(own=(Weighted(0.6, frames, frames),), frames=9.0)
+    late = AnswerTimes(own=Pool.of([Weighted(0.6, frames, frames)]), frames=9.0)
     scene = replace(
         usual,
         candidates=tuple(
