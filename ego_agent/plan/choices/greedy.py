@@ -11,14 +11,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ego_agent.knowledge.model import Candidate
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.choices.union import Union
 from swarm.messages import Algorithm
 
+Floats = NDArray[np.float64]
+
 SMALLEST_GAIN = 1e-9
 """Less is a rounding error, not coverage."""
+AT_A_TIME = 16
+"""Rows whose gains are worked out together."""
 
 
 def grow(
@@ -29,26 +34,56 @@ def grow(
     The next one is always that with the largest gain, or gain a byte, that the budget still
     carries; equal gains go to the smaller id. It ends when nobody fits or nobody adds anything.
     """
-    able = sorted((c for c in candidates if scorer.can(c.robot, algorithm)), key=lambda c: c.robot)
-    rows = np.array([scorer.row_of[c.robot] for c in able], dtype=np.intp)
-    sizes = np.array([c.sizes[algorithm] for c in able], dtype=np.int64)
+    rows = scorer.able(algorithm)
+    if candidates is not scorer.scene.candidates:
+        rows = rows[np.isin(rows, [scorer.row_of[c.robot] for c in candidates])]
+    robots = scorer.scene.candidates
+    sizes = np.array([robots[row - 1].sizes[algorithm] for row in rows], dtype=np.float64)
+    likings = scorer.liking(rows) if scorer.scene.preferred else np.ones(len(rows))
     arrival, union = scorer.counting(algorithm), Union(scorer.views)
+    most = arrival[rows] * scorer.views.alone[rows]
+    """What each row gains at most: what it gained when that was last worked out."""
     share, spent = scorer.share([0]), 0
     chosen: list[int] = []
-    while rows.size:
-        gains = union.gains(rows, arrival[rows])
-        useful = (gains > SMALLEST_GAIN) & (spent + sizes <= scorer.budget_bytes)
-        rows, sizes, gains = rows[useful], sizes[useful], gains[useful]
+    while True:
+        useful = (most > SMALLEST_GAIN) & (spent + sizes <= scorer.budget_bytes)
+        rows = rows[useful]
+        sizes, likings, most = sizes[useful], likings[useful], most[useful]
         if not rows.size:
             return
-        order = gains / sizes if by_byte else gains
-        if scorer.scene.preferred:
-            order = order * scorer.liking(rows)
-        at = int(np.argmax(order))
+        worth = likings / sizes if by_byte else likings
+        at = _largest(union, rows, arrival[rows], most, worth) if chosen else _first(most, worth)
+        if most[at] <= SMALLEST_GAIN:
+            continue
         row = int(rows[at])
         chosen.append(row)
-        share, spent = share + float(gains[at]), spent + int(sizes[at])
+        share, spent = share + float(most[at]), spent + int(sizes[at])
         union.add(row, float(arrival[row]))
-        rows, sizes = np.delete(rows, at), np.delete(sizes, at)
-        robots = tuple(scorer.scene.candidates[r - 1].robot for r in sorted(chosen))
-        yield scorer.score_of(robots, algorithm, share, spent)
+        rows = np.delete(rows, at)
+        sizes, likings, most = (np.delete(one, at) for one in (sizes, likings, most))
+        joined = tuple(robots[row - 1].robot for row in sorted(chosen))
+        yield scorer.score_of(joined, algorithm, share, spent)
+
+
+def _first(most: Floats, worth: Floats) -> int:
+    """Where the largest product is."""
+    return int(np.argmax(most * worth))
+
+
+def _largest(
+    union: Union, rows: NDArray[np.intp], arrival: Floats, most: Floats, worth: Floats
+) -> int:
+    """Where the row is that gains most, each gain times its worth; brings `most` up to date there.
+
+    Gains only fall while a set grows, so only those are worked out that may be the largest by what
+    they gained before (Minoux, "Accelerated greedy algorithms", 1978).
+    """
+    stale = np.ones(len(rows), dtype=np.bool_)
+    while stale[at := _first(most, worth)]:
+        left = np.flatnonzero(stale)
+        if len(left) > AT_A_TIME:
+            order = (most * worth)[left]
+            left = left[np.argpartition(order, -AT_A_TIME)[-AT_A_TIME:]]
+        most[left] = union.gains(rows[left], arrival[left])
+        stale[left] = False
+    return at

@@ -84,6 +84,7 @@ class Scorer:
         self.hopes = hopes
         self._arrival: dict[Algorithm, NDArray[np.float64]] = {}
         self._prices: dict[tuple[int, Algorithm], float] = {}
+        self._able: dict[Algorithm, NDArray[np.intp]] = {}
         self._at: dict[Pace, Scorer] = {self.pace: self}
         """The scorers of all paces that were asked for; they share it."""
         robots = (scene.ego, *scene.candidates)
@@ -119,7 +120,7 @@ class Scorer:
             known = copy.copy(self)
             known.pace = pace
             known.budget_bytes = self.objective.budget_bytes(self.scene.capacity_bps, pace.rate_hz)
-            known._arrival, known._prices = {}, {}
+            known._arrival, known._prices, known._able = {}, {}, {}
             self._at[pace] = known
         return known
 
@@ -184,6 +185,15 @@ class Scorer:
         return self.known(robot, algorithm) and (
             self.needs_bps(robot, algorithm) <= self.allowed_bps(robot)
         )
+
+    def able(self, algorithm: Algorithm) -> NDArray[np.intp]:
+        """Rows of those that `can`, by robot id."""
+        known = self._able.get(algorithm)
+        if known is None:
+            robots = sorted(c.robot for c in self.scene.candidates if self.can(c.robot, algorithm))
+            known = np.array([self.row_of[robot] for robot in robots], dtype=np.intp)
+            self._able[algorithm] = known
+        return known
 
     def needs_bps(self, robot: str, algorithm: Algorithm) -> float:
         """bit/s of a robot's own link that its observations take, beside what it sends to other
@@ -258,24 +268,19 @@ class Scorer:
 
     def most(self, algorithm: Algorithm) -> float:
         """More quality than any choice with this algorithm has at this pace."""
-        share = self.share([0, *self._able(algorithm)], algorithm)
+        share = self.share([0, *self.able(algorithm).tolist()], algorithm)
         return self.quality(algorithm, share, 0)
 
     def slower_is_worse(self, algorithm: Algorithm) -> bool:
         """Whether no slower pace can bring anything: the link carries everyone at this one, and
         nobody is in time more often where there is more time."""
-        able = self._able(algorithm)
+        able = self.able(algorithm).tolist()
         sizes = [self.scene.candidates[row - 1].sizes[algorithm] for row in able]
         known = sum(algorithm in c.sizes for c in self.scene.candidates)
         if len(able) < known or sum(sizes) > self.budget_bytes:
             return False
         patient = self.at(self.paces[-1])
         return bool(np.array_equal(self.arrival(algorithm), patient.arrival(algorithm)))
-
-    def _able(self, algorithm: Algorithm) -> list[int]:
-        """Rows of those that can send for it."""
-        robots = enumerate(self.scene.candidates, start=1)
-        return [row for row, candidate in robots if self.can(candidate.robot, algorithm)]
 
     def freshness(self, algorithm: Algorithm, participants: int) -> float:
         """What results at this pace are worth against those at the fastest, in (0, 1]."""

@@ -103,6 +103,12 @@ class Views:
         return seen, np.concatenate(weights).astype(np.float32)
 
     @cached_property
+    def alone(self) -> NDArray[np.float64]:
+        """(n,): what each robot adds to the ego's share, alone and for certain."""
+        rows = np.arange(len(self.evidence))
+        return Union(self).gains(rows, np.ones(len(rows)))
+
+    @cached_property
     def level(self) -> NDArray[np.intp]:
         """(n, K): the step of LEVELS that each evidence lies in."""
         steps: NDArray[np.intp] = np.minimum(self.evidence * LEVELS, LEVELS - 1).astype(np.intp)
