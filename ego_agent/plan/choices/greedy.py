@@ -43,7 +43,7 @@ def grow(
     arrival, union = scorer.counting(algorithm), Union(scorer.views)
     most = arrival[rows] * scorer.views.alone[rows]
     """What each row gains at most: what it gained when that was last worked out."""
-    share, spent = scorer.share([0]), 0
+    share, spent, cost = scorer.own_share, 0, 0.0
     chosen: list[int] = []
     while True:
         useful = (most > SMALLEST_GAIN) & (spent + sizes <= scorer.budget_bytes)
@@ -61,8 +61,9 @@ def grow(
         union.add(row, float(arrival[row]))
         rows = np.delete(rows, at)
         sizes, likings, most = (np.delete(one, at) for one in (sizes, likings, most))
+        cost += scorer.cost([robots[row - 1].robot], algorithm)
         joined = tuple(robots[row - 1].robot for row in sorted(chosen))
-        yield scorer.score_of(joined, algorithm, share, spent)
+        yield scorer.score_of(joined, algorithm, share, spent, cost)
 
 
 def _first(most: Floats, worth: Floats) -> int:

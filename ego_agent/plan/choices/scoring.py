@@ -222,16 +222,20 @@ class Scorer:
         rows = sorted({self.row_of[r] for r in participants} - {0})
         chosen = tuple(self.scene.candidates[row - 1].robot for row in rows)
         share = self.share([0, *rows], algorithm)
-        cost = sum(self.size(robot, algorithm) for robot in chosen)
-        return self.score_of(chosen, algorithm, share, cost)
+        size = sum(self.size(robot, algorithm) for robot in chosen)
+        return self.score_of(chosen, algorithm, share, size, self.cost(chosen, algorithm))
 
     def score_of(
-        self, participants: tuple[str, ...], algorithm: Algorithm, share: float, cost: int
+        self,
+        participants: tuple[str, ...],
+        algorithm: Algorithm,
+        share: float,
+        size: int,
+        cost: float,
     ) -> Score:
-        """The score of a choice whose expected share and cost in bytes are known already."""
+        """The score of a choice whose expected share, bytes and lambda C are known already."""
         quality = self.quality(algorithm, share, len(participants))
-        value = quality - self.cost(participants, algorithm)
-        return Score(participants, algorithm, quality, cost, value, self.pace)
+        return Score(participants, algorithm, quality, size, quality - cost, self.pace)
 
     def quality(self, algorithm: Algorithm, share: float, participants: int) -> float:
         """Q of so many participants that show that share of all, the ego's included."""

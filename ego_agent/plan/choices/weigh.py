@@ -68,9 +68,9 @@ def _joined(scorer: Scorer, chosen: Score) -> dict[str, Score]:
     robots = [c.robot for c in scorer.scene.candidates if scorer.can(c.robot, algorithm)]
     robots = [robot for robot in robots if robot not in chosen.participants]
     rows = np.array([scorer.row_of[robot] for robot in robots], dtype=np.intp)
-    arrival, union = scorer.arrival(algorithm), Union(scorer.views)
+    counts, union = scorer.counting(algorithm), Union(scorer.views)
     for row in members:
-        union.add(row, float(arrival[row]))
+        union.add(row, float(counts[row]))
     share = scorer.share([0, *members], algorithm)
     return {
         robot: scorer.score_of(
@@ -78,8 +78,9 @@ def _joined(scorer: Scorer, chosen: Score) -> dict[str, Score]:
             algorithm,
             share + float(gain),
             chosen.cost_bytes + scorer.size(robot, algorithm),
+            chosen.cost + scorer.cost([robot], algorithm),
         )
-        for robot, gain in zip(robots, union.gains(rows, arrival[rows]), strict=True)
+        for robot, gain in zip(robots, union.gains(rows, counts[rows]), strict=True)
     }
 
 
