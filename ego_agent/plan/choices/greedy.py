@@ -41,8 +41,8 @@ def grow(
     sizes = np.array([robots[row - 1].sizes[algorithm] for row in rows], dtype=np.float64)
     likings = scorer.liking(rows) if scorer.scene.preferred else np.ones(len(rows))
     arrival, union = scorer.counting(algorithm), Union(scorer.views)
+    # What each row gains at most: what it gained when that was last worked out.
     most = arrival[rows] * scorer.views.alone[rows]
-    """What each row gains at most: what it gained when that was last worked out."""
     share, spent, cost = scorer.own_share, 0, 0.0
     chosen: list[int] = []
     while True:
