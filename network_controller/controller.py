@@ -151,11 +151,11 @@ class Controller:
                 late_s = time.monotonic() - state_due
                 if late_s >= 0.0:
                     state_due += (1 + int(late_s / STATE_S)) * STATE_S
+                    told = self._enforcer.changes
                     publish(self.observe())
-                    told = self._enforcer.changes
                 elif told != self._enforcer.changes:
-                    publish(self.observe(between=True))
                     told = self._enforcer.changes
+                    publish(self.observe(between=True))
                 self._tell_lost()
                 due_s = self._next_change_s()
             except NetworkError as error:
@@ -205,6 +205,8 @@ class Controller:
         backlogs = {link: self._queues.read(link) for link in readings}
         classes = self._observer.look(readings, backlogs, now_s, between=between)
         loads = {link: self._observer.load(link, reading) for link, reading in readings.items()}
+        # Of the shapes that were read: a step of this look shows in the next one's.
+        levels = {link: self._targets.level(link) for link in readings}
         while self._heard:
             self._loop.on_demand(*self._heard.popleft())
         for action in self._loop.tick({k: v for k, v in loads.items() if k in shaped}, now_s):
@@ -229,7 +231,7 @@ class Controller:
                 reading,
                 classes[link],
                 loads[link],
-                self._targets.level(link),
+                levels[link],
                 # A link downwards is its own ego's; what comes from a robot may be for every ego.
                 dict.fromkeys(demands, math.inf) if link.direction == "up" else {},
             )

@@ -29,6 +29,7 @@ from network_controller.model import (
     LinkReading,
     LinkShape,
 )
+from network_controller.observe import CLASS_NAMES
 from network_controller.slow_loop import SlowLoop
 from network_controller.telemetry.flows import Flows
 from network_controller.wishes import Wishes
@@ -474,6 +475,26 @@ def test_a_state_between_two_looks_keeps_the_throughput_of_the_last_second(site:
     assert fusion.sent_bytes == 10**9
     (after,) = site.controller.observe()
     assert after.classes["fusion"].throughput_bps > fusion.throughput_bps
+
+
+def test_a_state_tells_the_level_of_the_classes_that_it_tells(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site.ask(rate_bps=1_000_000)
+    now_s = 0.0
+    monkeypatch.setattr("network_controller.controller.time.monotonic", lambda: now_s)
+    short = msgspec.structs.replace(demand("R1"), needed_bytes_s=10**6, unreachable_s=5.0)
+    told = set()
+    while ladder.TOP not in told:
+        now_s += 5.0
+        site.controller.on_demand(short)
+        (state,) = site.controller.observe()
+        wanted = ladder.shape(1_000_000, state.level).classes
+        assert {name: (one.rate_bps, one.priority) for name, one in state.classes.items()} == {
+            CLASS_NAMES[traffic]: (one.rate_bps, one.priority) for traffic, one in wanted.items()
+        }
+        told.add(state.level)
+    assert told == set(range(ladder.TOP + 1))
 
 
 def test_links_of_egos_that_share_a_cell_have_its_parts_and_say_so(tmp_path: Path) -> None:
