@@ -25,6 +25,8 @@ ALIKE = 0.1
 """Sizes that differ by less than this share are about the same."""
 MARK_PERIOD_S = 1.0
 """The robot's world and version are told this often, so that who has just come hears of them."""
+RARELY = 5
+"""Where beacons are few, only each so manieth tells these again: the next one comes the sooner."""
 MAX_SCENE_GAP_S = 3.0
 """Egos forget a scene after 5 s; rather a small one in time than a large one too late."""
 MIN_SECTORS = 24
@@ -37,6 +39,8 @@ class Thinner:
     """Decides for one robot; each method belongs to one thread."""
 
     _beacon_due: float = 0.0
+    _beacon_gap_s: float = 0.0
+    """From the last beacon until the next one is due."""
     _scene_due: float = 0.0
     _sizes: dict[str, int] = field(default_factory=dict)
     """Told last, and when."""
@@ -54,20 +58,25 @@ class Thinner:
     def beacon(self, beacon: Beacon, budget_bps: int | None, now: float) -> Beacon:
         """The beacon to send now; without a budget it tells all but its world, which never
         changes."""
-        if now - self._marked_at < MARK_PERIOD_S:
+        if now - self._marked_at < self._period_s(MARK_PERIOD_S):
             beacon = msgspec.structs.replace(beacon, world="", software="")
         else:
             self._marked_at = now
         if budget_bps is None:
-            self._beacon_due = 0.0
+            self._beacon_due = self._beacon_gap_s = 0.0
             return beacon
-        if _alike(beacon.sizes, self._sizes) and now - self._sizes_at < SIZES_PERIOD_S:
+        told_s = now - self._sizes_at
+        if _alike(beacon.sizes, self._sizes) and told_s < self._period_s(SIZES_PERIOD_S):
             beacon = msgspec.structs.replace(beacon, sizes={}, body=None)
         else:
             self._sizes, self._sizes_at = beacon.sizes, now
         bits = 8.0 * (len(encode(beacon)) + WIRE_BYTES)
-        self._beacon_due = now + bits / (BEACON_SHARE * budget_bps)
+        self._beacon_gap_s = bits / (BEACON_SHARE * budget_bps)
+        self._beacon_due = now + self._beacon_gap_s
         return beacon
+
+    def _period_s(self, at_least_s: float) -> float:
+        return max(at_least_s, RARELY * self._beacon_gap_s)
 
     def scene(
         self, scene: SceneDescription, budget_bps: int | None, now: float

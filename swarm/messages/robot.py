@@ -55,8 +55,8 @@ class Beacon(Message, frozen=True, kw_only=True):
     """By ego: `steady_ns` of its newest `NetDemand`, and this robot's steady clock when that came.
     Only in the first beacon after it."""
     world: Mark = ""
-    """The mark of its world (`swarm.fitting`), about once a second; else, and where it does not
-    say, empty."""
+    """The mark of its world (`swarm.fitting`), about once a second, or in each fifth beacon where
+    these are few; else, and where it does not say, empty."""
     software: Software = ""
     """The package's version, told with `world`."""
     shared: Annotated[tuple[Algorithm, ...], msgspec.Meta(max_length=16)] = ()

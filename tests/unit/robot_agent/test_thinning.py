@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robot_agent.pace import HOLD_S, MAX_ECHOES, Pace
-from robot_agent.thinning import MAX_SCENE_GAP_S, MIN_SECTORS, WIRE_BYTES, Thinner
+from robot_agent.thinning import MAX_SCENE_GAP_S, MIN_SECTORS, RARELY, WIRE_BYTES, Thinner
 from swarm.arrays import pack, unpack_finite
 from swarm.body import Body
 from swarm.messages import Beacon, NetDemand, SceneDescription, encode
@@ -86,6 +86,20 @@ def test_what_hardly_changes_is_told_every_two_seconds() -> None:
     assert [tick for tick, beacon in enumerate(beacons) if beacon.body] == [0, 20]
     grown = msgspec.structs.replace(BEACON, sizes={"early": 30_000, "intermediate-codebook": 2_000})
     assert thinner.beacon(grown, 100_000, 4.0).sizes
+
+
+@pytest.mark.parametrize("budget_bps", [8_000, 16_000])
+def test_of_few_beacons_each_fifth_tells_what_hardly_changes(budget_bps: int) -> None:
+    thinner, beacons, now = Thinner(), [], 0.0
+    told = msgspec.structs.replace(BEACON, body=BODY, world="0123456789abcdef", software="1.0.0")
+    while now < 60.0:
+        if thinner.beacon_is_due(now):
+            beacons.append(thinner.beacon(told, budget_bps, now))
+        now += 0.01
+    for rare in ("sizes", "body", "world", "software"):
+        apart = np.diff([i for i, beacon in enumerate(beacons) if getattr(beacon, rare)])
+        assert apart.min() >= RARELY
+        assert apart.max() <= RARELY + 2
 
 
 def test_a_robot_that_may_say_next_to_nothing_still_says_where_it_is() -> None:
