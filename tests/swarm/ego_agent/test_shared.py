@@ -72,8 +72,10 @@ def relied_upon(ego: Ego, publisher: Publisher) -> None:
         done = threading.Event()
 
         def publish() -> None:
-            while not done.wait(0.01):
+            publishing = True
+            while publishing:  # Once at least: an answer may come sooner than the pause ends.
                 publisher.publish(ego.own().capture_ns)
+                publishing = not done.wait(0.01)
 
         thread = threading.Thread(target=publish)
         thread.start()
