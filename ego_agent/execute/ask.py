@@ -319,6 +319,7 @@ class Asker:
         self._tally.received(ask.robot, algorithm, len(seen.payload), late=late)
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
         if wrong is None:
+            self._monitor.note_answer(seen)
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, algorithm, size, at_ns)
         if late or done.probe:
@@ -360,6 +361,7 @@ class Asker:
         if wrong is not None:
             done.missing[robot] = wrong
             return
+        self._monitor.note_answer(seen)
         size, at_ns = len(seen.payload), self._clock.now_ns()
         self.knowledge.record_payload(robot, algorithm, size, at_ns)
         contribute(done, awaited.capture_ns, seen)

@@ -34,6 +34,7 @@ class RobotView:
     alive: bool
     """Its liveliness token is present."""
     beacon: Beacon | None
+    """With the frame and the pose of its newest answer, where that is younger."""
     beacon_age_s: float
     scene: SceneDescription | None
     scene_age_s: float
@@ -47,6 +48,8 @@ class RobotView:
     """What its own link delivers, where that is known to be less than the cell does."""
     delay_s: float = 0.0
     """How long its newest beacon was on its way."""
+    unheard_s: float = 0.0
+    """Since its last beacon came, whatever its answers have told since."""
     misfit: str = ""
     """Why what it says is of no use here, as the rest of a sentence: another world, another version
     of the messages; empty where it fits."""

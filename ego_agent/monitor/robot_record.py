@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import msgspec
 
@@ -11,13 +12,24 @@ from ego_agent.knowledge.model import RobotView
 from ego_agent.monitor.clock_offset import ClockOffset
 from ego_agent.monitor.identity import DUPLICATE_WINDOW_S, Numbers, Stream, twins
 from swarm.fitting import other_world
-from swarm.messages import Beacon, SceneDescription
+from swarm.messages import Beacon, Observation, SceneDescription
+from swarm.messages.base import Vector6
 
 MAX_INSTANCES = 8
 UNREADABLE_S = 1.0
 """A robot that is heard well meanwhile is not at fault for what cannot be read on its keys."""
 SMOOTHING = 0.25
 """Weight of a new round trip in the smoothed one (RFC 6298 uses 1/8 for TCP's many samples)."""
+
+
+class _Shown(NamedTuple):
+    """What an answer tells of its robot, as a beacon does."""
+
+    instance: int
+    capture_ns: int
+    frame: int
+    pose: Vector6
+    at: float
 
 
 @dataclass(slots=True)
@@ -31,6 +43,8 @@ class RobotRecord:
     heard_at: float = float("-inf")
     beacon: Beacon | None = None
     beacon_at: float = float("-inf")
+    shown: _Shown | None = None
+    """Its newest answer, which counts like a beacon: whoever sends frames need not say more."""
     scene: SceneDescription | None = None
     scene_at: float = 0.0
     offset: ClockOffset = field(default_factory=ClockOffset)
@@ -77,6 +91,39 @@ class RobotRecord:
         self.scene_at = now
         return True
 
+    def take_answer(self, seen: Observation, now: float) -> None:
+        """Takes where an answer shows the robot, if the process that sends its beacons gave it."""
+        if self.beacon is None or seen.instance != self.beacon.instance:
+            return
+        new = _Shown(seen.instance, seen.capture_ns, seen.frame, seen.pose, now)
+        if self.shown is None or self._age_s(new, now) <= self._age_s(self.shown, now):
+            self.shown = new
+
+    def told(self, now: float) -> tuple[Beacon, float] | None:
+        """The newest beacon, and its age in seconds: with the frame of the newest answer, where
+        that is younger. None before the first beacon."""
+        beacon, shown = self.beacon, self.shown
+        if beacon is None:
+            return None
+        sensed_s = self._sensed_ago_s(beacon.capture_ns, nanoseconds(now))
+        age_s = max(now - self.beacon_at, sensed_s)
+        if shown is None or shown.instance != beacon.instance:
+            return beacon, age_s
+        shown_s = self._age_s(shown, now)
+        if shown_s >= age_s:
+            return beacon, age_s
+        newer = msgspec.structs.replace(
+            beacon,
+            sent_ns=max(beacon.sent_ns, shown.capture_ns),
+            capture_ns=shown.capture_ns,
+            frame=shown.frame,
+            pose=shown.pose,
+        )
+        return newer, shown_s
+
+    def _age_s(self, shown: _Shown, now: float) -> float:
+        return max(now - shown.at, self._sensed_ago_s(shown.capture_ns, nanoseconds(now)))
+
     def take_round_trip(self, seconds: float) -> None:
         """Takes the time from a query to its answer."""
         old = self.round_trip_s
@@ -97,11 +144,9 @@ class RobotRecord:
         self, robot: str, now: float, wall_ns: int, *, mark: str, capacity_bps: float
     ) -> RobotView:
         """What is known now. `mark`: of the ego's world; `capacity_bps`: of the robot's link."""
-        beacon, scene, now_ns = self.beacon, self.scene, nanoseconds(now)
-        beacon_age_s = scene_age_s = math.inf
-        if beacon is not None:
-            sensed_s = self._sensed_ago_s(beacon.capture_ns, now_ns)
-            beacon_age_s = max(now - self.beacon_at, sensed_s)
+        scene, now_ns = self.scene, nanoseconds(now)
+        scene_age_s = math.inf
+        beacon, beacon_age_s = self.told(now) or (None, math.inf)
         if scene is not None:
             scene_age_s = now - self.scene_at
             if beacon is not None:
@@ -118,6 +163,7 @@ class RobotRecord:
             duplicate=self.is_duplicate(now),
             capacity_bps=capacity_bps,
             delay_s=self.delay_s,
+            unheard_s=now - self.beacon_at,
             misfit=self._misfit(mark),
         )
 

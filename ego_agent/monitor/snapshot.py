@@ -24,7 +24,7 @@ from ego_agent.monitor.surroundings import Surroundings
 from swarm import keyspace
 from swarm.errors import CoAdaptError, KeyspaceError
 from swarm.listening import Handlers, hear
-from swarm.messages import Beacon, NetState, SceneDescription, TcpState
+from swarm.messages import Beacon, NetState, Observation, SceneDescription, TcpState
 from swarm.process import Clock
 from swarm.session import Session
 
@@ -162,6 +162,14 @@ class Monitor:
         with self._lock:
             self._robots.leave(robot)
 
+    def note_answer(self, seen: Observation) -> None:
+        """Takes what an answer tells of its robot: where it was, and when."""
+        now = self._monotonic()
+        with self._lock:
+            record = self._robots.known.get(seen.robot)
+            if record is not None:
+                record.take_answer(seen, now)
+
     def note_round_trip(self, robot: str, seconds: float) -> None:
         """Takes the time from a query to its answer."""
         with self._lock:
@@ -189,15 +197,17 @@ class Monitor:
             return 0 if record is None else record.clock_offset_ns(now_ns, wall_ns)
 
     def beacons(self) -> list[tuple[Beacon, int]]:
-        """The newest beacon of every robot but the ego, and how far its time of day is ahead of
-        the ego's, nanoseconds; of none whose id two processes use."""
+        """The newest beacon of every robot but the ego, with the frame of a newer answer, and how
+        far its time of day is ahead of the ego's, nanoseconds; of none whose id two processes
+        use."""
         now = self._monotonic()
         now_ns, wall_ns = nanoseconds(now), self._clock.now_ns()
         with self._lock:
             return [
-                (record.beacon, record.clock_offset_ns(now_ns, wall_ns))
+                (told[0], record.clock_offset_ns(now_ns, wall_ns))
                 for robot, record in self._robots.known.items()
-                if robot != self.ego and record.beacon is not None and not record.is_duplicate(now)
+                if robot != self.ego and not record.is_duplicate(now)
+                if (told := record.told(now)) is not None
             ]
 
     def counts(self) -> MonitorCounts:

@@ -71,7 +71,7 @@ class ControlBudget:
             if view.robot == snapshot.ego or view.beacon is None:
                 continue
             level = self._levels.setdefault(view.robot, _Level())
-            _follow(level, max(view.delay_s, view.beacon_age_s - DUE_S), now_s)
+            _follow(level, max(view.delay_s, view.unheard_s - DUE_S), now_s)
             if level.bps < min(most_bps, FULL_BPS):
                 fewer[view.robot] = round(level.bps)
         limit = 0 if most_bps >= FULL_BPS else max(LEAST_BPS, round(most_bps))

@@ -74,6 +74,12 @@ def test_a_slow_machine_does_not_silence_its_robots() -> None:
     assert set(told[-1].fewer_bps.values()) == {NEEDED_BPS}
 
 
+def test_beacons_that_do_not_come_stand_in_a_queue_though_answers_tell_as_much() -> None:
+    found = seen()
+    found.robots["R1"] = replace(found.robots["R1"], unheard_s=3.0)  # type: ignore[index]
+    assert ControlBudget().take(found, 0.0) == Wish(0, {"R1": FULL_BPS // 2})
+
+
 def test_one_robot_behind_a_queue_of_its_own_changes_nothing_for_the_others() -> None:
     found = seen()
     found.robots["R1"] = replace(found.robots["R1"], delay_s=2.0)  # type: ignore[index]

@@ -14,7 +14,7 @@ from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.robot_table import FORGET_S
 from ego_agent.monitor.snapshot import Monitor
 from swarm.arrays import pack
-from swarm.messages import Beacon, LinkState, NetState, SceneDescription
+from swarm.messages import Beacon, LinkState, NetState, Observation, SceneDescription
 from swarm.process import Clock
 
 POSE = (1.0, 2.0, 0.5, 0.0, 0.0, 0.0)
@@ -81,6 +81,20 @@ def scene(
     )
 
 
+def answer(capture_s: float, x: float = 5.0, instance: int = 7, frame: int = 99) -> Observation:
+    return Observation(
+        robot="R2",
+        instance=instance,
+        request=1,
+        algorithm="late",
+        capture_ns=round(capture_s * 1e9),
+        frame=frame,
+        pose=(x, *POSE[1:]),
+        payload=b"boxes",
+        encode_ms=1.0,
+    )
+
+
 @pytest.fixture
 def time() -> Time:
     return Time()
@@ -93,6 +107,62 @@ def monitor(time: Time) -> Monitor:
 
 def view(monitor: Monitor, robot: str = "R2") -> RobotView:
     return monitor.snapshot(1, 0).robots[robot]
+
+
+def test_an_answer_tells_where_its_robot_is_as_a_beacon_does(monitor: Monitor, time: Time) -> None:
+    monitor.note_answer(answer(999.9))
+    assert "R2" not in monitor.snapshot(1, 0).robots, "nobody is known by an answer alone"
+    monitor.on_beacon(beacon())
+    time.now_s += 0.9
+    monitor.note_answer(answer(time.now_s - 0.1))
+    time.now_s += 0.3
+    seen = view(monitor)
+    assert seen.beacon_age_s == pytest.approx(0.4, rel=0.01)
+    assert seen.unheard_s == pytest.approx(1.2, rel=0.01)
+    assert seen.beacon is not None
+    assert (seen.beacon.pose[0], seen.beacon.frame, seen.beacon.seq) == (5.0, 99, 1)
+    assert seen.beacon.sizes == {"early": 100}
+    assert monitor.beacons()[0][0] == seen.beacon
+    monitor.on_beacon(beacon(seq=2, sent_s=time.now_s))
+    seen = view(monitor)
+    assert (seen.beacon_age_s, seen.unheard_s) == (pytest.approx(LAG_S), 0.0)
+    assert seen.beacon is not None
+    assert seen.beacon.pose == POSE
+
+
+def test_an_answer_is_no_younger_than_what_it_shows(monitor: Monitor, time: Time) -> None:
+    monitor.on_beacon(beacon())
+    time.now_s += 2.0
+    monitor.note_answer(answer(time.now_s - 1.5))
+    assert view(monitor).beacon_age_s == pytest.approx(1.5, rel=0.01)
+    monitor.note_answer(answer(time.now_s - 0.2, x=6.0))
+    monitor.note_answer(answer(time.now_s - 0.7))
+    seen = view(monitor)
+    assert seen.beacon_age_s == pytest.approx(0.2, rel=0.01)
+    assert seen.beacon is not None
+    assert seen.beacon.pose[0] == 6.0
+
+
+@pytest.mark.parametrize("instance", [7, 8])
+def test_an_answer_of_another_process_or_time_does_not_stand_for_the_robot(
+    instance: int, monitor: Monitor, time: Time
+) -> None:
+    monitor.on_beacon(beacon())
+    monitor.note_answer(answer(1000.0, instance=instance))
+    time.now_s += 1.0
+    # A restart, and a time of day that is set back by a minute.
+    again = 9 if instance == 8 else 7
+    monitor.on_beacon(beacon(seq=2, instance=again, sent_s=941.0))
+    seen = view(monitor)
+    assert seen.beacon is not None
+    assert (seen.beacon.pose, seen.beacon.instance) == (POSE, again)
+
+
+def test_an_answer_is_no_second_meaning_of_a_beacons_number(monitor: Monitor) -> None:
+    monitor.on_beacon(beacon())
+    monitor.note_answer(answer(1000.0))
+    monitor.on_beacon(beacon())
+    assert not view(monitor).duplicate
 
 
 def test_the_ego_is_one_of_the_robots_and_alive_from_the_start(monitor: Monitor) -> None:
