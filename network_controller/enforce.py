@@ -103,7 +103,9 @@ class Enforcer:
         links = sorted(self._applied)
         later = (link for link in links if self._renewed is not None and link > self._renewed)
         self._renewed = next(later, links[0])
+        told = self.changes
         self._try(self._renewed, self._applied.pop(self._renewed))
+        self.changes = told  # The same shape again is nothing to tell of.
 
     def _try(self, link: Link, shape: LinkShape | None) -> None:
         try:
