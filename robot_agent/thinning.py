@@ -26,7 +26,7 @@ ALIKE = 0.1
 MARK_PERIOD_S = 1.0
 """The robot's world and version are told this often, so that who has just come hears of them."""
 RARELY = 5
-"""Where beacons are few, only each so manieth tells these again: the next one comes the sooner."""
+"""Where beacons are few, only one in so many tells these again: the next one comes the sooner."""
 MAX_SCENE_GAP_S = 3.0
 """Egos forget a scene after 5 s; rather a small one in time than a large one too late."""
 MIN_SECTORS = 24

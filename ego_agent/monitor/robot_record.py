@@ -96,7 +96,10 @@ class RobotRecord:
         if self.beacon is None or seen.instance != self.beacon.instance:
             return
         new = _Shown(seen.instance, seen.capture_ns, seen.frame, seen.pose, now)
-        if self.shown is None or self._age_s(new, now) <= self._age_s(self.shown, now):
+        old = self.shown
+        if old is None or self._age_s(new.capture_ns, new.at, now) <= self._age_s(
+            old.capture_ns, old.at, now
+        ):
             self.shown = new
 
     def told(self, now: float) -> tuple[Beacon, float] | None:
@@ -105,11 +108,10 @@ class RobotRecord:
         beacon, shown = self.beacon, self.shown
         if beacon is None:
             return None
-        sensed_s = self._sensed_ago_s(beacon.capture_ns, nanoseconds(now))
-        age_s = max(now - self.beacon_at, sensed_s)
+        age_s = self._age_s(beacon.capture_ns, self.beacon_at, now)
         if shown is None or shown.instance != beacon.instance:
             return beacon, age_s
-        shown_s = self._age_s(shown, now)
+        shown_s = self._age_s(shown.capture_ns, shown.at, now)
         if shown_s >= age_s:
             return beacon, age_s
         newer = msgspec.structs.replace(
@@ -121,8 +123,9 @@ class RobotRecord:
         )
         return newer, shown_s
 
-    def _age_s(self, shown: _Shown, now: float) -> float:
-        return max(now - shown.at, self._sensed_ago_s(shown.capture_ns, nanoseconds(now)))
+    def _age_s(self, capture_ns: int, came_at: float, now: float) -> float:
+        """Of what was captured then on the robot's time of day, and is here since `came_at`."""
+        return max(now - came_at, self._sensed_ago_s(capture_ns, nanoseconds(now)))
 
     def take_round_trip(self, seconds: float) -> None:
         """Takes the time from a query to its answer."""
@@ -150,7 +153,7 @@ class RobotRecord:
         if scene is not None:
             scene_age_s = now - self.scene_at
             if beacon is not None:
-                scene_age_s = max(scene_age_s, self._sensed_ago_s(scene.capture_ns, now_ns))
+                scene_age_s = self._age_s(scene.capture_ns, self.scene_at, now)
         return RobotView(
             robot=robot,
             alive=self.alive,
