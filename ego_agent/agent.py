@@ -36,7 +36,7 @@ from ego_agent.plan.arrivals import Arrivals
 from ego_agent.plan.choices.options import Compared, compare
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.weigh import weigh
-from ego_agent.plan.control_budget import ControlBudget, Wish
+from ego_agent.plan.control_budget import ControlBudget, Wish, beacons_stand
 from ego_agent.plan.decision import alone
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.intents.bind import bound_scene, known_objects
@@ -214,7 +214,8 @@ class EgoAgent:
         now_ns = self._clock.now_ns()
         snapshot = self.monitor.snapshot(number, now_ns)
         self.knowledge.experience.look(
-            snapshot.capacity_bps if snapshot.capacity_is_configured else None
+            snapshot.capacity_bps if snapshot.capacity_is_configured else None,
+            standing=beacons_stand(snapshot),
         )
         scene: UnifiedScene | None = None
         compared: list[Compared] = []

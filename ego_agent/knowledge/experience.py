@@ -34,7 +34,10 @@ so that two to five seconds are remembered whatever the rate."""
 TOLD_S = 1.0
 """A controller tells once a second what its links are."""
 DRAIN_S = 1.0
-"""What was on its way over the wider link has left the queues by then."""
+"""What was on its way over the wider link has left the queues by then, or beacons still stand in
+them."""
+DRAIN_MOST_S = 10.0
+"""Queues that stand for longer are filled by what is asked now."""
 MAX_SERIES = 4096
 """Robots and algorithms that are remembered; the longest unheard is dropped."""
 
@@ -121,15 +124,21 @@ class Experience:
             answers = np.stack(tables) if tables else NO_ANSWERS
         return Learnt(keys, answers, used, now_s, capacity_bps, configured)
 
-    def look(self, capacity_bps: float | None) -> None:
+    def look(self, capacity_bps: float | None, *, standing: bool = False) -> None:
         """Takes C(t) of a control cycle, None where no controller told it, and forgets what a link
-        explains that has become much narrower since the cycle before."""
+        explains that has become much narrower since the cycle before. `standing`: that beacons
+        still stand in the queues before it."""
         with self._lock:
             before, self._capacity_bps = self._capacity_bps, capacity_bps
             looked_s, self._looked_s = self._looked_s, self._clock()
-            if before is None or capacity_bps is None or capacity_bps * ANOTHER_LINK >= before:
+            if before is None or capacity_bps is None:
                 return
-            self._narrowed_s = looked_s - TOLD_S, self._looked_s + DRAIN_S
+            begin_s, end_s = self._narrowed_s
+            if capacity_bps * ANOTHER_LINK < before:
+                begin_s = looked_s - TOLD_S
+            elif not standing or self._looked_s > min(end_s + TOLD_S, begin_s + DRAIN_MOST_S):
+                return
+            self._narrowed_s = begin_s, self._looked_s + DRAIN_S
             for series in self._series.values():
                 series.forget(*self._narrowed_s)
 

@@ -44,6 +44,16 @@ class _Level:
     cut_at: float = -math.inf
 
 
+def beacons_stand(snapshot: Snapshot) -> bool:
+    """Whether no beacon of a living robot has come quickly for a cycle: they all stand in the
+    queue before the ego."""
+    others = [v for v in snapshot.robots.values() if v.alive and v.robot != snapshot.ego]
+    return bool(others) and all(
+        view.beacon is None or view.delay_s >= STANDING_S or view.unheard_s >= LOST_S
+        for view in others
+    )
+
+
 class ControlBudget:
     """Says in every cycle what the beacons and scenes of each robot may take."""
 

@@ -101,6 +101,7 @@ def row(state: State, session: Session, heard: Heard, rate_bps: int, seconds: fl
         "robots_shown": round(sum(delivered) / max(1, len(delivered)), 2),
         "blind_ratio": round(sum(map(bool, blind)) / max(1, len(blind)), 3),
         "frames_per_s": round(len(late) / max(1e-3, seconds - SETTLE_S), 2),
+        "quality": round(sum(d.quality for d in settled) / max(1, len(settled)), 3),
         "participants": round(sum(len(d.participants) for d in settled) / max(1, len(settled)), 2),
         "age_s_max_of_candidates": round(max(map(_oldest_s, cycles), default=0.0), 2),
         "algorithms": sorted({d.algorithm for d in settled}),

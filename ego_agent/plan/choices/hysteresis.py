@@ -13,6 +13,9 @@ from swarm.messages import Assignment, Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
+MORE_HEARD = 2
+"""Where more than this many times as many robots may take part as in the cycle before, because they
+are heard again, what was chosen of those few need not stand."""
 MAX_CYCLE_S = 5.0
 """A decision is taken to have been in force no longer than this until the next one, however the
 clock jumps."""
@@ -68,9 +71,10 @@ def settle(
 
     A change must gain `switch_gain`; one that costs more must also leave `upgrade_reserve` of the
     budget free, so that a small drop of C(t) does not undo it at once; and the decision in force
-    must be `dwell_s` old, unless the link has changed or a robot has dropped out, whose place
-    another may take at once. Reaching Q_min goes before all of them, and so does leaving a
-    decision that brings nothing. `held` is the score of `previous` as it is now.
+    must be `dwell_s` old, unless the link has changed, many robots are heard again at once, or a
+    robot has dropped out, whose place another may take at once. Reaching Q_min goes before all of
+    them, and so does leaving a decision that brings nothing. `held` is the score of `previous` as
+    it is now.
     """
     objective = scorer.objective
     if _dwells(scorer, previous) and not _pressing(scorer, best, held):
@@ -101,6 +105,10 @@ def _roomy(scorer: Scorer, option: Score, held: Score) -> bool:
 def _dwells(scorer: Scorer, previous: Decision) -> bool:
     """Whether a decision is too new to be changed for a gain. One of unknown age is not."""
     if previous.held_s is None or previous.held_s >= scorer.objective.dwell_s:
+        return False
+    candidates = scorer.scene.candidates
+    back = sum(candidate.robot in previous.excluded for candidate in candidates)
+    if len(candidates) > MORE_HEARD * (len(candidates) - back):
         return False
     change = scorer.scene.capacity_bps / previous.capacity_bps
     return 1.0 / ANOTHER_LINK < change < ANOTHER_LINK

@@ -15,7 +15,7 @@ from ego_agent.knowledge.control_share import (
     control_bps,
 )
 from ego_agent.knowledge.model import Snapshot
-from ego_agent.plan.control_budget import LEAST_BPS, ControlBudget, Wish
+from ego_agent.plan.control_budget import LEAST_BPS, ControlBudget, Wish, beacons_stand
 from tests.support.ego_scenes import snapshot, view
 
 
@@ -72,6 +72,19 @@ def test_a_slow_machine_does_not_silence_its_robots() -> None:
     budget = ControlBudget()
     told = [budget.take(seen(delay_s=0.6), float(t)) for t in range(0, 40, 2)]
     assert set(told[-1].fewer_bps.values()) == {NEEDED_BPS}
+
+
+def test_beacons_stand_where_none_has_come_quickly_for_a_cycle() -> None:
+    found = seen(delay_s=0.6)
+    assert beacons_stand(found)
+    quick = replace(found.robots["R1"], delay_s=0.01)
+    found.robots["R1"] = quick  # type: ignore[index]
+    assert not beacons_stand(found)
+    found.robots["R1"] = replace(quick, unheard_s=1.5)  # type: ignore[index]
+    assert beacons_stand(found), "it came quickly before the queue stood"
+    found.robots["R1"] = replace(quick, alive=False)  # type: ignore[index]
+    assert beacons_stand(found), "a robot that has left tells nothing"
+    assert not beacons_stand(snapshot(view("E")))
 
 
 def test_beacons_that_do_not_come_stand_in_a_queue_though_answers_tell_as_much() -> None:

@@ -164,6 +164,22 @@ def test_a_robot_that_drops_out_changes_nothing_else_unless_another_takes_its_pl
     assert set(replaced.participants) == {"E", "B", "C"}
 
 
+def test_a_choice_of_few_is_made_anew_when_many_are_heard_again() -> None:
+    ego, one = candidate("E", range(20)), candidate("A", range(20, 40))
+    others = [candidate("B", range(40, 60)), candidate("C", range(60, 64))]
+    known = knowledge(q_min=0.4)
+    unheard = {"B": "too old", "C": "too old"}
+    first = decide(scene(ego, one, excluded=unheard), known)
+    assert first.participants == ("E", "A")
+    young = msgspec.structs.replace(first, held_s=1.0, excluded=unheard)
+    assert set(decide(scene(ego, one, *others), known, young).participants) == {"E", *"ABC"}
+    some = scene(ego, one, others[0], excluded={"C": "too old"})
+    kept = decide(some, known, young)
+    assert kept.participants == ("E", "A")
+    strangers = msgspec.structs.replace(young, excluded={})
+    assert decide(scene(ego, one, *others), known, strangers).participants == ("E", "A")
+
+
 cells = st.sets(st.integers(0, 35), max_size=20)
 weights = st.lists(st.sampled_from([0.0, 0.3, 1.0]), max_size=4)
 
