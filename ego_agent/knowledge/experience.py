@@ -136,6 +136,7 @@ class Experience:
             begin_s, end_s = self._narrowed_s
             if capacity_bps * ANOTHER_LINK < before:
                 begin_s = looked_s - TOLD_S
+            # Cycles are a second apart or a little more: the last window may be just over.
             elif not standing or self._looked_s > min(end_s + TOLD_S, begin_s + DRAIN_MOST_S):
                 return
             self._narrowed_s = begin_s, self._looked_s + DRAIN_S

@@ -21,6 +21,8 @@ LOST_S = 1.0
 """Beacons that are so long on their way are of no use: then even less than NEEDED_BPS is better."""
 DUE_S = 1.5
 """Beacons come at least this often; what is missing longer stands in the queue, too."""
+RECENT_S = 1.0
+"""A beacon that came quickly longer ago, a cycle, says nothing of the queue now."""
 CLEAR_S = 0.1
 RISE = 1.2
 """A cycle, while beacons come quickly."""
@@ -49,7 +51,7 @@ def beacons_stand(snapshot: Snapshot) -> bool:
     queue before the ego."""
     others = [v for v in snapshot.robots.values() if v.alive and v.robot != snapshot.ego]
     return bool(others) and all(
-        view.beacon is None or view.delay_s >= STANDING_S or view.unheard_s >= LOST_S
+        view.beacon is None or view.delay_s >= STANDING_S or view.unheard_s >= RECENT_S
         for view in others
     )
 

@@ -7,6 +7,8 @@ that every clock offset is 0 in truth, and the true age of what the ego holds of
 claims less the offset that it believes in. A fused frame that is older than a second counts as
 stale, also where it says so itself (`old_frames`: the machine is too slow).
 
+`quality` is what decisions predict, on average, with 0 for those that know of none.
+
 A row takes `--seconds` (the default keeps `make bench` short; 120 is what was asked for).
 """
 

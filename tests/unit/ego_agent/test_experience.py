@@ -55,6 +55,14 @@ def in_time(known: Experience, robot: str, algorithm: str) -> float:
     return answers.in_time(DEADLINE_S)
 
 
+def late_cycle(known: Experience, clock: Steady, *, standing: bool) -> float:
+    """A second on 60 kbit/s in which a request of R1 is late; what is believed of it then."""
+    asked_s, clock.now_s = clock.now_s, clock.now_s + 1.0
+    known.record("R1", "late", 0.6, asked_s=asked_s, deadline_s=DEADLINE_S, capacity_bps=6e4)
+    known.look(6e4, standing=standing)
+    return in_time(known, "R1", "late")
+
+
 def test_who_was_never_asked_is_taken_to_be_in_time() -> None:
     known, _ = experience()
     assert in_time(known, "R1", "late") == 1.0
@@ -189,25 +197,15 @@ def test_what_was_late_while_a_link_became_narrower_is_held_against_nobody() -> 
     assert in_time(known, "R1", "early") < 0.3
 
 
-def test_what_is_late_while_beacons_still_stand_before_a_narrower_link_is_held_against_nobody() -> (
-    None
-):
+def test_what_is_late_while_beacons_still_stand_is_held_against_nobody() -> None:
     known, clock = experience()
-
-    def cycle(*, standing: bool) -> float:
-        """A second in which a request is late; returns what is believed after it."""
-        asked_s, clock.now_s = clock.now_s, clock.now_s + 1.0
-        known.record("R1", "late", 0.6, asked_s=asked_s, deadline_s=DEADLINE_S, capacity_bps=6e4)
-        known.look(6e4, standing=standing)
-        return in_time(known, "R1", "late")
-
     known.look(1e6)
     known.look(6e4)
-    assert [cycle(standing=True) for _ in range(4)] == [1.0] * 4
-    cycle(standing=False)
-    assert cycle(standing=False) == 1.0  # The queue was emptying.
-    assert cycle(standing=False) < 0.9
-    assert cycle(standing=True) < 0.9, "a queue that fills anew is another matter"
+    assert [late_cycle(known, clock, standing=True) for _ in range(4)] == [1.0] * 4
+    late_cycle(known, clock, standing=False)
+    assert late_cycle(known, clock, standing=False) == 1.0  # The queue was emptying.
+    assert late_cycle(known, clock, standing=False) < 0.9
+    assert late_cycle(known, clock, standing=True) < 0.9, "a queue that fills anew is another one"
 
 
 def test_a_queue_that_stands_on_is_what_is_asked_now() -> None:
@@ -215,10 +213,8 @@ def test_a_queue_that_stands_on_is_what_is_asked_now() -> None:
     known.look(1e6)
     known.look(6e4)
     for _ in range(round(DRAIN_MOST_S) + 5):
-        asked_s, clock.now_s = clock.now_s, clock.now_s + 1.0
-        known.record("R1", "late", 0.6, asked_s=asked_s, deadline_s=DEADLINE_S, capacity_bps=6e4)
-        known.look(6e4, standing=True)
-    assert in_time(known, "R1", "late") < 0.5
+        believed = late_cycle(known, clock, standing=True)
+    assert believed < 0.5
 
 
 def test_a_guess_that_rises_does_not_make_up_for_what_was_late() -> None:
