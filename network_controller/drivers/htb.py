@@ -2,6 +2,7 @@
 
 1:  root, default 1:30
 └── 1:1    the capacity
+    ├── 1:5   bare acknowledgements of TCP, of whatever class
     ├── 1:10  control      by DSCP EF, and ARP: without it nobody finds anybody
     ├── 1:20  fusion       by DSCP AF41
     └── 1:30  background   by DSCP CS1, and whatever carries no mark
@@ -12,7 +13,7 @@ Links that share a medium have one tree, each of them a slot of it (here the sec
 └── 1:1    what the medium carries
     ├── 1:2    what is for no link in particular, such as ARP
     └── 1:200  the link's guarantee, up to what it may have at most; by the robot's address
-        ├── 1:210, 1:220, 1:230   the classes, as above
+        ├── 1:205, 1:210, 1:220, 1:230   the classes, as above
 """
 
 from __future__ import annotations
@@ -23,6 +24,16 @@ from ipaddress import IPv4Address
 from network_controller.model import LinkShape
 from swarm.traffic import TrafficClass
 
+ACKS = 5
+"""What goes the other way waits for its acknowledgements: behind a full queue of this way they come
+seconds late, and a wide way stands still. So they go first (RFC 3449, section 5.4.2)."""
+ACKS_BPS = 1_000
+"""Guaranteed to them, so little that all guarantees still fit; they borrow as control does."""
+_ACK = "match u8 0x05 0x0f at 0 match u16 0x0000 0xff80 at 2 match ip protocol 6 0xff "
+_ACK += "match u8 0x10 0xff at 33"
+"""A header without options, less than 128 bytes in all, TCP, ACK and no other flag."""
+_ACK_SHOWN = ("05000000/0f00ff80 at 0", "00060000/00ff0000 at 8", "00100000/00ff0000 at 32")
+"""That, as `tc filter show` prints it."""
 NUMBERS = {TrafficClass.CONTROL: 10, TrafficClass.FUSION: 20, TrafficClass.BACKGROUND: 30}
 DSCP_MASK = 0xFC
 DESTINATION = 16
@@ -92,7 +103,7 @@ def slot_lines(
 
 def leave_lines(device: str, slot: int) -> list[str]:
     """The lines that take a slot away; some may fail where it is not whole."""
-    classes = [minor(slot, number) for number in (*NUMBERS.values(), 0)]
+    classes = [minor(slot, number) for number in (ACKS, *NUMBERS.values(), 0)]
     return [
         f"filter del dev {device} parent 1: pref {slot}",
         *(f"class del dev {device} classid 1:{one}" for one in classes),
@@ -136,6 +147,8 @@ def _class(
 
 def _leaves(device: str, shape: LinkShape, slot: int) -> Iterator[str]:
     parent = f"1:{minor(slot, 0)}" if slot else "1:1"
+    ceil_bps = max(one.ceil_bps for one in shape.classes.values())
+    yield _class(device, parent, f"1:{minor(slot, ACKS)}", ACKS_BPS, ceil_bps, shape, 0)
     for traffic, number in NUMBERS.items():
         one = shape.classes[traffic]
         name = f"1:{minor(slot, number)}"
@@ -158,23 +171,25 @@ def _queues(device: str, shape: LinkShape, fq_codel: bool, slot: int) -> Iterato
         queue = f"bfifo limit {limit}"
     # Without a handle: the kernel changes a queue of the same kind in place and replaces one of
     # another kind, but refuses a handle that a queue of another kind has already.
-    for number in NUMBERS.values():
+    for number in (ACKS, *NUMBERS.values()):
         yield f"qdisc replace dev {device} parent 1:{minor(slot, number)} {queue}"
 
 
 def _filters(device: str) -> Iterator[str]:
-    for priority, (traffic, number) in enumerate(NUMBERS.items(), start=1):
+    yield f"filter add dev {device} parent 1: protocol ip prio 1 u32 {_ACK} flowid 1:{ACKS}"
+    for priority, (traffic, number) in enumerate(NUMBERS.items(), start=2):
         yield (
             f"filter add dev {device} parent 1: protocol ip prio {priority} u32 "
             f"match ip dsfield {traffic.tos:#04x} {DSCP_MASK:#04x} flowid 1:{number}"
         )
-    yield f"filter add dev {device} parent 1: protocol arp prio 4 u32 match u32 0 0 flowid 1:10"
+    yield f"filter add dev {device} parent 1: protocol arp prio 5 u32 match u32 0 0 flowid 1:10"
 
 
 def _slot_filters(device: str, slot: int, address: str) -> Iterator[str]:
     rule = (
         f"filter add dev {device} parent 1: protocol ip prio {slot} u32 match ip dst {address}/32"
     )
+    yield f"{rule} {_ACK} flowid 1:{minor(slot, ACKS)}"
     for traffic, number in NUMBERS.items():
         # The last one is background's, and takes what carries no mark, too.
         last = traffic is TrafficClass.BACKGROUND
@@ -185,8 +200,8 @@ def _slot_filters(device: str, slot: int, address: str) -> Iterator[str]:
 def filters() -> frozenset[tuple[str, tuple[str, ...]]]:
     """What `tc filter show` prints of the filters: a class's name, and `value/mask at place`."""
     marks = {(str(number), (_mark(traffic),)) for traffic, number in NUMBERS.items()}
-    everything = "00000000/00000000 at 0"
-    return frozenset(marks | {(str(NUMBERS[TrafficClass.CONTROL]), (everything,))})
+    arp = (str(NUMBERS[TrafficClass.CONTROL]), ("00000000/00000000 at 0",))
+    return frozenset(marks | {arp, (str(ACKS), _ACK_SHOWN)})
 
 
 def destination(address: str) -> str:
@@ -196,10 +211,11 @@ def destination(address: str) -> str:
 
 def slot_filters(slot: int, to: str) -> frozenset[tuple[str, tuple[str, ...]]]:
     """What it prints of the filters of a slot, whose packets go to `to`; see `destination`."""
-    return frozenset(
+    marks = {
         (minor(slot, number), (to,) if traffic is TrafficClass.BACKGROUND else (to, _mark(traffic)))
         for traffic, number in NUMBERS.items()
-    )
+    }
+    return frozenset(marks | {(minor(slot, ACKS), (to, *_ACK_SHOWN))})
 
 
 def _mark(traffic: TrafficClass) -> str:

@@ -31,6 +31,12 @@ peer, _ = server.accept()
 while peer.recv(65536):
     pass
 """
+_SEND = f"""
+import socket
+with socket.create_connection(("10.77.0.1", {PORT})) as out:
+    for _ in range(20):
+        out.sendall(bytes(20_000))
+"""
 
 
 @pytest.fixture
@@ -118,6 +124,29 @@ def test_what_waits_is_read_as_tc_shows_it(net: Links, direction: Direction) -> 
             assert queue.sent_bytes == pytest.approx(shown[traffic].sent_bytes, abs=2048)
         assert reader.read(Queue("nowhere")) == {}
         assert reader.read(Queue("lo")) == {}
+
+
+def test_what_goes_up_does_not_wait_for_acknowledgements_behind_a_queue_that_goes_down(
+    net: Links,
+) -> None:
+    down = Link(net.robots[0], "down")
+    net.driver.apply(down, ladder.shape(64_000, 0))
+    for traffic in (TrafficClass.CONTROL, TrafficClass.FUSION):
+        fill("10.77.1.1", 60_000, traffic.tos)
+    with socket.create_server(("10.77.0.1", PORT)) as server:
+        sender = subprocess.Popen(
+            ["nsenter", f"--net=/run/netns/{net.robots[0]}", sys.executable, "-c", _SEND]
+        )
+        with sender:
+            server.settimeout(30.0)
+            peer, _ = server.accept()
+            with peer:
+                # Its acknowledgements are marked as what it sends is.
+                peer.setsockopt(socket.IPPROTO_IP, socket.IP_TOS, TrafficClass.FUSION.tos)
+                while peer.recv(65536):
+                    pass
+    left = net.driver.read([down])[down].classes
+    assert left[TrafficClass.FUSION].backlog_bytes > 30_000, "all was here before half of that"
 
 
 def test_a_link_that_was_made_anew_is_counted_anew(net: Links, queues: QueueWatch) -> None:

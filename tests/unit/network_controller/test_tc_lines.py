@@ -62,7 +62,7 @@ def test_a_slot_of_a_tree_has_its_guarantee_and_borrows_up_to_its_ceiling(
     root, _, own, *leaves = classes
     assert f"rate {3 * rate}bit ceil {3 * rate}bit" in root
     assert f"parent 1:1 classid 1:{slot:x}00 htb rate {rate}bit ceil {2 * rate}bit" in own
-    assert len(leaves) == len(TrafficClass)
+    assert len(leaves) == 1 + len(TrafficClass), "bare acknowledgements have one, too"
     assert all(f"parent 1:{slot:x}00 " in one and f"ceil {2 * rate}bit" in one for one in leaves)
     assert sum(numbers(leaves, "rate")) <= rate
     assert len(set(numbers(classes, "quantum"))) == 1
@@ -74,14 +74,14 @@ def test_a_slot_of_a_tree_has_its_guarantee_and_borrows_up_to_its_ceiling(
 
 def test_delay_and_loss_take_the_place_of_the_plain_queue() -> None:
     text = "\n".join(lines(5_000_000, delay_ms=20.0, loss=0.01))
-    assert text.count("netem delay 20ms loss 1%") == 3
+    assert text.count("netem delay 20ms loss 1%") == 4
     assert "bfifo" not in text
 
 
 @pytest.mark.parametrize(("rate", "target_ms"), [(100_000_000, 5.0), (1_000_000, 18.2)])
 def test_fq_codel_aims_at_no_less_than_a_packet_takes(rate: int, target_ms: float) -> None:
     text = htb.lines("dev0", ladder.shape(rate, 0), shaped=False, fq_codel=True)
-    assert sum(f"fq_codel target {target_ms}ms" in line for line in text) == 3
+    assert sum(f"fq_codel target {target_ms}ms" in line for line in text) == 4
 
 
 @pytest.mark.parametrize(
@@ -153,6 +153,11 @@ def test_each_slot_of_a_tree_is_a_reading() -> None:
 
 RULES = """\
 filter protocol ip pref 7 u32 chain 0 fh 800: ht divisor 1
+filter protocol ip pref 7 u32 chain 0 fh 800::7ff order 2047 key bkt 0 *flowid 1:705 not_in_hw
+  match 0a000007/ffffffff at 16
+  match 05000000/0f00ff80 at 0
+  match 00060000/00ff0000 at 8
+  match 00100000/00ff0000 at 32
 filter protocol ip pref 7 u32 chain 0 fh 800::800 order 2048 key bkt 0 *flowid 1:710 not_in_hw
   match 0a000007/ffffffff at 16
   match 00b80000/00fc0000 at 0
