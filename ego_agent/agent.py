@@ -44,6 +44,7 @@ from ego_agent.plan.intents.obey import plan_obeying
 from ego_agent.plan.intents.standing import Standing
 from ego_agent.plan.intents.told import told as told_intents
 from ego_agent.plan.probe import Prober
+from ego_agent.plan.unheard import UnheardProber
 from ego_agent.steering import Steering
 from swarm import keyspace
 from swarm.body import Body
@@ -113,6 +114,7 @@ class EgoAgent:
         self._ego = monitor.ego
         self._demand = DemandMeter()
         self._prober = Prober()
+        self._unheard = UnheardProber()
         self._probe: Probe | None = None
         """Of the next decision."""
         self._arrivals = Arrivals()
@@ -254,7 +256,7 @@ class EgoAgent:
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(snapshot, scene, decision, control)
         weighed = self._weighed(scene, decision, compared)
-        self._probe = self._next_probe(scene, decision)
+        self._probe = self._next_probe(snapshot, scene, decision)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
         return _Running(snapshot, scene, decision, published, cycle_ms, demand, weighed)
@@ -321,12 +323,17 @@ class EgoAgent:
             self._log.error("weigh_failed", cycle=decision.cycle, exc_info=True)
             return None
 
-    def _next_probe(self, scene: UnifiedScene | None, decision: Decision) -> Probe | None:
+    def _next_probe(
+        self, snapshot: Snapshot, scene: UnifiedScene | None, decision: Decision
+    ) -> Probe | None:
         """What the next decision shall ask on the side; no fault of it harms the cycle."""
         if scene is None:
             return None
         try:
-            return self._prober.take(scene, self.knowledge, decision, time.monotonic())
+            now_s = time.monotonic()
+            return self._prober.take(scene, self.knowledge, decision, now_s) or self._unheard.take(
+                snapshot, self.knowledge, decision, now_s
+            )
         except Exception:
             self._metrics.cycle_faults.inc()
             self._log.error("probe_failed", cycle=decision.cycle, exc_info=True)

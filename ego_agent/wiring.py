@@ -109,6 +109,8 @@ def ego_of(
         known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
         rate_hz=settings.fusion_rate_hz,
         deadline_s=settings.deadline_s,
+        # In the middle of a cycle: what an answer shows is recent at the next one.
+        probe_after_s=settings.period_s / 2.0,
         on_result=on_result,
         speaks=lead.speaks,
     )

@@ -72,12 +72,13 @@ class FusionLoop:
         memory: Memory | None = None,
         rate_hz: float,
         deadline_s: float,
+        probe_after_s: float = 0.0,
         on_result: Callable[[FrameResult], None] | None = None,
         speaks: Callable[[], bool] = lambda: True,
     ) -> None:
-        """`detector`: the world's. `known`: of whom beacons tell. `memory`: of objects. `on_result`
-        hears of each published frame, on the fusing thread. `speaks`: whether detections are
-        published."""
+        """`detector`: the world's. `known`: of whom beacons tell. `memory`: of objects.
+        `probe_after_s`: how old a decision is when its probe is sent. `on_result` hears of each
+        published frame, on the fusing thread. `speaks`: whether detections are published."""
         self._ego = ego
         self._speaks = speaks
         self._sensor = sensor
@@ -93,6 +94,8 @@ class FusionLoop:
         self._probed: Decision | None = None
         """The decision whose probe has been sent."""
         self._deadline_s = deadline_s
+        self._probe_after_s = probe_after_s
+        self._followed_s = 0.0
         self._decision: Decision | None = None
         self._session: Session | None = None
         self._on_result = on_result
@@ -130,6 +133,7 @@ class FusionLoop:
 
     def follow(self, decision: Decision | None) -> None:
         """The decision to carry out from the next frame on; None: there are no frames."""
+        self._followed_s = time.monotonic()
         self._decision = decision
 
     def fuse(self, decision: Decision, own: OwnFrame) -> FrameResult:
@@ -235,7 +239,8 @@ class FusionLoop:
     def _probe(self, decision: Decision, own: OwnFrame) -> None:
         """Asks the decision's question on the side, once: its answer teaches, and is not fused."""
         probe = decision.probe
-        if probe is None or decision is self._probed:
+        waited_s = time.monotonic() - self._followed_s
+        if probe is None or decision is self._probed or waited_s < self._probe_after_s:
             return
         self._probed = decision
         asked = algorithm_of(decision, probe.robot)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import msgspec
 
@@ -52,6 +53,20 @@ def test_a_probe_is_asked_once_beside_the_frame_teaches_and_is_not_fused(
     assert ("R2", "early") in ego.tally.take().received, "its bytes count"
     assert ego.loop.fuse(probing, ego.own()).participants == ("R1", "R2", "R3")
     assert asked == ["early", "late"]
+
+
+def test_a_probe_waits_until_what_it_shows_is_recent_at_the_next_cycle(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    probing = msgspec.structs.replace(decision(), probe=Probe(robot="R2", algorithm="early"))
+    ego.loop._probe_after_s = 0.3
+    ego.loop.follow(probing)
+    ego.loop.fuse(probing, ego.own())
+    assert not ego.loop._asker.waits
+    time.sleep(0.3)
+    ego.loop.fuse(probing, ego.own())
+    until(lambda: _told(ego, "R2", "early"), "the probe's answer was taken up")
 
 
 def _told(ego: Ego, robot: str, algorithm: str) -> bool:
