@@ -17,6 +17,7 @@ from perception.detector.config import configuration
 from perception.fusion.aligner import Remembering
 from perception.fusion.base import Contribution, FrameRequest, Fusion, Gathering
 from perception.fusion.tracks import Tracks
+from perception.jumps import Whereabouts
 from perception.types import Boxes
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, invert, transform
@@ -53,11 +54,15 @@ class MotionCompensation:
         self._timely_s = timely_s
         self._tracks = Tracks(configuration(detector).usual_speed_m_s)
         self._scans: deque[OwnScan] = deque(maxlen=KEPT_SCANS)
+        self._whereabouts = Whereabouts()
 
     def remember(self, own: OwnScan) -> None:
         """Keeps a scan that contributions of its time may be fused with."""
-        if self._scans and own.time_s <= self._scans[-1].time_s:
+        back = bool(self._scans) and own.time_s <= self._scans[-1].time_s
+        if back:
             # The clock was put back: what is remembered lies in the future.
+            self._whereabouts.forget()
+        if self._whereabouts.jumps(own.time_s, own.world_from_own) or back:
             self._scans.clear()
             self._tracks.clear()
         self._scans.append(own)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.boxes import SHARPNESS, iou_among, iou_bev
+from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
 from perception.memory.sight import Sight
 from perception.types import Boxes
@@ -47,8 +48,6 @@ SURVIVES_S = 30.0
 """How long what nobody sees is believed in, on average."""
 SAME_PLACE = 0.1
 """Two solid bodies do not overlap this much."""
-JUMP_M, FASTEST_M_S = 2.0, 40.0
-"""An ego that is farther from where it was, and faster, has had its pose set anew."""
 FEW, MANY = 3, 30
 """Returns that tell whether a place is free, and from which on an object would be found by anybody
 (docs/decision.md)."""
@@ -113,12 +112,13 @@ class Memory:
         """`usual_speed_m_s`: standard deviation of an object's velocity along an axis."""
         self._usual = usual_speed_m_s
         self._next = 1
+        self._whereabouts = Whereabouts()
+        """The ego's."""
         self.clear()
 
     def clear(self) -> None:
         """Forgets everything but which numbers were given."""
         self._time_s: float | None = None
-        self._stood: Floats | None = None
         self._of_late: dict[str, float] = {}
         """When each helper of the last INFORMED_S seconds has shown anything last."""
         self._motions = Motions(self._usual)
@@ -151,18 +151,18 @@ class Memory:
 
     def _begin(self, frame: Frame) -> float:
         """Seconds since the frame before; forgets everything where clock or place have jumped."""
-        stood = None if frame.world_from_own is None else frame.world_from_own[:2, 3]
         dt_s = 0.0 if self._time_s is None else frame.time_s - self._time_s
         jumped = dt_s < 0.0 or dt_s > LONGEST_S
-        if stood is not None and self._stood is not None:
-            jumped |= bool(np.hypot(*(stood - self._stood)) > JUMP_M + FASTEST_M_S * abs(dt_s))
+        if jumped:
+            self._whereabouts.forget()
+        if frame.world_from_own is not None:
+            jumped |= self._whereabouts.jumps(frame.time_s, frame.world_from_own)
         if jumped:
             self.clear()
             dt_s = 0.0
         kept = {r: at for r, at in self._of_late.items() if frame.time_s - at <= INFORMED_S}
         self._of_late = kept | dict.fromkeys(frame.helpers, frame.time_s)
         self._time_s = frame.time_s
-        self._stood = self._stood if stood is None else stood.copy()
         return dt_s
 
     def _moved(self) -> Floats:

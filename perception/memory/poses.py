@@ -27,7 +27,7 @@ from perception.fusion.alignment import (
     correction,
     small,
 )
-from perception.memory.memory import FASTEST_M_S, JUMP_M
+from perception.jumps import FASTEST_M_S, Whereabouts
 from swarm.geometry import Matrix, yaw_of
 
 Floats = NDArray[np.float64]
@@ -35,6 +35,8 @@ Floats = NDArray[np.float64]
 MOST_SENDERS = 64
 FORGOTTEN_S = 30.0
 """Of a sender that was not heard for so long nothing is known."""
+SENDER_JUMP_M = 2.0
+"""A sender that is farther from where it was, and faster than anybody, has its pose set anew."""
 UNIT = np.array([PRIOR_SHIFT_M, PRIOR_SHIFT_M, PRIOR_TURN_RAD])
 """Moves (x, y, turn) are kept in these, what poses usually err by: the usual covariance is 1."""
 OUTLINE = np.square(np.array([0.005, 0.005, math.radians(0.01)]) / UNIT)
@@ -110,8 +112,9 @@ class PoseMemory:
     def __init__(self) -> None:
         self._senders: dict[str, _Sender] = {}
         """The one that was heard last stands last."""
-        self._stood: tuple[float, Floats] | None = None
-        """When, and where the ego stood, (2,) metres in the world frame."""
+        self._whereabouts = Whereabouts()
+        """The ego's."""
+        self._followed_s = -math.inf
 
     def __len__(self) -> int:
         return len(self._senders)
@@ -121,16 +124,18 @@ class PoseMemory:
         may ask for it."""
         return PosesAt(self, time_s, world_from_own)
 
-    def follow(self, time_s: float, stands: Floats) -> None:
-        """Forgets everything where the ego, which stands there (2,) at that time, has jumped, or
-        its clock was put back. Contributions of up to FORGOTTEN_S before are no jump of it."""
-        if self._stood is not None:
-            last_s, before = self._stood
-            if time_s < last_s - FORGOTTEN_S or _jumped(last_s, before, time_s, stands):
-                self._senders.clear()
-            elif time_s < last_s:
-                return
-        self._stood = time_s, stands
+    def follow(self, time_s: float, world_from_own: Matrix) -> None:
+        """Forgets everything where the ego, which stands there at that time, has jumped, or its
+        clock was put back. Contributions of up to FORGOTTEN_S before are no jump of it."""
+        back_s = self._followed_s - time_s
+        if back_s > FORGOTTEN_S:
+            self._senders.clear()
+            self._whereabouts.forget()
+        elif back_s > 0.0:
+            return
+        if self._whereabouts.jumps(time_s, world_from_own):
+            self._senders.clear()
+        self._followed_s = time_s
 
     def take(
         self, time_s: float, robot: str, stands: Floats, move: Floats, covariance: Floats
@@ -165,7 +170,7 @@ class PosesAt:
 
     def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
         """See `Corrections.corrected`."""
-        self.memory.follow(self.time_s, self.world_from_own[:2, 3])
+        self.memory.follow(self.time_s, self.world_from_own)
         if shown.gain < MIN_GAIN and not small(shown.move):
             # Frames look alike: many that show a little each would be taken for a lot.
             shown = Estimate.nothing()
@@ -200,6 +205,7 @@ def _evidence(before: float, weighed: Floats, covariance: Floats, inverse: Float
 
 
 def _jumped(before_s: float, before: Floats, now_s: float, now: Floats) -> bool:
-    """Whether somebody is farther than one can drive from a place (2,) to another."""
+    """Whether a sender is farther than one can drive from a place (2,) to another, both of them
+    where it believes to stand."""
     away_m = float(np.hypot(*(now - before)))
-    return away_m > JUMP_M + FASTEST_M_S * abs(now_s - before_s)
+    return away_m > SENDER_JUMP_M + FASTEST_M_S * abs(now_s - before_s)

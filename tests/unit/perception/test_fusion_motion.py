@@ -240,6 +240,15 @@ def test_a_clock_that_was_put_back_forgets_what_lies_in_the_future() -> None:
     assert found.centers[0, :2] == pytest.approx([1.9, 7], abs=0.02)
 
 
+def test_scans_from_before_a_pose_was_set_anew_are_fused_with_nothing() -> None:
+    motion, fusion = MotionCompensation("factory"), Places()
+    for i in range(6):
+        motion.remember(own_at(i / 10))
+    gathering = motion.begin(fusion, own_at(0.6, x=3.0))
+    gathering.add(seen_at(5, 5, 0.3))
+    assert len(fusion.begun) == 1, "the scan of now"
+
+
 @pytest.mark.parametrize("age_s", [3600.0, 0.9, -0.9])
 def test_a_contribution_of_no_time_that_the_ego_knows_is_refused(age_s: float) -> None:
     motion, fusion = MotionCompensation("factory"), Places()

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from perception.memory.memory import (
     FAINTEST,
-    JUMP_M,
     MOST_TRACKS,
     Frame,
     Memory,
@@ -221,20 +220,28 @@ class TestEnding:
 
 
 class TestJumps:
-    def test_an_ego_that_jumps_forgets_rather_than_smears(self) -> None:
+    @pytest.mark.parametrize(
+        "there",
+        [Pose(60.0, 0.0, 1.2), Pose(0.0, 1.5, 1.2), Pose(0.0, 0.0, 1.2, yaw=np.radians(45.0))],
+        ids=["far", "near", "turned"],
+    )
+    def test_an_ego_whose_pose_is_set_anew_forgets_rather_than_smears(self, there: Pose) -> None:
         memory = Memory(1.0)
         before = seen(memory)
-        there = Pose(60.0, 0.0, 1.2).matrix()
-        told = memory.update(frame(0.5, boxes((70.0, 0.0)), BOTH, WALLED, there))
-        assert told.boxes.centers[:, 0].tolist() == [70.0]
+        found = boxes((10.0, 0.0)).transformed(there.matrix())
+        told = memory.update(frame(0.5, found, BOTH, WALLED, there.matrix()))
+        assert told.boxes.centers == pytest.approx(found.centers)
         assert not set(told.ids.tolist()) & set(before.ids.tolist())
 
-    def test_an_ego_that_drives_does_not(self) -> None:
+    @pytest.mark.parametrize("speed_m_s", [0.0, 3.0, 40.0])
+    def test_an_ego_that_drives_turns_and_brakes_does_not(self, speed_m_s: float) -> None:
         memory = Memory(1.0)
-        before = seen(memory)
-        there = Pose(JUMP_M, 0.0, 1.2).matrix()
-        told = memory.update(frame(0.5, boxes((10.0, 0.0)), BOTH, WALLED, there))
-        assert told.ids.tolist() == before.ids.tolist()
+        numbers = set()
+        for at_s in (0.0, 0.1, 0.2, 0.5, 0.6):
+            there = Pose(speed_m_s * at_s - 4.0 * at_s**2, 0.0, 1.2, yaw=at_s).matrix()
+            told = memory.update(frame(at_s, boxes((10.0, 0.0)), BOTH, WALLED, there))
+            numbers.add(told.ids[0])
+        assert len(numbers) == 1
 
     def test_a_clock_that_was_put_back_forgets(self) -> None:
         memory = Memory(1.0)

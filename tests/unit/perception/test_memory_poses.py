@@ -13,8 +13,8 @@ from perception.fusion.alignment import Estimate
 from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.registry import make_fusion
-from perception.memory.memory import FASTEST_M_S, JUMP_M
-from perception.memory.poses import FORGOTTEN_S, MOST_SENDERS, PoseMemory
+from perception.jumps import FASTEST_M_S
+from perception.memory.poses import FORGOTTEN_S, MOST_SENDERS, SENDER_JUMP_M, PoseMemory
 from swarm.geometry import Matrix, Pose, invert
 from worlds.cooperative.fusing import disturbed
 from worlds.factory.world import FactoryWorld
@@ -145,17 +145,18 @@ def test_a_sender_that_was_not_heard_for_long_is_estimated_anew() -> None:
 def test_what_was_known_is_dropped_when_a_pose_jumps(who: str) -> None:
     swarm = Swarm()
     swarm.drive(lambda _: ERROR)
-    moved = Pose(0.0, -(JUMP_M + 1.0 + FASTEST_M_S * 0.1), 0.0).matrix()
+    moved = Pose(0.0, -(SENDER_JUMP_M + 1.0 + FASTEST_M_S * 0.1), 0.0).matrix()
     setattr(swarm, who, moved @ getattr(swarm, who))
     now = swarm.memory.at(FRAMES / 10.0, swarm.own)
     shown = Estimate(RIGHT, COVARIANCE, 0.0)
     assert now.corrected("R2", invert(swarm.own) @ swarm.sender, shown) is None
 
 
-def test_an_ego_that_jumps_forgets_those_too_who_send_later() -> None:
+@pytest.mark.parametrize("moved", [Pose(0.0, -20.0, 0.0), Pose(0.0, -3.0, 0.0)])
+def test_an_ego_that_jumps_forgets_those_too_who_send_later(moved: Pose) -> None:
     swarm = Swarm()
     swarm.drive(lambda _: ERROR)
-    swarm.own = Pose(0.0, -20.0, 0.0).matrix() @ swarm.own
+    swarm.own = moved.matrix() @ swarm.own
     swarm.frame(FRAMES / 10.0, ERROR, robot="R3")
     assert len(swarm.memory) == 1
 
