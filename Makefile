@@ -141,7 +141,7 @@ chaos: setup ## Play faults on a real swarm (ARGS='--seed 7 --minutes 60'): buil
 
 eval: setup ## Compare all policies (DATA=dir: on a recorded world; LIVE=1: in a swarm): build/eval/
 	@$(COADAPT) eval $(if $(LIVE),live,policies $(if $(DATA),--data $(DATA))) $(ARGS)
-	@$(if $(LIVE)$(DATA)$(ARGS),true,$(COADAPT) eval driven)
+	@$(if $(LIVE)$(DATA)$(ARGS),true,$(COADAPT) eval driven && $(COADAPT) eval ways)
 
 pictures: setup ## Make the documents' pictures anew (DATA=dir: that of OPV2V, too)
 	@$(PYTHON_ENV) -m research.benchmarks.pictures

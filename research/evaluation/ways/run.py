@@ -27,8 +27,8 @@ WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 950_000)
 FRAMES = 60
 ROBOTS = 6
 OURS = "early-2hz-in-turn"
-"""What an ego does by itself where rates may fall (ego_agent/plan/assign.py): nearly all take turns
-at the lowest one."""
+"""The fixed way that a fifth of the bytes was asked of; what an ego chooses by itself, at the usual
+prices of bytes and compute, is measured by `driven` and by `narrow`."""
 EVERYONE = "early-10hz-no-memory"
 """What others are compared with: everybody's points in every frame, each frame by itself."""
 RULED = ETSI, MITIGATED = ("etsi", "etsi-mitigated")
