@@ -96,5 +96,6 @@ def _told(known: KnownRobot, doubts: Mapping[str, str]) -> messages.KnownRobot:
         size=known.body.size,
         heading=float(box.headings[0]),
         age_s=known.age_s,
+        velocity=known.velocity,
         doubt=doubts.get(known.robot, ""),
     )

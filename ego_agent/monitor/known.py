@@ -32,6 +32,5 @@ class KnownRobots:
     def _moved(self, beacon: Beacon, ahead_s: float) -> KnownRobot:
         told, (x, y, z) = beacon.sensor_pose(), beacon.velocity
         here = replace(told, x=told.x + x * ahead_s, y=told.y + y * ahead_s, z=told.z + z * ahead_s)
-        return KnownRobot(
-            beacon.robot, beacon.body or self._usual_body, here.matrix(), abs(ahead_s)
-        )
+        body = beacon.body or self._usual_body
+        return KnownRobot(beacon.robot, body, here.matrix(), abs(ahead_s), (x, y))

@@ -84,7 +84,7 @@ class Station:
             center=(x - ego.x, y - ego.y, z - ego.z),
             size=one.size,
             heading=one.heading,
-            velocity=(0.0, 0.0),
+            velocity=one.velocity or (0.0, 0.0),
             score=1.0,
         )
 

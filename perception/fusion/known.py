@@ -36,6 +36,8 @@ class KnownRobot:
     here_from_sensor: Matrix
     age_s: float = 0.0
     """Since the pose that it told, which was brought to the frame's time by its velocity."""
+    velocity: tuple[float, float] = (0.0, 0.0)
+    """Along the world's x and y, m/s, as it tells."""
 
     def box(self) -> Boxes:
         """Its body, one box of score 1."""

@@ -163,6 +163,8 @@ class KnownRobot(msgspec.Struct, frozen=True, kw_only=True):
     heading: Bounded
     age_s: NonNegative
     """Since the pose that it told."""
+    velocity: tuple[Bounded, Bounded] | None = None
+    """Along x and y, m/s, as it tells; None by older programs."""
     doubt: str = ""
     """Why it may stand elsewhere; empty where nobody contradicts."""
 

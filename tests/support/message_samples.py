@@ -216,6 +216,7 @@ SAMPLES: tuple[Message, ...] = (
                 size=(0.9, 0.6, 1.26),
                 heading=3.0,
                 age_s=0.0625,
+                velocity=(1.25, -0.5),
                 doubt="2 robots see free ground where it says to stand",
             ),
         ),

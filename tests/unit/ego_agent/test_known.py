@@ -42,6 +42,7 @@ def test_a_robot_is_where_its_speed_has_brought_it() -> None:
     assert one.robot == "R2"
     assert one.here_from_sensor[0, 3] == pytest.approx(POSE[0] + 2.0 * LAG_S)
     assert one.age_s == pytest.approx(LAG_S)
+    assert one.velocity == (2.0, 0.0)
     assert one.box().centers[0] == pytest.approx([POSE[0] + 0.1 + 0.5, POSE[1], POSE[2] - 1.0])
     assert one.box().sizes[0].tolist() == [1.5, 1.0, 2.0]
 

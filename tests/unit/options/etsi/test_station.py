@@ -34,10 +34,16 @@ def test_objects_are_told_when_the_rules_say_so() -> None:
     assert (first.station, first.orientation) == (7, 0.5)
     assert station.message(later(0.1), EGO) is None
     # The robot has turned round elsewhere, 5 m on; the forklift is as it was.
+    assert first.objects[1].velocity == (1.25, -0.5)
     moved = msgspec.structs.replace(FOUND.known[0], center=(6.5, -2.25, 0.625))
     second = station.message(later(0.2, known=(moved,)), EGO)
     assert second is not None
     assert [one.id for one in second.objects] == [FIRST_ROBOT]
+    # And it brakes, where it stands.
+    slow = msgspec.structs.replace(moved, velocity=(0.5, -0.5))
+    third = station.message(later(0.3, known=(slow,)), EGO)
+    assert third is not None
+    assert [(one.id, one.velocity) for one in third.objects] == [(FIRST_ROBOT, (0.5, -0.5))]
 
 
 def test_who_reads_a_message_finds_objects_where_they_are() -> None:
