@@ -23,6 +23,7 @@ TRUTH = "/truth"
 TRUTH_BOXES = "/truth/boxes"
 FUSED = "/ego/detections"
 FUSED_BOXES = "/ego/boxes"
+TRACKS = "/ego/tracks"
 DECISION = "/ego/decision"
 BUDGET = "/ego/budget"
 LINKS = "/net/links"
@@ -164,6 +165,18 @@ class KnownBox(Box, frozen=True, kw_only=True):
     """Why it may have stood elsewhere."""
 
 
+class Track(Box, frozen=True, kw_only=True):
+    """An object that the ego remembers, at a frame's time. The score is the chance that it is
+    there, and in this place."""
+
+    id: Count
+    """The same object has the same one, as long as the ego's process lives."""
+    velocity: tuple[float, float]
+    """Along x and y, m/s."""
+    age_s: float
+    """Since anybody has seen it; 0 in this frame."""
+
+
 class Fused(msgspec.Struct, frozen=True, kw_only=True):
     """What an ego found in one frame together with its participants."""
 
@@ -190,6 +203,9 @@ class Fused(msgspec.Struct, frozen=True, kw_only=True):
     time; its scan of that time is not recorded with the frame."""
     corrections: dict[str, Vector3] | None = None
     """By what participants' poses were put right: x, y, turn; None in older recordings."""
+    tracks: tuple[Track, ...] | None = None
+    """What is there by this frame and all before; the boxes are of this frame alone. None where the
+    ego keeps no memory, and in older recordings."""
 
 
 class Budget(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-import numpy as np
-
 from deploy.spec import SwarmSpec
 from options.recordings import format as layout
 from options.recordings import shapes
+from options.recordings.fused import fused_of
 from options.recordings.listen import Presence, Received
 from options.recordings.outlet import Outlet
 from options.recordings.scans import Scans
@@ -55,6 +54,8 @@ class Recorder:
         self._done: deque[int] = deque(maxlen=MAX_DONE)
         self._alive: dict[str, bool] = {}
         self._missing: dict[str, str] = {}
+        self._remembered: frozenset[int] = frozenset()
+        """Ids of what was last drawn as remembered."""
         self._write: dict[type, Callable[..., None]] = {
             Beacon: self._beacon,
             SceneDescription: self._scene,
@@ -143,7 +144,7 @@ class Recorder:
         # say so, for the ego's clock may have been set back.
         if message.frame in self._done:
             return
-        fused = _fused(message)
+        fused = fused_of(message)
         self._done.append(message.frame)
         self.fused += 1
         time_ns = message.capture_ns
@@ -151,8 +152,13 @@ class Recorder:
             self._frame(self._scans, message, hurry)
         self._outlet.put_json(layout.FUSED, fused, time_ns)
         shown = (*fused.boxes, *(fused.known or ()))
-        drawn = shapes.boxes(shown, time_ns, shapes.FUSED_COLOR, 0.4)
+        drawn = shapes.boxes(shown, time_ns, shapes.FUSED_COLOR, shapes.SEEN_OPACITY)
         self._outlet.put(layout.FUSED_BOXES, drawn, time_ns)
+        if fused.tracks is not None:
+            remembered = frozenset(one.id for one in fused.tracks)
+            gone = self._remembered - remembered
+            self._outlet.put(layout.TRACKS, shapes.tracks(fused.tracks, gone, time_ns), time_ns)
+            self._remembered = remembered
         if self._ros is not None:
             self._say(self._ros.on_detections(message))
         self._budget(message)
@@ -197,55 +203,3 @@ class Recorder:
 
     def _log(self, text: str, level: str, name: str, time_ns: int) -> None:
         self._outlet.put(layout.LOG, shapes.log(text, level, name, time_ns), time_ns)
-
-
-def _fused(message: Detections) -> layout.Fused:
-    """The recorded form of an ego's detections. Raises MessageError for arrays that are none."""
-    table = unpack_finite(message.boxes, "boxes", 7).astype(np.float64).tolist()
-    scores = unpack_finite(message.scores, "scores", 1)[:, 0].astype(np.float64).tolist()
-    if not len(table) == len(scores) == len(message.labels):
-        raise MessageError(
-            f"detections of frame {message.frame} have {len(table)} boxes, {len(scores)} scores "
-            f"and {len(message.labels)} labels"
-        )
-    if message.capture_ns > shapes.LATEST_NS:
-        raise MessageError(
-            f"detections of frame {message.frame} are of {message.capture_ns} ns; a recording's "
-            f"times end at {shapes.LATEST_NS} ns"
-        )
-    return layout.Fused(
-        ego=message.ego,
-        cycle=message.cycle,
-        frame=message.frame,
-        capture_ns=message.capture_ns,
-        algorithm=message.algorithm,
-        forms=dict(message.forms),
-        ages_ms=dict(message.ages_ms),
-        corrections=message.corrections,
-        participants=message.participants,
-        missing=dict(message.missing),
-        bytes=dict(message.bytes),
-        latency_ms=message.latency_ms,
-        boxes=tuple(
-            layout.Box(
-                center=(row[0], row[1], row[2]),
-                size=(row[3], row[4], row[5]),
-                heading=row[6],
-                label=label,
-                score=score,
-            )
-            for row, score, label in zip(table, scores, message.labels, strict=True)
-        ),
-        known=tuple(
-            layout.KnownBox(
-                center=one.center,
-                size=one.size,
-                heading=one.heading,
-                label=one.label,
-                robot=one.robot,
-                age_s=one.age_s,
-                doubt=one.doubt,
-            )
-            for one in message.known
-        ),
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from foxglove.messages import (
@@ -30,11 +30,12 @@ from foxglove.messages import (
 from foxglove.messages import Pose as FoxglovePose
 from numpy.typing import NDArray
 
-from options.recordings.format import WORLD_FRAME, Box
+from options.recordings.format import WORLD_FRAME, Box, Track
 from swarm.geometry import Points, Pose
 
 FUSED_COLOR = (0.10, 0.65, 0.30)
 TRUE_COLOR = (0.35, 0.35, 0.40)
+SEEN_OPACITY, REMEMBERED_OPACITY = 0.4, 0.15
 OBJECT_COLORS = (
     (0.12, 0.47, 0.71),
     (1.00, 0.50, 0.05),
@@ -48,6 +49,7 @@ _FLOAT32 = PackedElementFieldNumericType.Float32
 _NS = 1_000_000_000
 LATEST_NS = 2**32 * _NS - 1
 """The last moment that Foxglove's timestamps can name, in the year 2106."""
+_LABEL_GAP_M = 0.3
 SHOWN_S = 3
 """Seconds after which what nobody has said again is no longer shown."""
 LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
@@ -121,21 +123,28 @@ def boxes(
         time_ns,
         [_cube(box.center, box.size, box.heading, color, opacity) for box in found],
         [
-            TextPrimitive(
-                pose=FoxglovePose(
-                    position=Vector3(
-                        x=box.center[0], y=box.center[1], z=box.center[2] + box.size[2] / 2 + 0.3
-                    ),
-                    orientation=Quaternion(w=1.0),
-                ),
-                billboard=True,
-                font_size=12.0,
-                scale_invariant=True,
-                color=_color(color, 1.0),
-                text=f"{box.label} {box.score:.2f}" if box.score < 1 else box.label,
+            _text(
+                f"{box.label} {box.score:.2f}" if box.score < 1 else box.label,
+                box.center,
+                box.size[2] / 2 + _LABEL_GAP_M,
+                color,
             )
             for box in found
         ],
+    )
+
+
+def tracks(found: Sequence[Track], gone: Iterable[int], time_ns: int) -> SceneUpdate:
+    """Remembered objects, an entity each under its id, fainter where nobody has seen it in this
+    frame; `gone` are ids that are remembered no more."""
+    return SceneUpdate(
+        deletions=[
+            SceneEntityDeletion(
+                timestamp=timestamp(time_ns), type=SceneEntityDeletionType.MatchingId, id=str(one)
+            )
+            for one in sorted(gone)
+        ],
+        entities=[_track(one, time_ns) for one in found],
     )
 
 
@@ -158,20 +167,52 @@ def log(text: str, level: str, name: str, time_ns: int) -> Log:
     return Log(timestamp=timestamp(time_ns), level=LEVELS[level], message=text, name=name)
 
 
+def _track(one: Track, time_ns: int) -> SceneEntity:
+    opacity = REMEMBERED_OPACITY if one.age_s > 0 else SEEN_OPACITY
+    text = f"{one.label} {one.id} {math.hypot(*one.velocity):.1f} m/s"
+    # Below, for the label of the frame's own box stands above.
+    below = -one.size[2] / 2 - _LABEL_GAP_M
+    return _entity(
+        str(one.id),
+        time_ns,
+        [_cube(one.center, one.size, one.heading, FUSED_COLOR, opacity)],
+        [_text(text, one.center, below, FUSED_COLOR)],
+    )
+
+
 def _scene(time_ns: int, cubes: list[CubePrimitive], texts: list[TextPrimitive]) -> SceneUpdate:
-    entity = SceneEntity(
+    if cubes:
+        return SceneUpdate(entities=[_entity("all", time_ns, cubes, texts)])
+    # An entity without primitives would leave the ones before where they are.
+    gone = SceneEntityDeletion(timestamp=timestamp(time_ns), type=SceneEntityDeletionType.All)
+    return SceneUpdate(deletions=[gone])
+
+
+def _entity(
+    name: str, time_ns: int, cubes: list[CubePrimitive], texts: list[TextPrimitive]
+) -> SceneEntity:
+    return SceneEntity(
         timestamp=timestamp(time_ns),
         frame_id=WORLD_FRAME,
-        id="all",
+        id=name,
         lifetime=Duration(SHOWN_S),
         cubes=cubes,
         texts=texts,
     )
-    if cubes:
-        return SceneUpdate(entities=[entity])
-    # An entity without primitives would leave the ones before where they are.
-    gone = SceneEntityDeletion(timestamp=timestamp(time_ns), type=SceneEntityDeletionType.All)
-    return SceneUpdate(deletions=[gone])
+
+
+def _text(
+    text: str, center: Sequence[float], above_m: float, color: tuple[float, float, float]
+) -> TextPrimitive:
+    x, y, z = center
+    return TextPrimitive(
+        pose=FoxglovePose(position=Vector3(x=x, y=y, z=z + above_m), orientation=Quaternion(w=1.0)),
+        billboard=True,
+        font_size=12.0,
+        scale_invariant=True,
+        color=_color(color, 1.0),
+        text=text,
+    )
 
 
 def _cube(
