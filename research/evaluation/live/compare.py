@@ -10,8 +10,9 @@ import numpy as np
 from perception.fusion.registry import make_fusion
 from perception.metrics import Match, match, precision_of
 from perception.types import Boxes
+from research.evaluation.live.played import COMPARED as JUDGED
 from research.evaluation.live.played import Comparison, Machine, compare_played, this_machine
-from research.evaluation.live.swarm import Recorded, boxes_of
+from research.evaluation.live.swarm import Recorded, boxes_of, evenly, told_of
 from research.evaluation.windows.scenarios import Scenario
 from swarm.messages import Detections
 from worlds.base import World
@@ -49,6 +50,9 @@ class LiveRow:
     bytes_offline: float | None
     played: Comparison
     """All fused frames, whoever is missing in them, beside what a played window predicts."""
+    ap_70_told: float | None
+    """As `played.ap_70_live`, of what the ego tells: what it remembers; None where no frame has
+    tracks."""
 
 
 def compare_live(
@@ -68,8 +72,8 @@ def compare_live(
     frames = recorded.frames
     due = round(recorded.seconds * world.rate_hz)
     complete = [frame for frame in frames if not frame.missing]
-    spread = np.linspace(0, len(complete) - 1, min(COMPARED, len(complete))).astype(int)
-    compared = [complete[i] for i in spread]
+    compared = evenly(complete, COMPARED)
+    judged = evenly(frames, JUDGED)
     latency = [frame.latency_ms for frame in frames]
     p50, p99 = np.percentile(latency, [50, 99]).tolist() if latency else (None, None)
     found = [boxes_of(frame) for frame in compared]
@@ -99,16 +103,25 @@ def compare_live(
         else None,
         bytes_offline=float(np.mean([size for _, size in again])) if compared else None,
         played=compare_played(scenario, link_bps, recorded, machine or this_machine()),
+        ap_70_told=_precision(world, judged, [told_of(frame) for frame in judged])
+        if any(frame.tracks is not None for frame in judged)
+        else None,
     )
 
 
 def _again(world: World, frame: Detections) -> tuple[Boxes, int]:
     """The boxes and payload bytes of the same choice on the same frame without a network."""
     number = frame.frame % world.frame_count
-    fused = fuse_frame(world, number, frame.ego, frame.participants, frame.algorithm)
+    fused = fuse_frame(
+        world, number, frame.ego, frame.participants, frame.algorithm, forms=frame.forms
+    )
     own = world.scan(frame.ego, number)
-    ask = make_fusion(frame.algorithm, world.detector).begin(own.points, own.pose.matrix()).ask()
-    return fused.boxes, sum(fused.bytes.values()) - len(fused.bytes) * ask.size()
+    forms = [frame.forms.get(robot, frame.algorithm) for robot in fused.bytes]
+    asks = {
+        form: make_fusion(form, world.detector).begin(own.points, own.pose.matrix()).ask().size()
+        for form in {*forms}
+    }
+    return fused.boxes, sum(fused.bytes.values()) - sum(asks[form] for form in forms)
 
 
 def _precision(world: World, frames: Sequence[Detections], found: Sequence[Boxes]) -> float:

@@ -98,8 +98,8 @@ def table(rows: Sequence[LiveRow]) -> str:
         (
             "scenario", "link Mbit/s", "policy", "delivered", "latency ms p50", "p99",
             "AP@0.7 live", "offline", "kB/frame live", "offline ", "frames compared",
-            "delivered AP@0.7 live", "played", "in time live", "played ", "fused live", "played  ",
-            "latency ms p50 played",
+            "delivered AP@0.7 live", "played", "told", "in time live", "played ", "fused live",
+            "played  ", "latency ms p50 played",
         ),
         [
             (
@@ -109,6 +109,7 @@ def table(rows: Sequence[LiveRow]) -> str:
                 _number(row.bytes_live, 2, 1e3), _number(row.bytes_offline, 2, 1e3),
                 row.frames_compared,
                 _number(row.played.ap_70_live, 3), _number(row.played.ap_70_played, 3),
+                _number(row.ap_70_told, 3),
                 _percent(row.played.in_time_live), _percent(row.played.in_time_played),
                 _percent(row.played.fused_live), _percent(row.played.fused_played),
                 _number(row.played.latency_ms_p50_played, 0),

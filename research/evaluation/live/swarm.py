@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Queue
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +29,8 @@ SETTLE_S = 5.0
 CONNECT_S = 10.0
 PORTS = range(24_000, 32_000, 16)
 """Below those that the kernel gives to outgoing connections."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,12 @@ def _boxes(boxes: Array, scores: Array, labels: tuple[str, ...]) -> Boxes:
         scores=unpack_finite(scores, "scores", 1)[:, 0].astype(np.float64),
         labels=labels,
     )
+
+
+def evenly(members: Sequence[T], most: int) -> list[T]:
+    """At most so many of them, evenly spread."""
+    places = np.linspace(0, len(members) - 1, min(most, len(members))).astype(int)
+    return [members[place] for place in places]
 
 
 def record(
