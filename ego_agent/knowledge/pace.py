@@ -96,3 +96,14 @@ def algorithm_of(decision: Decision, robot: str) -> Algorithm:
 def stride(decision: Decision, sensor_hz: float, most_hz: float) -> int:
     """Frames of a sensor from one fused frame to the next, at most `most_hz` fused frames."""
     return max(1, round(sensor_hz / min(decision.rate_hz, most_hz)))
+
+
+def often(rate_hz: float) -> str:
+    """A rate in words.
+
+    >>> often(5.0), often(0.5)
+    ('5 times a second', 'every 2 s')
+    """
+    if rate_hz < 1.0:
+        return f"every {1.0 / rate_hz:g} s"
+    return "once a second" if rate_hz == 1.0 else f"{rate_hz:g} times a second"

@@ -10,6 +10,7 @@ import msgspec
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.pace import often
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
 from swarm.messages import Assignment, Decision
@@ -63,13 +64,7 @@ def told(chosen: tuple[Assignment, ...], usual_hz: float) -> str:
         if one.rate_hz < usual_hz:
             rarer.setdefault(one.rate_hz, []).append(one.robot)
     parts = [
-        f"{len(robots)} of {len(chosen)} send {_often(hz)}"
+        f"{len(robots)} of {len(chosen)} send {often(hz)}"
         for hz, robots in sorted(rarer.items(), reverse=True)
     ]
     return f"Memory carries on what they showed: {', '.join(parts)}." if parts else ""
-
-
-def _often(rate_hz: float) -> str:
-    if rate_hz < 1.0:
-        return f"every {1.0 / rate_hz:g} s"
-    return "once a second" if rate_hz == 1.0 else f"{rate_hz:g} times a second"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Collection, Mapping
 from time import monotonic
 from typing import Any
@@ -271,6 +272,8 @@ class View:
             self._board.put("decision", value)
             shared = ("at", "cycle", "participants", "algorithm", "source", "valid")
             past = {name: value[name] for name in (*shared, "capacity_bps", "cost_bps")}
+            # How many send each form.
+            past["forms"] = dict(Counter(one.algorithm for one in decision.assignments))
             self._board.append(HISTORY, past | self._tally.figures(now))
             self._tally = Tally(now)
             self._faults.decision(now, decision)

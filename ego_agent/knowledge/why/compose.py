@@ -11,11 +11,14 @@ from collections.abc import Iterator
 import msgspec
 
 from ego_agent.knowledge.journal import CycleRecord, Decided
+from ego_agent.knowledge.pace import often
 from ego_agent.knowledge.weighed import Weighed, Weighing
 from ego_agent.knowledge.why.find import Found
 
 MOST_QUOTED = 4
 """Of repairs and of robots that could not take part."""
+_FORMS = {"early": "points", "intermediate": "feature maps", "late": "boxes"}
+"""What robots send for an algorithm, in words (docs/glossary.md)."""
 
 
 class Explanation(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,6 +68,7 @@ def _decision(line: CycleRecord) -> Iterator[str]:
         f"Cycle {line.cycle}: {_choice(line)}; quality {decision.quality:.3f} is expected, for "
         f"{cost}."
     )
+    yield from _sends(decision)
     if decision.source == "fallback" and decision.policy != "coverage":
         yield f"Policy {decision.policy} was asked; coverage decided in its place."
     elif decision.model:
@@ -84,6 +88,21 @@ def _choice(line: CycleRecord) -> str:
         return f"{line.ego} alone"
     rate = f" at {decision.rate_hz:g} Hz" if decision.rate_hz is not None else ""
     return f"{line.ego} with {_names(helpers)}, {decision.algorithm} fusion{rate}"
+
+
+def _sends(decision: Decided) -> Iterator[str]:
+    """Who sends what, and how often, unless all send the decision's form in every frame."""
+    alike: dict[tuple[str, float], list[str]] = {}
+    for one in decision.assignments:
+        alike.setdefault((one.algorithm, one.rate_hz), []).append(one.robot)
+    if alike.keys() <= {(decision.algorithm, decision.rate_hz)}:
+        return
+    parts: list[str] = []
+    for (algorithm, rate_hz), robots in alike.items():
+        verb = "" if parts else "send " if len(robots) > 1 else "sends "
+        form = _FORMS.get(algorithm, f"{algorithm} contributions")
+        parts.append(f"{_names(robots)} {verb}{form} {often(rate_hz)}")
+    yield f"{', '.join(parts)}."
 
 
 def _robots(line: CycleRecord) -> Iterator[str]:

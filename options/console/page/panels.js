@@ -1,5 +1,6 @@
 // What the page says in words: the decision, events, links, robots, and the connection itself.
 
+import { fusedWords } from "./forms.js";
 import { decided, part, state } from "./part.js";
 import { OLD_S, ago, byId, clock, decisionOldAfter, names, rate } from "./words.js";
 
@@ -177,7 +178,7 @@ export function showLinks(stream) {
 export function showHistory(past) {
   text("timeline-from", past.source());
   table($("history"), past.rows().slice(-20).reverse().map((p) => [
-    "", clock(p.at), p.cycle ?? "–", p.algorithm ?? "–", p.participants?.join(" ") ?? p.robots, p.valid ? p.source ?? "–" : "not valid",
+    "", clock(p.at), p.cycle ?? "–", fusedWords(p), p.participants?.join(" ") ?? p.robots, p.valid ? p.source ?? "–" : "not valid",
     rate(p.capacity_bps), rate(p.used_bps), (p.latency_ms ?? null) === null ? "–" : `${p.latency_ms.toFixed(0)} ms`,
   ]));
 }

@@ -1,5 +1,6 @@
 // One robot in full: why it takes part or not, what it sends, how old that is, and its link.
 
+import { assigned } from "./forms.js";
 import { decided, part, state } from "./part.js";
 import { fill, text } from "./panels.js";
 import { OLD_S, ago, bytes, rate } from "./words.js";
@@ -74,8 +75,8 @@ export class RobotPanel {
     if (word === "yes") {
       const share = decision.arrival[robot.robot];
       const time = share === undefined ? "" : `; ${Math.round(100 * share)} % of its answers are expected in time`;
-      const sends = decision.assignments?.find(([name]) => name === robot.robot);
-      const what = sends ? `; it sends ${sends[1]} at ${sends[2]} Hz` : "";
+      const sends = assigned(decision, robot.robot);
+      const what = sends ? `; it sends ${sends}` : "";
       return (why ? `yes, but ${why}` : "yes") + what + time;
     }
     if (why !== "not chosen") return `no: ${why}`;
@@ -90,7 +91,10 @@ export class RobotPanel {
     const fused = this.stream.get("detections");
     const missing = fused && now - fused.at <= OLD_S.boxes ? fused.missing[robot.robot] : undefined;
     const bps = traffic && now - traffic.at <= OLD_S.traffic ? traffic.bps[robot.robot] : undefined;
-    const words = bps ? `${rate(bps)}, as ${fused?.algorithm ?? "observations"}` : "no observations";
+    // A frame may be of several forms, and of others than this robot's.
+    const own = decided(this.stream) ? assigned(this.stream.get("decision"), robot.robot) : "";
+    const all = fused?.algorithm === "mixed" ? "" : fused?.algorithm;
+    const words = bps ? `${rate(bps)}, as ${own || all || "observations"}` : "no observations";
     return missing ? `${words}; missing: ${missing}` : words;
   }
 

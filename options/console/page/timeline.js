@@ -1,5 +1,6 @@
 // A span of the past: C(t) against used bytes, who took part, how it was decided, how fast.
 
+import { layers } from "./forms.js";
 import { decisionOldAfter, rate } from "./words.js";
 
 const LEFT = 96, RIGHT = 62, TOP = 6, BOTTOM = 20;
@@ -92,9 +93,13 @@ export class Timeline {
     let from = null;
     const names = [];
     spans.forEach((s, i) => {
-      c.fillStyle = this.theme(algorithmColour(s.algorithm));
       c.globalAlpha = 0.35;
-      c.fillRect(s.from, y(s.robots), s.to - s.from, box.top + box.height - y(s.robots));
+      let below = 0;
+      for (const [colour, count] of layers(s)) {
+        c.fillStyle = this.theme(colour);
+        c.fillRect(s.from, y(below + count), s.to - s.from, y(below) - y(below + count));
+        below += count;
+      }
       c.globalAlpha = 1;
       from ??= s;
       const next = spans[i + 1];
@@ -189,12 +194,6 @@ export class Timeline {
 // Whether one span begins where another ends: across a gap nothing is drawn.
 function goesOn(span, next) {
   return next.from <= span.to + 1;
-}
-
-function algorithmColour(name) {
-  name ??= "";
-  const family = ["early", "intermediate", "late"].find((one) => name.startsWith(one));
-  return family ? `--${family}` : "--quiet";
 }
 
 // A span in its own unit.

@@ -41,6 +41,7 @@ from tests.support.ego_hall import (  # noqa: F401
     observation,
 )
 from tests.support.ego_swarm import Heard, Swarm
+from worlds.base import Scan
 from worlds.factory.world import FactoryWorld
 
 pytestmark = pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
@@ -227,6 +228,21 @@ def test_who_ignores_its_rate_is_heard_in_its_turn_only(
             assert "R3" not in {*frame.participants, *frame.missing, *frame.bytes}
 
 
+class Standing(FactoryWorld):
+    """A floor on which nothing moves any more: what is hidden stays hidden."""
+
+    def scan(self, robot: str, frame: int) -> Scan:
+        return replace(super().scan(robot, 80), frame=frame, velocity=(0.0, 0.0, 0.0))
+
+
+def ages_of(frame: Detections) -> dict[int, float]:
+    """By number of each track: seconds since anybody has seen it."""
+    assert frame.tracks is not None
+    ages_s = unpack_finite(frame.tracks.ages_s, "ages_s", 1)[:, 0]
+    return dict(zip(frame.tracks.ids, ages_s.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("world", [Standing(robots=3, seed=1_000_005)], ids=["standing"])
 def test_who_stops_for_three_seconds_is_lived_without_and_taken_back(
     swarm: Swarm, ego: Ego, world: FactoryWorld, forms: dict[str, Fusion], robot: RobotStarter
 ) -> None:
@@ -245,16 +261,25 @@ def test_who_stops_for_three_seconds_is_lived_without_and_taken_back(
     ego.loop.follow(msgspec.structs.replace(mixed(), deadline_s=0.5))
     ego.loop.start()
     try:
-        heard.until(lambda d: "R2" in d.participants)
+        begun = heard.until(lambda d: "R2" in d.participants)
+        heard.until(lambda d: "R2" in d.participants and d.frame >= begun.frame + 12)
         go.clear()
         assert stopped.wait(60)
         first = heard.until(lambda d: "R2" in d.missing)
         last = heard.until(lambda d: d.capture_ns > first.capture_ns + 3_000_000_000)
         assert "R2" in last.missing
         assert any("R3" in frame.participants for frame in heard.all if frame.frame > first.frame)
-        assert last.tracks is not None
-        ages = unpack_finite(last.tracks.ages_s, "ages_s", 1)
-        assert (ages >= 0.0).all()
+        # What only R2 saw stays, and tells for how long nobody has seen it.
+        shown_at_ns = {
+            number: frame.capture_ns
+            for frame in heard.all
+            for number, age_s in ages_of(frame).items()
+            if age_s == 0.0 and frame.frame <= last.frame
+        }
+        old = {number: age_s for number, age_s in ages_of(last).items() if age_s > 2.0}
+        assert old
+        for number, age_s in old.items():
+            assert age_s == pytest.approx(1e-9 * (last.capture_ns - shown_at_ns[number]))
         go.set()
         heard.until(lambda d: "R2" in d.participants and d.frame > last.frame)
     finally:

@@ -19,11 +19,23 @@ from ego_agent.settings import EgoSettings
 from ego_agent.steering import Steering
 from swarm.errors import JournalError
 from swarm.log import make_logger
-from swarm.messages import EgoSteering, EgoWish
+from swarm.messages import MIXED, Assignment, EgoSteering, EgoWish
 from tests.support.why_journals import journal
 from tests.support.why_truth import untrue
 
 EXPLANATIONS, CYCLES = 1000, 8
+FORMS = {
+    "early": "points",
+    "intermediate": "feature maps",
+    "late": "boxes",
+    "intermediate-codebook": "intermediate-codebook contributions",
+}
+OFTEN = {
+    10.0: "10 times a second",
+    2.5: "2.5 times a second",
+    1.0: "once a second",
+    0.5: "every 2 s",
+}
 
 
 def parsed(record: CycleRecord | None) -> Any:
@@ -118,6 +130,62 @@ def test_a_line_of_an_older_program_says_what_it_lacks() -> None:
     assert explanation.decision
     assert "does not say what robots add and cost" in explanation.lacks[0]
     assert explanation.otherwise == ()
+
+
+def assigned(algorithm: str, *assignments: tuple[str, str, float]) -> CycleRecord:
+    """A line whose robots send that, at 10 fused frames a second: robot, algorithm, rate in Hz."""
+    record = journal(random.Random(3), 1)[0]
+    decision = msgspec.structs.replace(
+        record.decision,
+        participants=("R1", *(robot for robot, _, _ in assignments)),
+        algorithm=algorithm,
+        rate_hz=10.0,
+        assignments=tuple(
+            Assignment(robot=robot, algorithm=form, rate_hz=hz) for robot, form, hz in assignments
+        ),
+    )
+    return msgspec.structs.replace(record, decision=decision)
+
+
+def sends(record: CycleRecord) -> list[str]:
+    """The sentences about who sends what."""
+    decision = explain(find([record])).decision
+    return [sentence for sentence in decision if re.search(r"\w sends? ", sentence)]
+
+
+def test_who_sends_what_and_how_often_is_told_where_it_differs() -> None:
+    mixed = assigned(MIXED, ("R2", "early", 5.0), ("R10", "late", 2.0), ("R5", "early", 5.0))
+    told = "R2 and R5 send points 5 times a second, R10 boxes 2 times a second."
+    assert sends(mixed) == [told]
+    assert told in explain(find([mixed])).text().split("\n")
+    # One form for all, but some of them less often, or all.
+    rarer = assigned("early", ("R2", "early", 10.0), ("R3", "early", 0.5))
+    assert sends(rarer) == ["R2 sends points 10 times a second, R3 points every 2 s."]
+    assert sends(assigned("late", ("R2", "late", 1.0))) == ["R2 sends boxes once a second."]
+
+
+@pytest.mark.parametrize("assignments", [(), (("R2", "early", 10.0), ("R3", "early", 10.0))])
+def test_nobody_is_told_of_where_all_send_the_same_in_every_frame(
+    assignments: tuple[tuple[str, str, float], ...],
+) -> None:
+    assert sends(assigned("early", *assignments)) == []
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_what_is_told_of_assignments_is_all_that_the_line_holds(seed: int) -> None:
+    rng = random.Random(seed)
+    chosen = [(f"R{number}", rng.choice([*FORMS]), rng.choice([*OFTEN])) for number in range(2, 12)]
+    (sentence,) = sends(assigned(MIXED, *chosen))
+    forms, rates = ("|".join(map(re.escape, words.values())) for words in (FORMS, OFTEN))
+    group = re.compile(rf"(R[\dR, and]*?) (?:sends? )?({forms}) ({rates})(?:, |\.$)")
+    assert group.sub("", sentence) == ""
+    found = {
+        (robot, form, often)
+        for robots, form, often in group.findall(sentence)
+        for robot in re.split(r", | and ", robots)
+    }
+    assert found == {(robot, FORMS[form], OFTEN[hz]) for robot, form, hz in chosen}
+    assert fault(sentence, explain(find([assigned(MIXED, *chosen)])), ()) == ""
 
 
 def words_of(seed: int) -> tuple[Any, str, set[str]]:

@@ -73,6 +73,20 @@ def seen(memory: Memory, times: int = 5, step_s: float = 0.1, **where: float) ->
     return told
 
 
+def in_turn(views: dict[str, View]) -> list[float]:
+    """The chances that a memory tells after each frame of a forklift that R5 shows in every
+    second one, and R6, whose cloud is there in the others, does not; the ego sees a wall."""
+    memory, chances = Memory(1.0), []
+    for i in range(20):
+        shows = i % 2 == 0
+        found = boxes((10.0, 0.0)) if shows else Boxes.empty()
+        views_now = {"R1": (WALLED, HERE)} | ({} if shows else views)
+        helper = frozenset({"R5" if shows else "R6"})
+        told = memory.update(Frame(i / 10, found, helper, views_now, HERE))
+        chances.append(max([0.0, *told.boxes.scores]))
+    return chances
+
+
 class TestIdentity:
     def test_an_object_keeps_its_number(self) -> None:
         memory = Memory(1.0)
@@ -213,6 +227,20 @@ class TestEnding:
             told = memory.update(frame(i / 10, boxes((10, 0), score=score), BOTH, EMPTY_FLOOR))
             if not i % 2:
                 assert not (told.boxes.scores > 0.5).any()
+
+    def test_of_two_robots_that_contradict_each_other_who_sees_through_the_place_is_believed(
+        self,
+    ) -> None:
+        chances = in_turn({"R6": (EMPTY_FLOOR, Pose(10.0, -12.0, 1.2).matrix())})
+        # R5 is believed until R6 has looked, and less with each frame that it insists.
+        assert chances[0] > 0.8
+        assert chances[1] < 0.5
+        assert max(chances[3::2]) < 0.1
+        assert max(chances[4:]) < 0.5
+
+    def test_a_robot_that_shows_nothing_where_it_cannot_see_contradicts_nobody(self) -> None:
+        for views in ({}, {"R6": (WALLED, Pose(-2.0, 0.0, 1.2).matrix())}):
+            assert min(in_turn(views)) > 0.8
 
     def test_a_single_faint_box_is_not_remembered(self) -> None:
         memory = Memory(1.0)

@@ -14,6 +14,8 @@ from research.benchmarks import browser as chromium
 from swarm import keyspace
 from swarm.arrays import pack
 from swarm.messages import (
+    MIXED,
+    Assignment,
     EgoSteered,
     EgoSteering,
     EgoWish,
@@ -145,6 +147,30 @@ def test_a_robot_that_takes_no_part_shows_why(speakers: Speakers, page: Page) ->
     tell(page, say, shows(why, "#robot-facts"))
     page.get_by_role("button", name="R4", exact=True).click()
     tell(page, say, shows("no: out of range", "#robot-facts"))
+
+
+def test_where_forms_are_mixed_each_robot_shows_its_own(speakers: Speakers, page: Page) -> None:
+    for robot in ("R1", "R2", "R3"):
+        speakers._session.declare_alive(robot)
+    sent = (
+        Assignment(robot="R2", algorithm="early", rate_hz=10.0),
+        Assignment(robot="R3", algorithm="late", rate_hz=2.0),
+    )
+
+    def say() -> None:
+        for robot, x in (("R1", 5.0), ("R2", 10.0), ("R3", 12.0)):
+            speakers.robot(robot, x, 8.0)
+        speakers.decision(speakers.seq, "R1", "R2", "R3", algorithm=MIXED, assignments=sent)
+        speakers.detections(R2=4000, R3=400)
+
+    tell(page, say, shows("R2 early 10 Hz, R3 late 2 Hz", "#decision-facts"))
+    page.get_by_role("button", name="R3", exact=True).click()
+    # The frame was of points alone.
+    tell(page, say, shows("bit/s, as late at 2 Hz", "#robot-facts"))
+    page.get_by_role("button", name="R2", exact=True).click()
+    tell(page, say, shows("bit/s, as early at 10 Hz", "#robot-facts"))
+    forms = "[...document.querySelectorAll('#history td')].map((one) => one.textContent)"
+    tell(page, say, f"{forms}.includes('mixed: 1 early, 1 late')")
 
 
 def test_only_what_was_changed_is_asked_of_the_ego_and_its_silence_is_seen(

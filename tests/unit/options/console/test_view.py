@@ -15,6 +15,8 @@ from options.console.faults import EGO_UNKNOWN_S, PERIODS, SILENT_S, STALE_S, Fa
 from options.console.view import MAX_ROBOTS, View
 from swarm.arrays import Array, pack
 from swarm.messages import (
+    MIXED,
+    Assignment,
     Beacon,
     Decision,
     Detections,
@@ -164,6 +166,21 @@ def test_how_often_each_contributes_is_shown(view: View, board: Board) -> None:
     decided = next(sample for sample in SAMPLES if isinstance(sample, Decision))
     view.on_decision(decided)
     assert shown(board)["state"]["decision"]["assignments"] == [["R1", "late", 2.0]]
+
+
+def test_the_past_says_how_many_have_sent_each_form(view: View, board: Board) -> None:
+    sent = (("R2", "early", 10.0), ("R3", "late", 2.0), ("R4", "early", 5.0))
+    mixed = msgspec.structs.replace(
+        decision(1),
+        participants=(EGO, "R2", "R3", "R4"),
+        algorithm=MIXED,
+        assignments=tuple(
+            Assignment(robot=robot, algorithm=form, rate_hz=hz) for robot, form, hz in sent
+        ),
+    )
+    view.on_decision(mixed)
+    view.on_decision(decision(2))
+    assert [past["forms"] for past in shown(board)["history"]] == [{"early": 2, "late": 1}, {}]
 
 
 def test_a_clock_that_is_set_back_hides_no_silence(

@@ -1,0 +1,38 @@
+"""Scene files may let single robots send less often."""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import Any
+
+import pytest
+
+from coadapt.main import main
+from tests.support.paths import REPOSITORY
+
+EXAMPLE = REPOSITORY / "docs" / "example-scene.json"
+
+
+def decided(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **objective: Any
+) -> Any:
+    """What is decided on the example at 1 Mbit/s."""
+    scene = json.loads(EXAMPLE.read_text()) | {"capacity_bps": 1e6}
+    scene["objective"] |= objective
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(json.dumps(scene).encode())))
+    assert main(["decide"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_rates_are_assigned_where_the_scene_names_rarer_ones(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    usual = decided(monkeypatch, capsys)
+    assert (usual["participants"], usual["assignments"]) == (["R1", "R3"], [])
+    rarer = decided(monkeypatch, capsys, rarer_hz=[5, 2, 1, 0.5])
+    assert {(one["robot"], one["algorithm"], one["rate_hz"]) for one in rarer["assignments"]} == {
+        ("R3", "late", 2.0),
+        ("R4", "late", 2.0),
+    }
+    assert "2 of 2 send 2 times a second" in rarer["reason"]
