@@ -216,6 +216,7 @@ def test_a_closed_gateway_says_so(pair: tuple[Session, Session], loop: LoopThrea
         ask(ego, request())
 
 
+@pytest.mark.slow
 def test_ten_megabytes_are_refused_and_the_next_request_is_answered(
     pair: tuple[Session, Session], loop: LoopThread
 ) -> None:

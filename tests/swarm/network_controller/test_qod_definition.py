@@ -39,6 +39,7 @@ def api() -> Iterator[Api]:
         yield api
 
 
+@pytest.mark.slow
 @pytest.mark.stumble(
     "Quality on Demand does not do what its OpenAPI file says",
     command="schemathesis --config-file tests/support/schemathesis.toml run "

@@ -25,6 +25,8 @@ EGO, OTHER = "R1", "R2"
 FRAMES = 4
 MOST_LATE = 3
 """Scans that a robot may be behind the ego on a busy machine."""
+USUAL = ("early", "intermediate-codebook")
+"""Each takes real processes, so not all of them are for every `make test`."""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -34,7 +36,13 @@ def exact() -> Iterator[None]:
         yield
 
 
-@pytest.mark.parametrize("algorithm", fusion_names("factory"))
+@pytest.mark.parametrize(
+    "algorithm",
+    [
+        pytest.param(name, marks=() if name in USUAL else pytest.mark.slow)
+        for name in fusion_names("factory")
+    ],
+)
 def test_live_bytes_are_those_of_an_experiment_on_the_same_frames(
     algorithm: str, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

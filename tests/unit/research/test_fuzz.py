@@ -76,6 +76,7 @@ def test_what_a_target_allows_is_no_finding(tmp_path: Path, name: str, data: byt
     assert try_out(f"{PLANTED}:{name}", path) is None
 
 
+@pytest.mark.slow
 def test_coverage_leads_to_a_planted_fault(tmp_path: Path) -> None:
     pytest.importorskip("atheris", reason="atheris has no wheel for this Python")
     found = hunt(
@@ -98,6 +99,7 @@ def test_a_seed_that_kills_or_swells_the_worker_is_found(tmp_path: Path) -> None
         assert found.count(kind) >= 1, (name, found)
 
 
+@pytest.mark.slow
 def test_the_command_tells_what_it_found_and_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

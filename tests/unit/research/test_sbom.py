@@ -13,6 +13,8 @@ import pytest
 
 from research import sbom
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def listed() -> sbom.Document:

@@ -93,6 +93,7 @@ def test_a_live_robot_tells_and_answers_while_it_is_live(swarm: Swarm) -> None:
     assert "topic /points has been silent for" in silent[0]["error"]
 
 
+@pytest.mark.slow
 def test_an_ego_fuses_its_own_live_robot_with_another(swarm: Swarm) -> None:
     """Two robots in one room, each with its own ROS domain and a map of its own."""
     session = swarm.session()
@@ -161,6 +162,7 @@ def test_a_process_that_ends_leaves_the_robots_network(swarm: Swarm) -> None:
         until(lambda: robot.nodes() == [], "the node is gone")
 
 
+@pytest.mark.slow
 def test_the_processes_of_a_robot_have_names_of_their_own_and_leave_it(swarm: Swarm) -> None:
     names = ["coadapt_ego_agent_R1", "coadapt_robot_agent_R1"]
     agent = swarm.robot("R1", world_data=address(swarm, 3))
