@@ -126,7 +126,10 @@ class Site:
         """Has the switch drop what is larger on its way from a machine, which is not told."""
         # Packets that the kernel would cut up later pass a switch of the kernel's own.
         run("ip", "-n", host, "link", "set", "eth0", "gso_max_segs", "1")
-        run("ip", "link", "set", device(host), "mtu", str(mtu))
+        for other in HOSTS:
+            if other != host:
+                # Of what the machine's own cable drops its kernel is told, and sends it anew.
+                run("ip", "link", "set", device(other), "mtu", str(mtu))
 
     def log(self, name: str) -> str:
         """The end of what a process has written."""

@@ -10,12 +10,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from robot_agent.__main__ import MOVED
 from robot_agent.fit import MOVED_WORDS
-from swarm.messages import Decision
-from tests.support.ego_swarm import TIMEOUT_S, Heard, Swarm, factory, stop, swarm_of, until
+from swarm import keyspace
+from swarm.messages import SCHEMA_VERSION, Beacon, Decision, NetDemand
+from swarm.version import DISTRIBUTION, installed_version
+from tests.support.ego_swarm import TIMEOUT_S, Heard, Swarm, factory, hear, stop, swarm_of, until
 
 EPOCH = "1700000000000000000"
 
@@ -38,9 +41,14 @@ def swarm(scans: Path, tmp_path: Path) -> Iterator[Swarm]:
 class Joined:
     """`coadapt join` as it is typed, with nothing but what is typed."""
 
-    def __init__(self, swarm: Swarm, *options: str, **settings: str) -> None:
+    def __init__(
+        self, swarm: Swarm, *options: str, packages: Path | None = None, **settings: str
+    ) -> None:
+        """`packages`: a folder in which Python looks for packages first."""
         self.log = swarm.directory / f"join-{len(swarm.processes)}.log"
         kept = {k: v for k, v in os.environ.items() if not k.startswith("COADAPT_")}
+        if packages is not None:
+            kept["PYTHONPATH"] = os.pathsep.join([str(packages), kept.get("PYTHONPATH", "")])
         address = f"tcp/127.0.0.1:{swarm.port}"
         usual = ["--swarm", "test", "--rings", "16", "--metrics", "127.0.0.1:0"]
         with open(self.log, "wb") as log:
@@ -94,6 +102,7 @@ def test_a_robot_of_another_world_is_left_out_and_both_say_why(
     assert joined.process.poll() is None
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_off_is_told_and_the_robot_is_chosen_all_the_same(
     swarm: Swarm, decisions: Heard[Decision]
 ) -> None:
@@ -103,6 +112,44 @@ def test_a_clock_that_is_off_is_told_and_the_robot_is_chosen_all_the_same(
     joined.says(f"R2: {told}")
 
 
+@pytest.mark.slow
+def test_another_version_of_the_package_is_told_and_the_robot_is_chosen_all_the_same(
+    swarm: Swarm, decisions: Heard[Decision], tmp_path: Path
+) -> None:
+    about = tmp_path / "packages" / f"{DISTRIBUTION.replace('-', '_')}-9.9.dist-info" / "METADATA"
+    about.parent.mkdir(parents=True)
+    about.write_text(f"Metadata-Version: 2.1\nName: {DISTRIBUTION}\nVersion: 9.9\n")
+    joined = Joined(swarm, "--robot", "R2", packages=tmp_path / "packages")
+    told = f"it runs version 9.9, the ego {installed_version()}"
+    decisions.until(lambda d: "R2" in d.participants and d.remarks.get("R2") == told)
+    joined.says(f"R2: {told}")
+
+
+def test_a_robot_of_another_version_of_the_messages_is_left_out_and_the_others_go_on(
+    swarm: Swarm, decisions: Heard[Decision]
+) -> None:
+    joined = Joined(swarm, "--robot", "R2")
+    session = swarm.session()
+    demands = hear(session, keyspace.net_demand("test"), NetDemand)
+    beacon = hear(session, keyspace.beacon("test", "R2"), Beacon).until(lambda _: True)
+    newer = msgspec.structs.replace(beacon, robot="R3", v=SCHEMA_VERSION + 1)
+    why = (
+        f"what it says cannot be read: Beacon of version {SCHEMA_VERSION + 1} of the messages, and "
+        f"this program speaks version {SCHEMA_VERSION}: install one version of the package on both"
+    )
+    session.declare_alive("R3")
+
+    def left_out() -> bool:
+        session.put(keyspace.beacon("test", "R3"), newer)
+        return any(decision.excluded.get("R3") == why for decision in decisions.all)
+
+    until(left_out, f"R3 is left out because {why}")
+    decisions.until(lambda d: d.excluded.get("R3") == why and "R2" in d.participants)
+    demands.until(lambda d: d.told == {"R3": why})
+    assert not joined.lines("ego_says")
+
+
+@pytest.mark.slow
 def test_of_two_robots_with_one_id_both_are_told(swarm: Swarm, decisions: Heard[Decision]) -> None:
     joined = [Joined(swarm, "--robot", "R2") for _ in range(2)]
     decisions.until(lambda d: d.excluded.get("R2") == "two processes use its id")
@@ -110,6 +157,7 @@ def test_of_two_robots_with_one_id_both_are_told(swarm: Swarm, decisions: Heard[
         one.says("R2: two processes use its id")
 
 
+@pytest.mark.slow
 def test_a_robot_whose_ego_was_started_anew_elsewhere_ends_to_be_started_again(
     swarm: Swarm, decisions: Heard[Decision]
 ) -> None:
@@ -134,12 +182,14 @@ def test_a_robot_waits_for_its_router_and_says_what_is_wrong(swarm: Swarm) -> No
     decisions.until(lambda d: "R2" in d.participants)
 
 
+@pytest.mark.slow
 def test_a_robot_in_the_wrong_swarm_hears_nobody_and_says_so(swarm: Swarm) -> None:
     joined = Joined(swarm, "--robot", "R2", "--swarm", "tset")
     joined.says("no ego of swarm 'tset' is heard at tcp/127.0.0.1", "no_ego")
     assert stop(joined.process) == 0
 
 
+@pytest.mark.slow
 def test_a_robot_that_the_world_has_no_room_for_is_told_so(swarm: Swarm) -> None:
     joined = Joined(swarm, "--robot", "R7")
     assert joined.process.wait(TIMEOUT_S) == 1

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,7 @@ from swarm.trust.identity import ISSUED
 from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import WAIT_S, await_
 from tests.support.free_ports import free_port, free_ports
+from tests.support.link_support import must
 
 READY_S = 120.0
 SWARM = "trusty"
@@ -34,6 +37,9 @@ UNANSWERED_S = 5.0
 """A request that the router lets through is answered in less."""
 LIFE_S = 60
 """Renewed when a third of it is left."""
+
+HERE, THERE = ("10.91.0.1", "10.91.0.2") if os.geteuid() == 0 else ("127.0.0.1", "")
+"""Of this machine, and of another one, where there may be one."""
 
 _refused = launch.why_not()
 pytestmark = [
@@ -51,12 +57,32 @@ def cli() -> Iterator[Cli]:
 
 
 @pytest.fixture(scope="module")
-def up() -> tuple[str, ...]:
+def machine() -> Iterator[str]:
+    """Another machine, a network namespace with a cable to this one: its name; empty where this
+    user may make none."""
+    if not THERE:
+        yield ""
+        return
+    name, cable = f"t{os.getpid()}-there", f"t{os.getpid()}-c"
+    with ExitStack() as stack:
+        must("ip", "netns", "add", name)
+        stack.callback(must, "ip", "netns", "del", name)
+        must("ip", "link", "add", cable, "type", "veth", "peer", "name", "eth0", "netns", name)
+        must("ip", "addr", "add", f"{HERE}/24", "dev", cable)
+        must("ip", "link", "set", cable, "up")
+        must("ip", "-n", name, "addr", "add", f"{THERE}/24", "dev", "eth0")
+        must("ip", "-n", name, "link", "set", "eth0", "up")
+        must("ip", "-n", name, "link", "set", "lo", "up")
+        yield name
+
+
+@pytest.fixture(scope="module")
+def up(machine: str) -> tuple[str, ...]:
     options = ("--prometheus-port", "--ego-metrics-port", "--qod-port", "--console-port")
     ports = tuple(word for option in options for word in (option, str(free_port())))
     robots: tuple[str, ...] = ("--runtime", "netns", "--robots", "3", "--rings", "16")
     # Others reach it at an address of this machine, and the floor has room for one of them.
-    robots += ("--listen", "127.0.0.1", "--router-port", str(free_ports(3)), "--world-robots", "4")
+    robots += ("--listen", HERE, "--router-port", str(free_ports(3)), "--world-robots", "4")
     return ("up", "--secure", "--metrics-tls", *robots, *ports, "--wait", str(READY_S))
 
 
@@ -125,7 +151,7 @@ def identity_of(swarm: State, cli: Cli, name: str) -> Path:
 def test_who_has_a_certificate_operates_it_without_its_run_directory(
     swarm: State, cli: Cli
 ) -> None:
-    place = f"tls/127.0.0.1:{swarm.spec.router_port}"
+    place = f"tls/{HERE}:{swarm.spec.router_port}"
     router = ("--router", f"{place}#identity={identity_of(swarm, cli, 'operator-ann')}")
 
     def seen() -> dict[str, Any]:
@@ -146,7 +172,7 @@ def test_a_wish_needs_the_certificate_of_an_operator(swarm: State, cli: Cli) -> 
     wish = ("wish", "--intent", '{"exclude": ["R3"]}', "--apply", "--router")
 
     def router_for(name: str) -> str:
-        place = f"tls/127.0.0.1:{swarm.spec.router_port}"
+        place = f"tls/{HERE}:{swarm.spec.router_port}"
         return f"{place}#identity={identity_of(swarm, cli, name)}"
 
     def told_so() -> bool:
@@ -179,14 +205,24 @@ def test_a_wish_needs_the_certificate_of_an_operator(swarm: State, cli: Cli) -> 
     await_(lambda: all_take_part(cli), "R3 takes part again")
 
 
-def test_a_robot_that_joins_is_chosen_until_it_leaves(swarm: State, cli: Cli) -> None:
+def test_a_robot_that_joins_from_another_machine_is_chosen_until_it_leaves(
+    swarm: State, cli: Cli, machine: str
+) -> None:
+    if not machine:
+        pytest.skip("only root makes a network namespace with a cable to this machine")
     folder = identity_of(swarm, cli, "R4")
-    place = f"tls/127.0.0.1:{swarm.spec.router_port}"
+    place = f"tls/{HERE}:{swarm.spec.router_port}"
     options = ("--robot", "R4", "--cert", str(folder), "--rings", "16", "--metrics", "127.0.0.1:0")
+    there = ("ip", "netns", "exec", machine)
     with subprocess.Popen(
-        [sys.executable, "-m", "coadapt.main", "join", place, *options], stderr=subprocess.DEVNULL
+        [*there, sys.executable, "-m", "coadapt.main", "join", place, *options],
+        stderr=subprocess.PIPE,
+        text=True,
     ) as joined:
         try:
+            assert joined.stderr is not None
+            said = f"robot R4 joins swarm {SWARM!r} at {place}; Ctrl-C ends it\n"
+            assert joined.stderr.readline() == said
             await_(lambda: "R4" in (status(cli)["selected"] or ()), "the ego chooses R4")
             joined.terminate()
             assert joined.wait(WAIT_S) == 0

@@ -4,10 +4,11 @@ long as somebody asks."""
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from network_controller.model import ClassShape, Link, LinkShape
 from swarm import keyspace
 from swarm.errors import LinkGoneError, NetworkError, RefusedError, SettingError
 from swarm.messages import NetState, ShapeReply, ShapeRequest
+from swarm.session import Session
 from swarm.traffic import TrafficClass
 from tests.support.deploy_support import await_
 from tests.support.link_support import entered, must, need_namespaces, receive_in
@@ -297,10 +299,13 @@ def test_settings_that_say_nothing_usable_are_refused(
 
 
 @contextmanager
-def controller(host: Host, **environment: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A controller process in the host's namespace, without a router unless it is named one."""
+def controller(
+    host: Host, *, within: Sequence[str] = (), **environment: str
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A controller process in the host's namespace, without a router unless it is named one.
+    `within`: a command that starts it in its own way."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "network_controller"],
+        [*within, sys.executable, "-m", "network_controller"],
         env={
             **os.environ,
             **host.environment(),
@@ -380,6 +385,13 @@ def is_shaped(host: Host) -> bool:
     return f"rate {RATE // 10**6}Mbit" in shown and "Redirect to device cif" in shown
 
 
+def ask(session: Session, wish: ShapeRequest) -> ShapeReply:
+    """What controller hall-2 answers."""
+    key = keyspace.net_shape(session.swarm, "hall-2")
+    future = session.ask(key, wish, ShapeReply, timeout_s=15.0, traffic=TrafficClass.CONTROL)
+    return future.result().message
+
+
 def test_a_link_that_cannot_be_shaped_is_told_to_all_and_later_is(
     host: Host, swarm_name: str, open_session: SessionMaker, tmp_path: Path
 ) -> None:
@@ -400,20 +412,48 @@ def test_a_link_that_cannot_be_shaped_is_told_to_all_and_later_is(
             assert (told.name, told.robots, told.links) == ("hall-2", ("R7",), ())
             assert "clsact ffff:; it is left alone" in told.unshaped[0]
             wish = ShapeRequest(profile="rate", robot="R7", rate_bps=RATE)
-
-            def ask() -> ShapeReply:
-                key = keyspace.net_shape(swarm_name, "hall-2")
-                future = session.ask(
-                    key, wish, ShapeReply, timeout_s=15.0, traffic=TrafficClass.CONTROL
-                )
-                return future.result().message
-
             with pytest.raises(RefusedError, match="it is left alone"):
-                ask()
+                ask(session, wish)
             must(*["tc", "qdisc", "del", "dev", "eth1", "clsact"])
             states.next_where(lambda state: not state.unshaped)
-            assert ask().shapes[0].rate_bps == RATE
+            assert ask(session, wish).shapes[0].rate_bps == RATE
             shaped = states.next_where(lambda state: bool(state.links))
             assert shaped.links[0].capacity_bps == RATE
+    finally:
+        router.stop()
+
+
+WITHOUT_NET_ADMIN = ("setpriv", "--bounding-set", "-net_admin", "--inh-caps", "-net_admin")
+
+
+def test_a_controller_without_the_right_to_shape_says_so_and_goes_on(
+    host: Host, swarm_name: str, open_session: SessionMaker, tmp_path: Path
+) -> None:
+    before = host.kernel()
+    socket = f"{tmp_path}/r"
+    router = RouterProcess("--unix-socket", socket)
+    states: Inbox[NetState] = Inbox()
+    try:
+        session = open_session(router.address)
+        session.subscribe(keyspace.net_state(swarm_name, keyspace.ANY), NetState, states.put)
+        with controller(
+            host,
+            within=WITHOUT_NET_ADMIN,
+            COADAPT_SWARM=swarm_name,
+            COADAPT_ROUTER=f"unixsock-stream/{socket}",
+            COADAPT_CONTROLLER="hall-2",
+            COADAPT_LINK_BPS=str(RATE),
+        ) as process:
+            told = states.next_where(lambda state: bool(state.unshaped))
+            assert (told.name, told.robots, told.links) == ("hall-2", ("R7",), ())
+            assert "Operation not permitted; the controller needs NET_ADMIN" in told.unshaped[0]
+            with pytest.raises(RefusedError, match=re.escape(told.unshaped[0])):
+                ask(session, ShapeRequest(profile="rate", robot="R7", rate_bps=RATE))
+            assert told.unshaped[0] in ask(session, ShapeRequest(profile="show")).notes
+            states.skip()
+            assert states.next().unshaped == told.unshaped
+            ended(process, signal.SIGTERM)
+            assert process.returncode == 0
+        assert host.kernel() == before
     finally:
         router.stop()
