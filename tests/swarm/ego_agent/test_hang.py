@@ -9,6 +9,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
 from swarm.loop_watch import HUNG
 
 WAIT_S = 240
@@ -70,6 +72,7 @@ asyncio.run(main())
 """
 
 
+@pytest.mark.slow
 def test_an_ego_whose_loop_hangs_is_started_again_and_decides(tmp_path: Path) -> None:
     (tmp_path / "ego.py").write_text(EGO)
     with subprocess.Popen(

@@ -150,6 +150,7 @@ def test_an_ego_that_does_not_share_says_so(
     assert not any(request.shares or request.listens for request in publisher.asked)
 
 
+@pytest.mark.slow
 def test_real_robots_and_egos_share_and_the_last_one_is_answered_again(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:

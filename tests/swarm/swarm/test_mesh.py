@@ -193,6 +193,7 @@ def test_each_router_holds_its_own_processes_to_their_rights(come: Come) -> None
         assert beacons.next().robot == "R2"
 
 
+@pytest.mark.slow
 def test_a_router_elsewhere_fetches_its_renewed_certificate(
     come: Come, machines: tuple[Machine, Machine], tmp_path: Path
 ) -> None:
