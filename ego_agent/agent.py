@@ -256,7 +256,7 @@ class EgoAgent:
         cycle_ms = (time.perf_counter() - begun) * 1e3
         demand = self._say_demand(snapshot, scene, decision, control)
         weighed = self._weighed(scene, decision, compared)
-        self._probe = self._next_probe(snapshot, scene, decision)
+        self._probe = self._next_probe(snapshot, scene, decision, wishes)
         self._metrics.links(snapshot)
         self._metrics.decided(decision, scene)
         return _Running(snapshot, scene, decision, published, cycle_ms, demand, weighed)
@@ -324,7 +324,11 @@ class EgoAgent:
             return None
 
     def _next_probe(
-        self, snapshot: Snapshot, scene: UnifiedScene | None, decision: Decision
+        self,
+        snapshot: Snapshot,
+        scene: UnifiedScene | None,
+        decision: Decision,
+        wishes: Standing,
     ) -> Probe | None:
         """What the next decision shall ask on the side; no fault of it harms the cycle."""
         if scene is None:
@@ -332,7 +336,7 @@ class EgoAgent:
         try:
             now_s = time.monotonic()
             return self._prober.take(scene, self.knowledge, decision, now_s) or self._unheard.take(
-                snapshot, self.knowledge, decision, now_s
+                snapshot, self.knowledge, decision, wishes, now_s
             )
         except Exception:
             self._metrics.cycle_faults.inc()

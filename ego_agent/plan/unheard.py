@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot
 from ego_agent.plan.control_budget import beacons_stand
+from ego_agent.plan.intents.bind import bound_objective, left_out
+from ego_agent.plan.intents.standing import Standing
 from swarm.messages import Decision, Probe
 
 FIRST_S, LAST_S = 1.0, 60.0
@@ -34,24 +36,32 @@ class UnheardProber:
         self._asked: dict[str, _Asked] = {}
 
     def take(
-        self, snapshot: Snapshot, knowledge: Knowledge, decision: Decision, now_s: float
+        self,
+        snapshot: Snapshot,
+        knowledge: Knowledge,
+        decision: Decision,
+        wishes: Standing,
+        now_s: float,
     ) -> Probe | None:
         """What the decision after this one shall ask: the nearest robot whose turn it is, of those
         that are out only because what is known of them is too old, for its smallest observation.
         None where there is nobody, where beacons of others come quickly, so that the rest will come
-        by themselves, or where the link does not carry the answer within a second."""
+        by themselves, or where the link does not carry the answer within a second. Whom intents
+        leave out is left alone."""
         for robot, last in list(self._asked.items()):
             if robot in decision.participants or now_s - last.at_s > FORGET_S:
                 del self._asked[robot]
         if not beacons_stand(snapshot):
             return None
-        objective = knowledge.objective
+        objective = bound_objective(knowledge.objective, wishes)
         taken_bps = 8.0 * decision.cost_bytes * decision.rate_hz
         free_bps = objective.headroom * snapshot.capacity_bps - taken_bps
         able = [
             (distance_m, robot, probe)
             for distance_m, robot, probe in _too_old(snapshot, knowledge)
-            if 8.0 * probe.bytes <= free_bps and self._is_due(robot, now_s)
+            if 8.0 * probe.bytes <= free_bps
+            and self._is_due(robot, now_s)
+            and not left_out(robot, wishes)
         ]
         if not able:
             return None

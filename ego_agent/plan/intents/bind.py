@@ -64,7 +64,7 @@ def bound_scene(
     the weights of places and of `known` objects' classes."""
     if not wishes.intents:
         return scene
-    why = {c.robot: _left_out(c.robot, wishes) for c in scene.candidates}
+    why = {c.robot: left_out(c.robot, wishes) for c in scene.candidates}
     return replace(
         scene,
         candidates=tuple(c for c in scene.candidates if not why[c.robot]),
@@ -83,7 +83,7 @@ def inside(scene: UnifiedScene, places: Iterable[Place]) -> NDArray[np.bool_]:
     return contains(x, y, places)
 
 
-def _left_out(robot: str, wishes: Standing) -> str:
+def left_out(robot: str, wishes: Standing) -> str:
     """Why a robot may not take part; empty where it may."""
     if robot in wishes.exclude:
         return f"left out by {name_of(wishes.exclude[robot])}"

@@ -11,11 +11,13 @@ import pytest
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import RobotView
 from ego_agent.plan.decision import alone
+from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.unheard import FIRST_S, FORGET_S, LAST_S, UnheardProber
-from swarm.messages import Probe
+from swarm.messages import Intent, IntentInForce, Probe
 from tests.support.ego_scenes import snapshot, view
 
 KNOWLEDGE = Knowledge()
+NOTHING_WISHED = Standing()
 OLD_S = KNOWLEDGE.objective.beacon_max_age_s + 0.1
 
 
@@ -29,11 +31,12 @@ def asked(
     at_s: float = 0.0,
     chosen: tuple[str, ...] = (),
     capacity_bps: float = 100e3,
+    wishes: Standing = NOTHING_WISHED,
 ) -> Probe | None:
     now = snapshot(view("E"), *others, capacity_bps=capacity_bps)
     decision = alone(now, KNOWLEDGE, "coverage", "nobody is heard")
     decision = msgspec.structs.replace(decision, participants=("E", *chosen))
-    return prober.take(now, KNOWLEDGE, decision, at_s)
+    return prober.take(now, KNOWLEDGE, decision, wishes, at_s)
 
 
 def test_the_nearest_is_asked_first_for_its_smallest_observation_and_then_the_next() -> None:
@@ -94,7 +97,15 @@ def test_nobody_is_asked_where_the_link_does_not_carry_the_answer_in_a_second() 
     assert asked(UnheardProber(), old("R1"), capacity_bps=narrow_bps + 1.0)
 
 
+@pytest.mark.parametrize(
+    "intent", [Intent(exclude=("R1",)), Intent(only=("R2",)), Intent(link_share=0.01)]
+)
+def test_whom_an_operator_leaves_out_is_left_alone(intent: Intent) -> None:
+    wishes = standing([IntentInForce(number=1, intent=intent, operator="ann")])
+    assert asked(UnheardProber(), old("R1"), wishes=wishes) is None
+
+
 def test_an_ego_that_does_not_know_where_it_is_asks_nobody() -> None:
     now = snapshot(view("E", beacon=False), old("R1"))
     decision = alone(now, KNOWLEDGE, "coverage", "")
-    assert UnheardProber().take(now, KNOWLEDGE, decision, 0.0) is None
+    assert UnheardProber().take(now, KNOWLEDGE, decision, NOTHING_WISHED, 0.0) is None
