@@ -146,7 +146,7 @@ class _Corrected:
     """x, y and turn in the world frame; of those that were moved."""
     world_from_own: Matrix = field(default_factory=lambda: np.eye(4))
 
-    def at(self, time_s: float, world_from_own: Matrix) -> _Corrected:
+    def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> _Corrected:
         return replace(self, world_from_own=world_from_own)
 
     def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix:

@@ -37,8 +37,9 @@ class Corrections(Protocol):
 class Remembering(Protocol):
     """What is known of senders from frame to frame."""
 
-    def at(self, time_s: float, world_from_own: Matrix) -> Corrections:
-        """For a frame of that time, seconds of one clock. Any thread may ask."""
+    def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> Corrections:
+        """For what was captured at that time, and an ego that stands there at `stood_s`: seconds of
+        one clock. Any thread may ask."""
         ...
 
 

@@ -165,7 +165,7 @@ class _Compensated(Gathering):
         here = self._own.world_from_own
         gathering = self._fusion.begin(points, here)
         if self._poses is not None:
-            gathering.remembered = self._poses.at(time_s, here)
+            gathering.remembered = self._poses.at(time_s, self._own.time_s, here)
         return gathering
 
     def _at_present(self, boxes: Boxes, time_s: float) -> Boxes:

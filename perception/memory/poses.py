@@ -119,14 +119,13 @@ class PoseMemory:
     def __len__(self) -> int:
         return len(self._senders)
 
-    def at(self, time_s: float, world_from_own: Matrix) -> PosesAt:
-        """The memory for a frame of that time, seconds of one clock. Changes nothing: any thread
-        may ask for it."""
-        return PosesAt(self, time_s, world_from_own)
+    def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> PosesAt:
+        """See `Remembering.at`. Changes nothing: any thread may ask for it."""
+        return PosesAt(self, time_s, stood_s, world_from_own)
 
     def follow(self, time_s: float, world_from_own: Matrix) -> None:
         """Forgets everything where the ego, which stands there at that time, has jumped, or its
-        clock was put back. Contributions of up to FORGOTTEN_S before are no jump of it."""
+        clock was put back by more than FORGOTTEN_S."""
         back_s = self._followed_s - time_s
         if back_s > FORGOTTEN_S:
             self._senders.clear()
@@ -166,11 +165,12 @@ class PosesAt:
 
     memory: PoseMemory
     time_s: float
+    stood_s: float
     world_from_own: Matrix
 
     def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
         """See `Corrections.corrected`."""
-        self.memory.follow(self.time_s, self.world_from_own)
+        self.memory.follow(self.stood_s, self.world_from_own)
         if shown.gain < MIN_GAIN and not small(shown.move):
             # Frames look alike: many that show a little each would be taken for a lot.
             shown = Estimate.nothing()

@@ -111,7 +111,7 @@ def fuse_frame(
         own = _own_scan(world, ego, frame)
         gathering = fusion.begin(own.points, own.world_from_own)
         if poses is not None:
-            gathering.remembered = poses.at(own.time_s, own.world_from_own)
+            gathering.remembered = poses.at(own.time_s, own.time_s, own.world_from_own)
         return _gathered(gathering, fusion, world, senders, frame, frame, disturbance, ego)
     # The ego knows how things move from its frames before.
     motion = MotionCompensation(world.detector, poses=poses)

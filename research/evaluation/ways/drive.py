@@ -134,7 +134,8 @@ class Driven:
         here = own.pose.matrix()
         gathering = Mixed(forms or {"early": self.fusion("early")}).begin(own.points, here)
         if self.drive.pose_memory:
-            gathering.remembered = self._poses.at(frame / self.world.rate_hz, here)
+            now_s = frame / self.world.rate_hz
+            gathering.remembered = self._poses.at(now_s, now_s, here)
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
         for robot, name in asked.items():

@@ -46,7 +46,12 @@ class Swarm:
         self.sender = Pose(10.0, 3.0, 0.0, yaw=1.0).matrix()
 
     def frame(
-        self, time_s: float, error: Floats, robot: str = "R2", sd: float = 1.0
+        self,
+        time_s: float,
+        error: Floats,
+        robot: str = "R2",
+        sd: float = 1.0,
+        late_s: float = 0.0,
     ) -> tuple[Floats, Floats]:
         """What the frame alone shows of this error, and what memory makes of it: moves (3,) in the
         world's axes."""
@@ -56,7 +61,7 @@ class Swarm:
         turn[:2, :2] = [[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]]
         # What is shown holds what poses usually err by.
         shown = Estimate(turn @ move, COVARIANCE, 10.0)
-        found = self.memory.at(time_s, self.own).corrected(
+        found = self.memory.at(time_s, time_s + late_s, self.own).corrected(
             robot, invert(self.own) @ self.sender, shown
         )
         return move, move if found is None else self.as_move(found)
@@ -126,7 +131,7 @@ def test_a_sender_that_vanishes_for_three_seconds_is_known_when_it_is_back() -> 
     swarm.drive(lambda _: ERROR)
     _, known = swarm.frame(FRAMES / 10.0 + 3.0, ERROR, sd=0.0)
     weak = Estimate(np.zeros(3), np.diag(np.square([0.4, 0.4, math.radians(0.5)])), 0.0)
-    later = swarm.memory.at(FRAMES / 10.0 + 3.0, swarm.own)
+    later = swarm.memory.at(FRAMES / 10.0 + 3.0, FRAMES / 10.0 + 3.0, swarm.own)
     found = later.corrected("R2", invert(swarm.own) @ swarm.sender, weak)
     assert found is not None
     assert off(swarm.as_move(found), ERROR) < 0.1
@@ -136,7 +141,8 @@ def test_a_sender_that_vanishes_for_three_seconds_is_known_when_it_is_back() -> 
 def test_a_sender_that_was_not_heard_for_long_is_estimated_anew() -> None:
     swarm = Swarm()
     swarm.drive(lambda _: ERROR)
-    then = swarm.memory.at(FRAMES / 10.0 + FORGOTTEN_S + 1.0, swarm.own)
+    then_s = FRAMES / 10.0 + FORGOTTEN_S + 1.0
+    then = swarm.memory.at(then_s, then_s, swarm.own)
     shown = Estimate(RIGHT, COVARIANCE, 0.0)
     assert then.corrected("R2", invert(swarm.own) @ swarm.sender, shown) is None
 
@@ -147,7 +153,7 @@ def test_what_was_known_is_dropped_when_a_pose_jumps(who: str) -> None:
     swarm.drive(lambda _: ERROR)
     moved = Pose(0.0, -(SENDER_JUMP_M + 1.0 + FASTEST_M_S * 0.1), 0.0).matrix()
     setattr(swarm, who, moved @ getattr(swarm, who))
-    now = swarm.memory.at(FRAMES / 10.0, swarm.own)
+    now = swarm.memory.at(FRAMES / 10.0, FRAMES / 10.0, swarm.own)
     shown = Estimate(RIGHT, COVARIANCE, 0.0)
     assert now.corrected("R2", invert(swarm.own) @ swarm.sender, shown) is None
 
@@ -159,6 +165,16 @@ def test_an_ego_that_jumps_forgets_those_too_who_send_later(moved: Pose) -> None
     swarm.own = moved.matrix() @ swarm.own
     swarm.frame(FRAMES / 10.0, ERROR, robot="R3")
     assert len(swarm.memory) == 1
+
+
+def test_late_contributions_of_a_fast_ego_are_no_jump_of_it() -> None:
+    # At 20 m/s robots are fused every half second, each second time with what was seen 0.3 s ago.
+    swarm = Swarm(yaw=0.0)
+    for number in range(0, FRAMES, 5):
+        swarm.own = Pose(2.0 * number, 0.0, 0.0).matrix()
+        late_s = 0.3 if number % 10 else 0.0
+        swarm.frame(number / 10.0 - late_s, ERROR, robot=f"R{number}", late_s=late_s)
+    assert len(swarm.memory) == FRAMES / 5
 
 
 def test_a_clock_that_is_put_back_begins_anew() -> None:
@@ -198,6 +214,6 @@ def test_many_frames_that_show_a_little_are_not_taken_for_a_lot() -> None:
     little = np.diag(np.square([0.1, 0.3, math.radians(0.5)]))
     for number in range(FRAMES):
         shown = Estimate(np.array([-0.3, -0.1, 0.0]), little, 1.0)
-        frame = swarm.memory.at(number / 10.0, swarm.own)
+        frame = swarm.memory.at(number / 10.0, number / 10.0, swarm.own)
         found = frame.corrected("R2", invert(swarm.own) @ swarm.sender, shown)
         assert found is None or np.allclose(found, np.eye(4))

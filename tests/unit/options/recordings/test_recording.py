@@ -100,7 +100,7 @@ class Moved:
 
     by: Matrix
 
-    def at(self, time_s: float, world_from_own: Matrix) -> Moved:
+    def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> Moved:
         return self
 
     def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix:
