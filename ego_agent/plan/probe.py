@@ -12,6 +12,7 @@ import msgspec
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import algorithm_of
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.policies.coverage import Coverage
@@ -89,16 +90,17 @@ class Prober:
             self._wait_s = min(LAST_S, 2.0 * self._wait_s)
 
 
+def spare_bps(objective: Objective, capacity_bps: float, decision: Decision) -> float:
+    """What a decision leaves of its share of C(t), bit/s."""
+    return objective.headroom * capacity_bps - 8.0 * decision.cost_bytes * decision.rate_hz
+
+
 def _of(scorer: Scorer, hoped: Score, decision: Decision) -> Probe | None:
     """The hoped-for participant to ask: of those that are doubted and not asked for the same
     anyway, the one that is doubted least, so that one who came in time is soon believed. None where
     nobody is, or where the link does not carry the answer within a second."""
     asked = {robot: algorithm_of(decision, robot) for robot in decision.participants}
-    objective = scorer.objective
-    free_bps = (
-        objective.headroom * scorer.scene.capacity_bps
-        - 8.0 * decision.cost_bytes * decision.rate_hz
-    )
+    free_bps = spare_bps(scorer.objective, scorer.scene.capacity_bps, decision)
     able = []
     for robot in hoped.participants:
         algorithm = hoped.algorithm_of(robot)

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot
 from ego_agent.plan.control_budget import beacons_stand
-from ego_agent.plan.intents.bind import bound_objective, left_out
+from ego_agent.plan.intents.bind import left_out
 from ego_agent.plan.intents.standing import Standing
+from ego_agent.plan.probe import spare_bps
 from swarm.messages import Decision, Probe
 
 FIRST_S, LAST_S = 1.0, 60.0
@@ -53,9 +54,7 @@ class UnheardProber:
                 del self._asked[robot]
         if not beacons_stand(snapshot):
             return None
-        objective = bound_objective(knowledge.objective, wishes)
-        taken_bps = 8.0 * decision.cost_bytes * decision.rate_hz
-        free_bps = objective.headroom * snapshot.capacity_bps - taken_bps
+        free_bps = spare_bps(knowledge.objective, snapshot.capacity_bps, decision)
         able = [
             (distance_m, robot, probe)
             for distance_m, robot, probe in _too_old(snapshot, knowledge)

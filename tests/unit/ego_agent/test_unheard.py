@@ -11,6 +11,7 @@ import pytest
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import RobotView
 from ego_agent.plan.decision import alone
+from ego_agent.plan.intents.bind import bound_objective
 from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.unheard import FIRST_S, FORGET_S, LAST_S, UnheardProber
 from swarm.messages import Intent, IntentInForce, Probe
@@ -36,7 +37,9 @@ def asked(
     now = snapshot(view("E"), *others, capacity_bps=capacity_bps)
     decision = alone(now, KNOWLEDGE, "coverage", "nobody is heard")
     decision = msgspec.structs.replace(decision, participants=("E", *chosen))
-    return prober.take(now, KNOWLEDGE, decision, wishes, at_s)
+    # As the cycle's knowledge is, which aims at what is wished.
+    aiming = KNOWLEDGE.aiming_at(bound_objective(KNOWLEDGE.objective, wishes))
+    return prober.take(now, aiming, decision, wishes, at_s)
 
 
 def test_the_nearest_is_asked_first_for_its_smallest_observation_and_then_the_next() -> None:
