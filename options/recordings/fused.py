@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import msgspec
 import numpy as np
 
 from options.recordings import format as layout
 from options.recordings import shapes
-from options.ros.fused import objects_of
+from options.ros.fused import remembered
 from swarm.arrays import unpack_finite
 from swarm.errors import MessageError
-from swarm.messages import Detections
+from swarm.messages import Detections, Tracks
 
 
 def fused_of(message: Detections) -> layout.Fused:
@@ -62,14 +61,11 @@ def fused_of(message: Detections) -> layout.Fused:
             )
             for one in message.known
         ),
-        tracks=_tracks(message),
+        tracks=None if message.tracks is None else _tracks(message.tracks),
     )
 
 
-def _tracks(message: Detections) -> tuple[layout.Track, ...] | None:
-    if message.tracks is None:
-        return None
-    # Known robots, which would be among them, are recorded apart.
+def _tracks(tracks: Tracks) -> tuple[layout.Track, ...]:
     return tuple(
         layout.Track(
             center=one.center,
@@ -81,5 +77,5 @@ def _tracks(message: Detections) -> tuple[layout.Track, ...] | None:
             velocity=one.velocity,
             age_s=one.age_s,
         )
-        for one in objects_of(msgspec.structs.replace(message, known=()))
+        for one in remembered(tracks)
     )

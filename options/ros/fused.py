@@ -110,14 +110,15 @@ def objects_of(message: Detections) -> list[Object]:
     Raises MessageError for arrays that are none.
     """
     tracks = message.tracks
-    found = _of_frame(message) if tracks is None else _remembered(tracks)
+    found = _of_frame(message) if tracks is None else remembered(tracks)
     return found + [
         Object(one.robot, one.label, one.center, one.size, one.heading, score=1.0)
         for one in message.known
     ]
 
 
-def _remembered(tracks: Tracks) -> list[Object]:
+def remembered(tracks: Tracks) -> list[Object]:
+    """What the ego remembers. Raises MessageError for arrays that are none."""
     names = [str(one) for one in tracks.ids]
     rows = unpack_finite(tracks.boxes, "tracks.boxes", 7).astype(np.float64).tolist()
     scores = unpack_finite(tracks.scores, "tracks.scores", 1)[:, 0].tolist()
