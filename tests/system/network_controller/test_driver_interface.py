@@ -392,35 +392,60 @@ def ask(session: Session, wish: ShapeRequest) -> ShapeReply:
     return future.result().message
 
 
-def test_a_link_that_cannot_be_shaped_is_told_to_all_and_later_is(
-    host: Host, swarm_name: str, open_session: SessionMaker, tmp_path: Path
-) -> None:
-    must(*["tc", "qdisc", "add", "dev", "eth1", "clsact"])
-    socket = f"{tmp_path}/r"
+@dataclass(frozen=True)
+class Hall:
+    """Controller hall-2, and what it says, by a router of its own."""
+
+    process: subprocess.Popen[bytes]
+    session: Session
+    states: Inbox[NetState]
+
+
+@contextmanager
+def hall(
+    host: Host,
+    swarm: str,
+    open_session: SessionMaker,
+    folder: Path,
+    *,
+    within: Sequence[str] = (),
+    **environment: str,
+) -> Iterator[Hall]:
+    socket = f"{folder}/r"
     router = RouterProcess("--unix-socket", socket)
     states: Inbox[NetState] = Inbox()
     try:
         session = open_session(router.address)
-        session.subscribe(keyspace.net_state(swarm_name, keyspace.ANY), NetState, states.put)
+        session.subscribe(keyspace.net_state(swarm, keyspace.ANY), NetState, states.put)
         with controller(
             host,
-            COADAPT_SWARM=swarm_name,
+            within=within,
+            COADAPT_SWARM=swarm,
             COADAPT_ROUTER=f"unixsock-stream/{socket}",
             COADAPT_CONTROLLER="hall-2",
-        ):
-            told = states.next_where(lambda state: bool(state.unshaped))
-            assert (told.name, told.robots, told.links) == ("hall-2", ("R7",), ())
-            assert "clsact ffff:; it is left alone" in told.unshaped[0]
-            wish = ShapeRequest(profile="rate", robot="R7", rate_bps=RATE)
-            with pytest.raises(RefusedError, match="it is left alone"):
-                ask(session, wish)
-            must(*["tc", "qdisc", "del", "dev", "eth1", "clsact"])
-            states.next_where(lambda state: not state.unshaped)
-            assert ask(session, wish).shapes[0].rate_bps == RATE
-            shaped = states.next_where(lambda state: bool(state.links))
-            assert shaped.links[0].capacity_bps == RATE
+            **environment,
+        ) as process:
+            yield Hall(process, session, states)
     finally:
         router.stop()
+
+
+def test_a_link_that_cannot_be_shaped_is_told_to_all_and_later_is(
+    host: Host, swarm_name: str, open_session: SessionMaker, tmp_path: Path
+) -> None:
+    must(*["tc", "qdisc", "add", "dev", "eth1", "clsact"])
+    with hall(host, swarm_name, open_session, tmp_path) as heard:
+        told = heard.states.next_where(lambda state: bool(state.unshaped))
+        assert (told.name, told.robots, told.links) == ("hall-2", ("R7",), ())
+        assert "clsact ffff:; it is left alone" in told.unshaped[0]
+        wish = ShapeRequest(profile="rate", robot="R7", rate_bps=RATE)
+        with pytest.raises(RefusedError, match="it is left alone"):
+            ask(heard.session, wish)
+        must(*["tc", "qdisc", "del", "dev", "eth1", "clsact"])
+        heard.states.next_where(lambda state: not state.unshaped)
+        assert ask(heard.session, wish).shapes[0].rate_bps == RATE
+        shaped = heard.states.next_where(lambda state: bool(state.links))
+        assert shaped.links[0].capacity_bps == RATE
 
 
 WITHOUT_NET_ADMIN = ("setpriv", "--bounding-set", "-net_admin", "--inh-caps", "-net_admin")
@@ -430,30 +455,19 @@ def test_a_controller_without_the_right_to_shape_says_so_and_goes_on(
     host: Host, swarm_name: str, open_session: SessionMaker, tmp_path: Path
 ) -> None:
     before = host.kernel()
-    socket = f"{tmp_path}/r"
-    router = RouterProcess("--unix-socket", socket)
-    states: Inbox[NetState] = Inbox()
-    try:
-        session = open_session(router.address)
-        session.subscribe(keyspace.net_state(swarm_name, keyspace.ANY), NetState, states.put)
-        with controller(
-            host,
-            within=WITHOUT_NET_ADMIN,
-            COADAPT_SWARM=swarm_name,
-            COADAPT_ROUTER=f"unixsock-stream/{socket}",
-            COADAPT_CONTROLLER="hall-2",
-            COADAPT_LINK_BPS=str(RATE),
-        ) as process:
-            told = states.next_where(lambda state: bool(state.unshaped))
-            assert (told.name, told.robots, told.links) == ("hall-2", ("R7",), ())
-            assert "Operation not permitted; the controller needs NET_ADMIN" in told.unshaped[0]
-            with pytest.raises(RefusedError, match=re.escape(told.unshaped[0])):
-                ask(session, ShapeRequest(profile="rate", robot="R7", rate_bps=RATE))
-            assert told.unshaped[0] in ask(session, ShapeRequest(profile="show")).notes
-            states.skip()
-            assert states.next().unshaped == told.unshaped
-            ended(process, signal.SIGTERM)
-            assert process.returncode == 0
-        assert host.kernel() == before
-    finally:
-        router.stop()
+    with hall(
+        *(host, swarm_name, open_session, tmp_path),
+        within=WITHOUT_NET_ADMIN,
+        COADAPT_LINK_BPS=str(RATE),
+    ) as heard:
+        told = heard.states.next_where(lambda state: bool(state.unshaped))
+        assert (told.name, told.robots, told.links) == ("hall-2", ("R7",), ())
+        assert "Operation not permitted; the controller needs NET_ADMIN" in told.unshaped[0]
+        with pytest.raises(RefusedError, match=re.escape(told.unshaped[0])):
+            ask(heard.session, ShapeRequest(profile="rate", robot="R7", rate_bps=RATE))
+        assert told.unshaped[0] in ask(heard.session, ShapeRequest(profile="show")).notes
+        heard.states.skip()
+        assert heard.states.next().unshaped == told.unshaped
+        ended(heard.process, signal.SIGTERM)
+        assert heard.process.returncode == 0
+    assert host.kernel() == before
