@@ -29,8 +29,10 @@ ACKS = 5
 seconds late, and a wide way stands still. So they go first (RFC 3449, section 5.4.2)."""
 ACKS_BPS = 1_000
 """Guaranteed to them, so little that all guarantees still fit; they borrow as control does."""
-_ACK = "match u8 0x05 0x0f at 0 match u16 0x0000 0xff80 at 2 match ip protocol 6 0xff "
-_ACK += "match u8 0x10 0xff at 33"
+_ACK = (
+    "match u8 0x05 0x0f at 0 match u16 0x0000 0xff80 at 2 match ip protocol 6 0xff "
+    "match u8 0x10 0xff at 33"
+)
 """A header without options, less than 128 bytes in all, TCP, ACK and no other flag."""
 _ACK_SHOWN = ("05000000/0f00ff80 at 0", "00060000/00ff0000 at 8", "00100000/00ff0000 at 32")
 """That, as `tc filter show` prints it."""
