@@ -8,9 +8,10 @@ In the manner of BBR (Cardwell et al., "BBR: Congestion-Based Congestion Control
   (`net/tcp`), a robot's own towards the router.
 - Where the shaper's queue stood (`net/state`), the link that it shapes is the limit, and carries
   what was configured: a socket behind it shows only the share that it got beside others.
-- Without evidence that a link was filled, an estimate rises, doubling every `DOUBLING_S` (BBR
-  probes for bandwidth in the same spirit): the cell's towards the prior, a robot's until it is no
-  narrower than the cell. A link that has recovered is found out without traffic for its own sake.
+- Without evidence that a link was filled, an estimate rises in the manner of CUBIC's window (RFC
+  9438): for a while it hardly leaves what was measured, then ever faster, to twice that after
+  `DOUBLING_S`; the cell's towards the prior, a robot's until it is no narrower than the cell. A
+  link that has recovered is found out without traffic for its own sake.
 - When nothing at all comes from anybody any more, each frame takes the cell's down by
   `SILENCE_DECAY`.
 
@@ -61,7 +62,7 @@ class _Filter:
         if self.measured is None:
             return math.inf
         rate_bps, at = self.measured
-        return rate_bps * math.exp2(min(64.0, max(0.0, now_s - at) / DOUBLING_S))
+        return rate_bps * (1.0 + (max(0.0, now_s - at) / DOUBLING_S) ** 3)
 
 
 class _Uplink(NamedTuple):

@@ -122,6 +122,13 @@ def test_without_new_evidence_the_estimate_rises_to_the_prior_and_no_further() -
     assert link.capacity(EVER) == (PRIOR, "prior")
 
 
+def test_the_estimate_leaves_what_was_measured_slowly_and_then_ever_faster() -> None:
+    link = LinkEstimate(PRIOR)
+    now = feed(link, filled(0.5e6), 1.0, 0.0)
+    after = [link.capacity(now + seconds)[0] / 0.5e6 for seconds in (2, 5, 10, 20)]
+    assert after == pytest.approx([1.064, 2.0, 9.0, 65.0])
+
+
 def test_a_robot_with_a_slow_link_of_its_own_lowers_its_own_estimate_only() -> None:
     link = LinkEstimate(PRIOR)
     for i in range(10):
