@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import re
 import signal
 import statistics
 import subprocess
@@ -196,21 +197,19 @@ def alone(rig: Rig) -> Iterator[dict[str, Any]]:
     rig.policy("static-early")
     for rate_bps in ALONE_BPS:
         rig.shape(FROM_BPS)
-        since_ns = time.time_ns()
         # A process that is held for 30 s is started anew, as is one that was whenever somebody
         # looked: each row holds it for less, and it goes on for long enough to be seen to.
         time.sleep(SEEN_S)
-        control_bps = rig.heard.carried_bps(since_ns).get("control", 0.0)
         controller = process_id(rig.state, "network_controller")
         kill(controller, signal.SIGSTOP)
         try:
-            yield _alone_at(rig, rate_bps, control_bps)
+            yield _alone_at(rig, rate_bps)
         finally:
             kill(controller, signal.SIGCONT)
     rig.policy("coverage")
 
 
-def _alone_at(rig: Rig, rate_bps: int, control_bps: float) -> dict[str, Any]:
+def _alone_at(rig: Rig, rate_bps: int) -> dict[str, Any]:
     time.sleep(STALE_S)
     device = network.link_name(rig.state.spec, EGO)
     shape = ladder.shape(rate_bps, 0)
@@ -219,10 +218,12 @@ def _alone_at(rig: Rig, rate_bps: int, control_bps: float) -> dict[str, Any]:
     subprocess.run(command, input=lines, text=True, check=True)
     narrowed = len(rig.heard.decisions)
     time.sleep(SETTLE_S)
-    since_ns = time.time_ns()
+    since_ns, before_bytes = time.time_ns(), _control_bytes(rig, device)
     time.sleep(MEASURE_S)
     found = rig.heard.capacities(since_ns)
-    fusion_bps = rate_bps - control_bps
+    # Robots say less on a narrow link, so what they said on the wide one does not count.
+    control_bytes = _control_bytes(rig, device) - before_bytes
+    fusion_bps = rate_bps - 8e9 * control_bytes / (time.time_ns() - since_ns)
     after = [d.capacity_bps for _, d in rig.heard.decisions[narrowed:]]
     near = [c <= 1.15 * fusion_bps for c in after]
     return {
@@ -236,6 +237,17 @@ def _alone_at(rig: Rig, rate_bps: int, control_bps: float) -> dict[str, Any]:
         "cycles_to_find": near.index(True) + 1 if True in near else None,
         "capacity_bps": [round(c) for c in after],
     }
+
+
+def _control_bytes(rig: Rig, device: str) -> int:
+    """What control traffic a shaped device has carried, by the kernel."""
+    command = rig.inside("network_controller", "tc", "-s", "class", "show", "dev", device)
+    shown = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    name = f"1:{htb.minor(0, htb.NUMBERS[TrafficClass.CONTROL])}"
+    found = re.search(rf"^class htb {name} .*\n *Sent (\d+) bytes", shown, re.MULTILINE)
+    if found is None:
+        raise RuntimeError(f"tc tells nothing of class {name} of {device}: {shown!r}")
+    return int(found[1])
 
 
 def synthetic_trace() -> tuple[int, ...]:
