@@ -93,6 +93,7 @@ def certify(spec: SwarmSpec, cluster: Cluster) -> None:
     from deploy.trust.prepare import keep
 
     names = [*plan.roles(spec, cluster), operator_of(getpass.getuser()).common_name]
-    issued = keep(spec, plan.place_of(spec, cluster), names)
+    addresses = plan.router_addresses(cluster)
+    issued = keep(spec, plan.place_of(spec, cluster), names, addresses)
     if issued:
         say(f"new certificates for {', '.join(issued)}: what runs with an older one starts anew")

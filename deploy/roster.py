@@ -73,6 +73,8 @@ class Service:
                 return self.robot
             case "ego":
                 return TrustRole("ego", self.robot).common_name
-            case "router" | "authority" | "controller" | "gateway" | "console":
+            case "router":
+                return TrustRole("router", self.robot).common_name
+            case "authority" | "controller" | "gateway" | "console":
                 return self.role
         return ""

@@ -7,6 +7,8 @@ coadapt stack --image HOST:5000/coadapt-edge:1 --router 10.0.0.1 |
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
 
 from coadapt.arguments import comma_separated
 from coadapt.cluster_choice import add_cluster, certify, chosen_cluster, settled
@@ -38,6 +40,12 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "(default: label)",
     )
     parser.add_argument(
+        "--mesh",
+        action="store_true",
+        help="each robot's node has a router of its own, linked with all others: what two robots "
+        "send each other passes no third node, and a node that is cut off goes on with what it has",
+    )
+    parser.add_argument(
         "--only",
         type=comma_separated,
         default=(),
@@ -59,14 +67,19 @@ def run(args: argparse.Namespace) -> int:
     """Prints the stack file, after issuing what certificates it needs."""
     cluster = chosen_cluster(args)
     spec = wished(args, "swarm", **settled(args))
+    if args.mesh:
+        if cluster.network != "host":
+            raise DeployError(f"--mesh needs --network host, not {cluster.network}")
+        # Without these it cannot be said which routers there are.
+        if args.check:
+            _tell(nodes.problems(spec, (), args.pin))
+        cluster = replace(cluster, hosts=nodes.hosts(spec, args.pin))
     certify(spec, cluster)
     if args.list:
         print("\n".join(stack.names(spec, cluster)))
         return 0
     if args.check:
-        problems = nodes.problems(spec, stack.names(spec, cluster), args.pin)
-        if problems:
-            raise DeployError("\n  ".join([f"{len(problems)} things are amiss:", *problems]))
+        _tell(nodes.problems(spec, stack.names(spec, cluster), args.pin))
         print("every robot has a node, and what is deployed runs")
         return 0
     if told := stack.loses(cluster):
@@ -80,3 +93,8 @@ def run(args: argparse.Namespace) -> int:
         path.write_text(prometheus)
     print(stack.stack_file(spec, cluster, args.pin, args.only, prometheus), end="")
     return 0
+
+
+def _tell(problems: Sequence[str]) -> None:
+    if problems:
+        raise DeployError("\n  ".join([f"{len(problems)} things are amiss:", *problems]))

@@ -194,9 +194,8 @@ def _mounts(one: Container) -> list[Object]:
         {"name": name, "mountPath": folder, "readOnly": True}
         for name, folder in _secret_names(one).items()
     ]
-    if one.folder:
-        there = f"{compose.PLACE.var_dir}/{one.folder}"
-        found.append({"name": one.folder, "mountPath": there})
+    for folder in one.folders:
+        found.append({"name": folder, "mountPath": f"{compose.PLACE.var_dir}/{folder}"})
     if one.data:
         found.append({"name": "data", "mountPath": compose.DATA, "readOnly": True})
     return found
@@ -210,8 +209,7 @@ def _volumes(one: Container) -> list[Object]:
         {"name": name, "secret": {"secretName": name, "defaultMode": 0o440}}
         for name in _secret_names(one)
     ]
-    if one.folder:
-        found.append({"name": one.folder, "emptyDir": {}})
+    found += [{"name": folder, "emptyDir": {}} for folder in one.folders]
     if one.data:
         found.append({"name": "data", "hostPath": {"path": one.data, "type": "Directory"}})
     return found

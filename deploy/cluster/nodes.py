@@ -38,17 +38,35 @@ def problems(spec: SwarmSpec, names: Iterable[str], pin: Pin) -> list[str]:
 
 
 def addresses(spec: SwarmSpec, pin: Pin) -> dict[str, str]:
-    """The address of each robot's node. Raises DeployError where a robot has none, or two."""
+    """The address of each robot's node, for Prometheus. Raises DeployError where a robot has none,
+    or two."""
+    without = "; or leave it out by --no-prometheus"
+    return {
+        robot: _address(node) for robot, node in _own(spec, pin, "Prometheus has", without).items()
+    }
+
+
+def hosts(spec: SwarmSpec, pin: Pin) -> dict[str, str]:
+    """The address of each robot's node that is not the site's, for routers of their own. Raises
+    DeployError where a robot has none, or two."""
+    return {
+        robot: _address(node)
+        for robot, node in _own(spec, pin, "with --mesh routers have", "").items()
+        if _labels(node).get(SITE_LABEL) != "true"
+    }
+
+
+def _own(spec: SwarmSpec, pin: Pin, who: str, remedy: str) -> dict[str, Mapping[str, Any]]:
     nodes = _nodes()
-    found = {}
+    found: dict[str, Mapping[str, Any]] = {}
     for robot in spec.robots:
         own = [node for node in nodes if robot == _robot(node, pin)]
         if len(own) != 1:
             raise DeployError(
-                f"Prometheus has to know robot {robot}'s node, and it has {len(own)}: "
-                "`coadapt stack --check` says more; or leave it out by --no-prometheus"
+                f"{who} to know robot {robot}'s node, and it has {len(own)}: "
+                f"`coadapt stack --check` says more{remedy}"
             )
-        found[robot] = _address(own[0])
+        found[robot] = own[0]
     return found
 
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 from deploy import environments, paths, roster, scraping
 from deploy.docker import compose
+from deploy.paths import identity_path
 from deploy.ports import LOCALHOST
 from deploy.roster import Place, Service
 from deploy.services import services
@@ -22,7 +23,7 @@ from deploy.spec import EMBEDDED, SwarmSpec
 from swarm.errors import DeployError
 from swarm.trust.identity import CA, CERTIFICATE, KEY, Identity
 from swarm.trust.members import MEMBERS
-from swarm.trust.roles import Role
+from swarm.trust.roles import Role, role_of
 
 Network = Literal["host", "overlay"]
 NETWORK: Network = "host"
@@ -62,6 +63,8 @@ class Cluster:
     shaped, and C(t) is measured only."""
     default_route: bool = False
     """Whether it may be the one of the default route."""
+    hosts: Mapping[str, str] = field(default_factory=dict)
+    """The robots whose nodes have routers of their own, and the address of each node."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +80,9 @@ class Container:
     """What its certificate says; empty for one that takes no part in the swarm's network."""
     files: Mapping[str, Path]
     """Secrets: where the container finds each, and the file of this machine that holds it."""
-    folder: str = ""
-    """What it writes and what should outlive it: a folder of `PLACE.var_dir`."""
+    folders: tuple[str, ...] = ()
+    """What it writes and what should outlive it, or what it shares with others of its node: folders
+    of `PLACE.var_dir`."""
     capabilities: tuple[str, ...] = ()
     """Those of `USER` are none; a container with some is root's."""
     data: str = ""
@@ -140,6 +144,7 @@ def place_of(spec: SwarmSpec, cluster: Cluster) -> Place:
         prometheus_config=compose.PLACE.prometheus_config,
         data=compose.DATA if spec.data else "",
         prometheus_host_port=roster.PROMETHEUS_PORT,
+        targets=compose.TARGETS if cluster.network == "host" else "",
     )
 
 
@@ -156,9 +161,11 @@ def containers(spec: SwarmSpec, cluster: Cluster) -> tuple[Container, ...]:
         )
     place = place_of(spec, cluster)
     members = services(spec, place)
+    (router,) = (member for member in members if member.role == "router")
+    routers = [_own_router(spec, cluster, place, router, robot) for robot in cluster.hosts]
     found = [
-        _container(spec, cluster, member)
-        for member in members
+        _container(spec, cluster, _at_own_router(spec, cluster, place, member))
+        for member in (router, *routers, *(one for one in members if one is not router))
         if member.role not in ("authority", "controller", "grafana")
     ]
     if cluster.interface:
@@ -172,11 +179,16 @@ def roles(spec: SwarmSpec, cluster: Cluster) -> list[str]:
     return [one.common_name for one in containers(spec, cluster) if one.common_name]
 
 
+def router_addresses(cluster: Cluster) -> dict[str, tuple[str, ...]]:
+    """The common names of the routers that robots' nodes have, and where others reach each."""
+    return {Role("router", robot).common_name: (host,) for robot, host in cluster.hosts.items()}
+
+
 def identity_files(var_dir: str, common_name: str) -> dict[str, Path]:
     """A role's identity: the place in a container of each file, and where it lies here."""
-    identity = Identity(Path(paths.identity_path(var_dir, common_name)))
-    there = paths.identity_path(compose.PLACE.var_dir, common_name)
-    names = (CA, CERTIFICATE, KEY, *((MEMBERS,) if common_name == "router" else ()))
+    identity = Identity(Path(identity_path(var_dir, common_name)))
+    there = identity_path(compose.PLACE.var_dir, common_name)
+    names = (CA, CERTIFICATE, KEY, *((MEMBERS,) if role_of(common_name).kind == "router" else ()))
     return {f"{there}/{name}": identity.folder / name for name in names}
 
 
@@ -188,7 +200,7 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
     own, files = _settings(service)
     if spec.secure and service.common_name:
         files |= identity_files(spec.var_dir, service.common_name)
-    if spec.metrics_tls and service.role == "prometheus":
+    if spec.secure and service.role == "prometheus":
         place, here = map(paths.authority_path, (compose.PLACE.var_dir, spec.var_dir))
         files[place] = Path(here)
     limit = compose.MEMORY[service.role]
@@ -201,11 +213,40 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
         memory=int(limit[:-1]) * _UNITS[limit[-1]],
         common_name=service.common_name,
         files=files,
-        folder=compose.FOLDERS.get(service.role, ""),
+        folders=_folders(spec, cluster, service),
         data=spec.data if service.role in ("ego", "robot") else "",
         tls=spec.metrics_tls and service.role in scraping.OVER_TLS,
         ports=tuple(ports),
     )
+
+
+def _own_router(
+    spec: SwarmSpec, cluster: Cluster, place: Place, site: Service, robot: str
+) -> Service:
+    """The router of a robot's node; `site`: that of the site. Of two routers one names the other:
+    each names the site's and those of the robots before it."""
+    before = list(cluster.hosts)[: list(cluster.hosts).index(robot)]
+    peers = (cluster.router, *(cluster.hosts[one] for one in before))
+    of_site, own = (
+        identity_path(place.var_dir, Role("router", name).common_name) for name in ("", robot)
+    )
+    # Only the site's tells Prometheus who joined, wherever: it is on Prometheus' node.
+    unlike = ("--targets", place.targets)
+    argv = (
+        *(own if word == of_site else word for word in site.argv if word not in unlike),
+        *(word for peer in peers for word in ("--peer", f"tls/{peer}:{spec.router_port}")),
+    )
+    return replace(site, name=f"router-{robot}", host=robot, robot=robot, argv=argv)
+
+
+def _at_own_router(spec: SwarmSpec, cluster: Cluster, place: Place, service: Service) -> Service:
+    """A process of a node that has a router of its own goes to that one, at the node's address: an
+    ego knows its own connections by their addresses."""
+    if service.robot not in cluster.hosts or "COADAPT_ROUTER" not in service.env:
+        return service
+    identity = identity_path(place.var_dir, service.common_name)
+    address = environments.router_address(spec, cluster.hosts[service.robot], identity)
+    return replace(service, env=service.env | {"COADAPT_ROUTER": address})
 
 
 def _controller(
@@ -213,11 +254,12 @@ def _controller(
 ) -> Container:
     """The network controller of a robot's node; `site`: the only one of a swarm on one machine."""
     name = Role("controller", robot).common_name
-    identity = paths.identity_path(place.var_dir, name)
+    identity = identity_path(place.var_dir, name)
+    router = cluster.hosts.get(robot, cluster.router)
     shaped = {"COADAPT_LINK_BPS", "COADAPT_LINK_RATES_BPS", "COADAPT_LINK_INTERVAL_S"}
     # Only the ego's node has the ego's link.
     env = {k: v for k, v in site.env.items() if robot == spec.ego or k not in shaped} | {
-        "COADAPT_ROUTER": environments.router_address(spec, cluster.router, identity),
+        "COADAPT_ROUTER": environments.router_address(spec, router, identity),
         "COADAPT_CONTROLLER": robot,
         "COADAPT_DRIVER": "interface",
         "COADAPT_INTERFACE": cluster.interface,
@@ -234,6 +276,13 @@ def _controller(
         | {place: file for place, file in made.files.items() if place.startswith("/run/")},
         capabilities=tuple(compose.CONTROLLER["cap_add"]),
     )
+
+
+def _folders(spec: SwarmSpec, cluster: Cluster, service: Service) -> tuple[str, ...]:
+    own = compose.FOLDERS.get(service.role, "")
+    told = spec.prometheus and cluster.network == "host" and not service.robot
+    shared = paths.TARGETS if told and service.role in ("router", "prometheus") else ""
+    return tuple(filter(None, (own, shared)))
 
 
 def _settings(service: Service) -> tuple[dict[str, str], dict[str, Path]]:

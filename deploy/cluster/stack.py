@@ -80,7 +80,7 @@ def stack_file(
         },
         **({"secrets": secrets} if secrets else {}),
         **_configs(spec, wanted, prometheus),
-        "volumes": {one.folder: {} for one in wanted if one.folder},
+        "volumes": {folder: {} for one in wanted for folder in one.folders},
     }
     text: str = yaml.safe_dump(_escaped(document), sort_keys=False)
     return text
@@ -108,8 +108,11 @@ def prometheus_file(spec: SwarmSpec, cluster: Cluster, addresses: Mapping[str, s
         return addresses[service.robot] if service.robot else cluster.router
 
     members = [one.service for one in plan.containers(spec, cluster)]
-    ca = paths.authority_path(compose.PLACE.var_dir) if spec.metrics_tls else ""
-    return scraping.prometheus_config(members, address, compose.ALERTS, ca=ca, tls=spec.metrics_tls)
+    targets = plan.place_of(spec, cluster).targets
+    ca = paths.authority_path(compose.PLACE.var_dir) if spec.secure else ""
+    return scraping.prometheus_config(
+        members, address, compose.ALERTS, targets, ca=ca, tls=spec.metrics_tls
+    )
 
 
 def config_path(spec: SwarmSpec) -> Path:
@@ -211,9 +214,9 @@ def _volumes(one: Container) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = [
         {"type": "tmpfs", "target": "/tmp", "tmpfs": {"size": plan.TMP_BYTES}}
     ]
-    if one.folder:
-        there = f"{compose.PLACE.var_dir}/{one.folder}"
-        found.append({"type": "volume", "source": one.folder, "target": there})
+    for folder in one.folders:
+        there = f"{compose.PLACE.var_dir}/{folder}"
+        found.append({"type": "volume", "source": folder, "target": there})
     if one.data:
         there = compose.DATA
         found.append({"type": "bind", "source": one.data, "target": there, "read_only": True})

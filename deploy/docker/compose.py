@@ -31,6 +31,7 @@ PLACE = Place(
     var_dir="/var/coadapt",
     prometheus_config="/etc/coadapt/prometheus.yml",
 )
+TARGETS = f"{PLACE.var_dir}/{paths.TARGETS}/joined.json"
 ALERTS = "/app/deploy/dashboards/alerts.yml"
 """Where the image has them, beside the rest of the source (Dockerfile)."""
 ENGINE_SOCKET = "/var/run/docker.sock"
@@ -117,7 +118,7 @@ def place_of(spec: SwarmSpec, gateway: str = LOCALHOST) -> Place:
         data=DATA if spec.data else "",
         cache=CACHE if spec.cache else "",
         prometheus_host_port=spec.prometheus_port,
-        targets=f"{PLACE.var_dir}/{paths.TARGETS}/joined.json",
+        targets=TARGETS,
     )
 
 

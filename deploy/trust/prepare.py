@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 import msgspec
@@ -51,9 +52,16 @@ def prepare(spec: SwarmSpec, place: Place, operator: Role) -> None:
         store.issue(name, _addresses(name, place, spec.listen))
 
 
-def keep(spec: SwarmSpec, place: Place, names: Iterable[str]) -> tuple[str, ...]:
+def keep(
+    spec: SwarmSpec,
+    place: Place,
+    names: Iterable[str],
+    addresses: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> tuple[str, ...]:
     """Issues certificates to those of these roles that have none, or whose it is time to renew: for
     processes on other machines, which start anew with what is new. Returns whose.
+
+    `addresses`: at which others reach a role that is not the site's router.
 
     Raises IdentityError, also for a robot that was revoked.
     """
@@ -63,10 +71,9 @@ def keep(spec: SwarmSpec, place: Place, names: Iterable[str]) -> tuple[str, ...]
     issued = {one.name: one for one in store.issued() if one.end > now}
     new = []
     for name in _allowed(names, store):
-        if name not in issued or set(_addresses(name, place, spec.listen)) - set(
-            store.addresses(name)
-        ):
-            store.issue(name, _addresses(name, place, spec.listen))
+        own = addresses.get(name) or _addresses(name, place, spec.listen)
+        if name not in issued or set(own) - set(store.addresses(name)):
+            store.issue(name, own)
         elif store.due(issued[name], now):
             store.renew(name)
         else:

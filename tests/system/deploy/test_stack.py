@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from deploy.cluster.stack import ROBOT_LABEL, SITE_LABEL
 from deploy.docker.image import ensure_image
 from deploy.progress import say
 from deploy.runtimes.docker import DockerRuntime
+from deploy.trust.keystore import Keystore
 from tests.support import docker_nodes
 from tests.support.command_line import Cli, command_line
 from tests.support.deploy_support import await_
@@ -28,6 +32,8 @@ CUT_S = 90.0
 """A node that does not answer is lost for the managers after some seconds, and is back later."""
 STACK = "coadapt"
 ROBOTS = ("R1", "R2", "R3")
+MOVED = ("--ego", "R3", "--ego-standby", "R2")
+"""Neither on the site's node."""
 pytestmark = pytest.mark.timeout(READY_S)
 
 
@@ -67,9 +73,9 @@ def manager(wire: Site) -> Node:
 @pytest.fixture(scope="module")
 def cli(image: str, manager: Node) -> Iterator[Cli]:
     """Runs `coadapt stack` as an operator does, at the manager's engine."""
-    always = ("--robots", str(len(ROBOTS)), "--rings", "16", "--policy", "static-early")
+    roster = ("--robots", str(len(ROBOTS)), "--world-robots", "4", "--rings", "16", "--mesh")
     with command_line(
-        *("--router", manager.address, *always),
+        *("--router", manager.address, *roster, "--policy", "static-early"),
         timeout_s=120,
         DOCKER_HOST=f"unix://{manager.socket}",
         COADAPT_IMAGE=f"{REGISTRY}/{image}",
@@ -98,19 +104,40 @@ def swarm(wire: Site, manager: Node, cli: Cli) -> Site:
     return wire
 
 
-def fused(manager: Node) -> set[str]:
-    """The robots of whose answers the ego has received bytes, from its metrics."""
-    return {robot for robot, count in received(manager).items() if count > 0}
+def fused(node: Node) -> set[str]:
+    """The robots of whose answers the ego on a node has received bytes, from its metrics."""
+    return {robot for robot, count in received(node).items() if count > 0}
 
 
-def received(manager: Node) -> dict[str, float]:
-    """Bytes that the ego has received, by robot."""
+def received(node: Node) -> dict[str, float]:
+    """Bytes that the ego on a node has received, by robot."""
     found: dict[str, float] = {}
-    for line in got(manager, f"{manager.address}:9102/metrics"):
-        if line.startswith("coadapt_ego_received_bytes_total{"):
-            robot = line.partition('robot="')[2].partition('"')[0]
-            found[robot] = found.get(robot, 0.0) + float(line.rpartition(" ")[2])
+    for labels, value in metric(node, 9102, "coadapt_ego_received_bytes_total"):
+        robot = labels.partition('robot="')[2].partition('"')[0]
+        found[robot] = found.get(robot, 0.0) + value
     return found
+
+
+def metric(node: Node, port: int, name: str) -> list[tuple[str, float]]:
+    """Labels and values of a metric of a process of a node."""
+    return [
+        (line.removeprefix(name).rpartition(" ")[0], float(line.rpartition(" ")[2]))
+        for line in got(node, f"{node.address}:{port}/metrics")
+        if line.startswith((f"{name}{{", f"{name} "))
+    ]
+
+
+def scraped(manager: Node, label: str) -> set[tuple[str, str]]:
+    """A label of each of Prometheus' targets, and how it is."""
+    answer = json.loads("".join(got(manager, "127.0.0.1:9090/api/v1/targets")) or "{}")
+    targets = answer.get("data", {}).get("activeTargets", ())
+    return {(one["labels"].get(label, ""), one["health"]) for one in targets}
+
+
+def keystore(cli: Cli) -> Keystore:
+    """The one from which the stack's certificates come."""
+    written = yaml.safe_load(cli("stack").stdout)["secrets"]["R2-cert.pem"]["file"]
+    return Keystore(Path(written).parents[2])
 
 
 def got(node: Node, url: str) -> list[str]:
@@ -136,6 +163,8 @@ def test_each_node_runs_its_robot_and_all_of_it_is_well(swarm: Site, cli: Cli) -
         robots = {name for name in running(node) if name.startswith("robot-")}
         assert robots == {f"robot-{robot}"}
     assert {"router", "ego-R1", "console"} < set(running(swarm.nodes[0]))
+    for node, robot in zip(swarm.nodes[1:], ROBOTS[1:], strict=True):
+        assert set(running(node)) == {f"robot-{robot}", f"router-{robot}"}
 
     def well() -> bool:
         return cli("stack", "--check").returncode == 0
@@ -145,13 +174,33 @@ def test_each_node_runs_its_robot_and_all_of_it_is_well(swarm: Site, cli: Cli) -
 
 def test_prometheus_finds_every_process(swarm: Site, manager: Node) -> None:
     def up() -> set[str]:
-        answer = json.loads("".join(got(manager, "127.0.0.1:9090/api/v1/targets")) or "{}")
-        targets = answer.get("data", {}).get("activeTargets", ())
-        return {one["labels"]["instance"] for one in targets if one["health"] == "up"}
+        return {name for name, health in scraped(manager, "instance") if health == "up"}
 
     robots = {f"robot-{robot}" for robot in ROBOTS}
-    wanted = robots | {"router", "ego-R1", "console", "prometheus"}
+    routers = {"router", "router-R2", "router-R3"}
+    wanted = robots | routers | {"ego-R1", "console", "prometheus"}
     await_(lambda: up() == wanted, "every process is a target that is up")
+
+
+def test_a_robot_that_joins_by_hand_is_fused_and_scraped(
+    swarm: Site, manager: Node, cli: Cli, tmp_path: Path
+) -> None:
+    node = swarm.nodes[1]
+    folder = keystore(cli).issue("R4").folder
+    join = ("join", f"tls/{node.address}:7447", "--robot", "R4", "--cert", str(folder))
+    command = (sys.executable, "-m", "coadapt.main", *join, "--metrics", f"{node.address}:9111")
+    with (
+        open(tmp_path / "log", "wb") as log,
+        subprocess.Popen(
+            ["nsenter", f"--net=/proc/{node.pid}/ns/net", "--", *command], stdout=log, stderr=log
+        ) as process,
+    ):
+        try:
+            await_(lambda: "R4" in fused(manager), "R4 is fused", START_S)
+            await_(lambda: ("R4", "up") in scraped(manager, "robot"), "and scraped", START_S)
+        finally:
+            process.terminate()
+    await_(lambda: ("R4", "up") not in scraped(manager, "robot"), "it is scraped no more")
 
 
 def test_a_task_is_confined_and_holds_its_own_certificate_only(swarm: Site) -> None:
@@ -196,26 +245,114 @@ def test_a_node_that_is_cut_off_goes_on_and_is_chosen_again_and_never_twice(
     assert not {"robot-R3"} & {name for one in swarm.nodes[:2] for name in running(one)}
 
 
-def test_without_a_registry_what_is_missing_is_told_and_what_is_there_goes_on(
+def test_a_new_certificate_comes_with_a_new_task_of_its_process_alone(
     swarm: Site, manager: Node, cli: Cli
 ) -> None:
-    swarm.stop_registry()
+    node = swarm.nodes[1]
+    before = [running(one) for one in swarm.nodes]
+
+    def certificate(container: str) -> str:
+        return node.docker("exec", container, "cat", "/var/coadapt/keystore/issued/R2/cert.pem")
+
+    old = certificate(before[1]["robot-R2"])
+    keystore(cli).renew("R2")
+    stack = cli("stack", "--only", "robot-R2")
+    assert stack.returncode == 0, stack.stderr
+    manager.docker("stack", "deploy", "--compose-file", "-", STACK, stdin=stack.stdout)
+
+    def new() -> str:
+        found = running(node).get("robot-R2", "")
+        return "" if found == before[1]["robot-R2"] else found
+
+    container = await_(new, "R2 runs anew", START_S)
+    assert certificate(container) != old
+    had = received(manager)["R2"]
+    await_(lambda: received(manager)["R2"] > had, "R2 is fused again", START_S)
+    assert [running(one) for one in swarm.nodes] == [
+        before[0],
+        before[1] | {"robot-R2": container},
+        before[2],
+    ]
+
+
+@pytest.fixture(scope="module")
+def moved(swarm: Site, manager: Node, cli: Cli) -> Site:
+    """The ego is R3 now, on the third node, and R2's stands by."""
+    stack = cli("stack", *MOVED)
+    assert stack.returncode == 0, stack.stderr
+    deploy = ("stack", "deploy", "--prune", "--compose-file", "-", STACK)
+    manager.docker(*deploy, stdin=stack.stdout)
+    await_(lambda: fused(swarm.nodes[2]) == {"R1", "R2"}, "R3 fuses both others", START_S)
+    await_(lambda: leads(swarm.nodes[1]) == 0.0, "R2's ego stands by", START_S)
+    return swarm
+
+
+def leads(node: Node) -> float | None:
+    """1 where the ego of a node decides, 0 where it stands by, None where there is none."""
+    found = [value for _, value in metric(node, 9102, "coadapt_ego_leads")]
+    return found[0] if found else None
+
+
+def test_an_ego_is_moved_by_deploying_again(moved: Site) -> None:
+    names = [{name for name in running(node) if name.startswith("ego")} for node in moved.nodes]
+    assert names == [set(), {"ego-R2"}, {"ego-R3"}]
+
+
+def test_the_standby_decides_while_the_egos_node_is_lost(moved: Site) -> None:
+    _, standby, lost = moved.nodes
+    moved.cut(lost)
+    try:
+        await_(lambda: leads(standby) == 1.0, "R2's ego decides", CUT_S)
+        had = received(standby).get("R1", 0.0)
+        await_(lambda: received(standby).get("R1", 0.0) > had, "and fuses R1")
+        assert leads(lost) == 1.0, "an ego that is cut off goes on with its own robot"
+    finally:
+        moved.cut(lost, whole=True)
+    await_(lambda: leads(standby) == 0.0, "R3's ego decides for all again", START_S)
+    had = received(lost)["R1"]
+    await_(lambda: received(lost)["R1"] > had, "and fuses R1 again", START_S)
+
+
+def test_robots_go_on_without_the_sites_node(moved: Site, manager: Node) -> None:
+    ego = moved.nodes[2]
+    moved.cut(manager)
+    try:
+
+        def alone() -> bool:
+            had = received(ego)["R1"]
+            time.sleep(2.0)
+            return received(ego)["R1"] == had
+
+        await_(alone, "nothing comes from the site's robot any more", CUT_S)
+        had = received(ego)["R2"]
+        await_(lambda: received(ego)["R2"] > had, "R3's ego goes on with R2")
+    finally:
+        moved.cut(manager, whole=True)
+    had = received(ego)["R1"]
+    await_(lambda: received(ego)["R1"] > had, "R1 is fused again", START_S)
+
+
+def test_without_a_registry_what_is_missing_is_told_and_what_is_there_goes_on(
+    moved: Site, manager: Node, cli: Cli
+) -> None:
+    ego = moved.nodes[2]
+    moved.stop_registry()
     before = running(manager)
     missing = f"{REGISTRY}/coadapt-edge:never"
-    done = cli("stack", "--only", "robot-R2", "--image", missing)
+    done = cli("stack", *MOVED, "--only", "robot-R2", "--image", missing)
     assert done.returncode == 0, done.stderr
     manager.docker("stack", "deploy", "--compose-file", "-", STACK, stdin=done.stdout)
 
     def told() -> bool:
-        said = cli("stack", "--check").stderr
+        said = cli("stack", *MOVED, "--check").stderr
         return "robot-R2 does not run on n2: " in said and "coadapt-edge:never" in said
 
     await_(told, "the engine's reason is passed on", CUT_S)
-    had = received(manager)["R3"]
-    await_(lambda: received(manager)["R3"] > had, "the ego goes on with R3")
+    had = received(ego)["R1"]
+    await_(lambda: received(ego)["R1"] > had, "the ego goes on with R1")
     assert running(manager) == before
-    had = received(manager)["R2"]
-    await_(lambda: received(manager)["R2"] > had, "the engine goes back to what ran", START_S)
+    had = received(ego)["R2"]
+    await_(lambda: received(ego)["R2"] > had, "the engine goes back to what ran", START_S)
 
 
 def test_removing_the_stack_leaves_nothing_but_journals_and_places(
@@ -234,7 +371,9 @@ def test_removing_the_stack_leaves_nothing_but_journals_and_places(
 
     await_(lambda: not left(), "containers, services, secrets and networks are gone", CUT_S)
     volumes = manager.docker("volume", "ls", "--quiet").split()
-    assert sorted(volumes) == [f"{STACK}_{name}" for name in ("journal", "prometheus", "site")]
+    assert sorted(volumes) == [
+        f"{STACK}_{name}" for name in ("journal", "prometheus", "site", "targets")
+    ]
     shown = [
         "docker",
         "--host",

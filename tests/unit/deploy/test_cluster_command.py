@@ -64,6 +64,16 @@ def test_another_router_address_stands_in_its_certificate(
     assert changed == {"router-cert.pem", "router-key.pem"}
 
 
+def test_a_mesh_is_of_the_nodes_own_network_and_takes_an_engine_that_knows_them(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert main((*STACK, "--mesh", "--network", "overlay", "--no-console")) == 1
+    assert "--mesh needs --network host, not overlay" in capsys.readouterr().err
+    monkeypatch.setenv("DOCKER_HOST", f"unix://{tmp_path}/nobody.sock")
+    assert main((*STACK, "--mesh")) == 1
+    assert "docker node ls: " in capsys.readouterr().err
+
+
 def test_an_image_may_be_a_setting(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,10 @@ from deploy.cluster.plan import Cluster, make_cluster
 from deploy.docker import compose
 from deploy.services import ROUTER_METRICS_PORT, services
 from deploy.spec import SwarmSpec, make_spec
-from deploy.trust.prepare import keep
+from deploy.trust.prepare import keep, keystore_of
 from swarm.errors import DeployError
+from swarm.trust.members import read_members
+from swarm.trust.roles import Role
 
 ROBOTS = ("R1", "R2", "R3")
 HOST = make_cluster("registry:5000/coadapt-edge:1", "10.0.0.1")
@@ -124,6 +128,50 @@ def test_a_named_interface_gets_a_controller_on_each_robots_node(spec: SwarmSpec
     assert env["COADAPT_INTERFACE_CONFIRMED"] == ""
 
 
+def test_in_a_mesh_each_node_has_a_router_that_names_those_before_it(spec: SwarmSpec) -> None:
+    # R1's node is the site's, whose router is its own.
+    cluster = replace(
+        make_cluster("edge:1", "10.0.0.1", interface="eth1"),
+        hosts={"R2": "10.0.0.2", "R3": "10.0.0.3"},
+    )
+    keep(
+        spec,
+        plan.place_of(spec, cluster),
+        plan.roles(spec, cluster),
+        plan.router_addresses(cluster),
+    )
+    services = stacked(spec, cluster)["services"]
+    peers = {
+        name: [after for word, after in pairwise(one["command"]) if word == "--peer"]
+        for name, one in services.items()
+        if name.startswith("router")
+    }
+    assert peers == {
+        "router": [],
+        "router-R2": ["tls/10.0.0.1:7447"],
+        "router-R3": ["tls/10.0.0.1:7447", "tls/10.0.0.2:7447"],
+    }
+    reached = {
+        name: one["environment"]["COADAPT_ROUTER"].partition("#")[0]
+        for name, one in services.items()
+        if "COADAPT_ROUTER" in one["environment"]
+    }
+    for name, at in reached.items():
+        node = {"R2": "10.0.0.2", "R3": "10.0.0.3"}.get(name.rpartition("-")[2], "10.0.0.1")
+        assert at == f"tls/{node}:7447", name
+    own = services["router-R3"]
+    assert own["command"][own["command"].index("--identity") + 1].endswith("/issued/router-R3")
+    assert {Path(one["target"]).parent.name for one in own["secrets"]} == {"router-R3"}
+    assert {Path(one["target"]).name for one in own["secrets"]} == {
+        *("ca.pem", "cert.pem", "key.pem", "members")
+    }
+    assert own["deploy"]["placement"]["constraints"] == ["node.labels.coadapt.robot == R3"]
+    store = keystore_of(spec.var_dir)
+    assert store.addresses("router-R3") == ["10.0.0.3"]
+    known = set(read_members(store.identity("router")))
+    assert {Role("router", "R2"), Role("router", "R3")} <= known
+
+
 def test_a_task_gets_its_own_certificate_only(spec: SwarmSpec) -> None:
     document = stacked(spec)
     store = f"{compose.PLACE.var_dir}/keystore/issued"
@@ -192,15 +240,21 @@ def test_an_overlay_has_no_virtual_addresses_and_says_what_it_loses(
     assert "DSCP" in stack.loses(OVERLAY)
 
 
+def config_of(spec: SwarmSpec, cluster: Cluster, homes: dict[str, str]) -> list[dict[str, Any]]:
+    """What Prometheus scrapes."""
+    config = yaml.safe_load(stack.prometheus_file(spec, cluster, homes))
+    found: list[dict[str, Any]] = config["scrape_configs"]
+    return found
+
+
 def test_prometheus_finds_every_process_and_answers_its_own_node_only(spec: SwarmSpec) -> None:
     watched = msgspec.structs.replace(spec, prometheus=True)
     homes = {"R1": "10.0.0.1", "R2": "10.0.0.2", "R3": "10.0.0.3"}
     for cluster, known in ((HOST, homes), (OVERLAY, {})):
-        config = yaml.safe_load(stack.prometheus_file(watched, cluster, known))
         found = {
             target["labels"]["instance"]: target["targets"][0]
-            for job in config["scrape_configs"]
-            for target in job["static_configs"]
+            for job in config_of(watched, cluster, known)
+            for target in job.get("static_configs", ())
         }
         assert set(found) == set(stack.names(watched, cluster))
         on_host = cluster is HOST
@@ -213,7 +267,15 @@ def test_prometheus_finds_every_process_and_answers_its_own_node_only(spec: Swar
     document = yaml.safe_load(text)
     assert document["configs"]["prometheus"]["file"] == str(stack.config_path(watched))
     assert document["configs"] != yaml.safe_load(again)["configs"]
-    prometheus = document["services"]["prometheus"]
+    prometheus, router = (document["services"][name] for name in ("prometheus", "router"))
+    # Who joins is told from the one to the other.
+    (joined,) = (j for j in config_of(watched, HOST, homes) if "static_configs" not in j)
+    (file,) = joined["file_sd_configs"][0]["files"]
+    assert router["command"][router["command"].index("--targets") + 1] == file
+    shared = {"type": "volume", "source": "targets", "target": str(Path(file).parent)}
+    assert shared in router["volumes"]
+    assert shared in prometheus["volumes"]
+    assert joined["tls_config"]["ca_file"] in {one["target"] for one in prometheus["secrets"]}
     assert "--web.listen-address=127.0.0.1:9090" in prometheus["command"]
     assert [one["source"] for one in prometheus["configs"]] == ["prometheus"]
 
