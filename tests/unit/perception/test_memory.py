@@ -102,6 +102,18 @@ class TestIdentity:
         assert told.velocities[0] == pytest.approx([speed, 0.0], abs=0.2)
         assert told.ages_s.tolist() == [0.0]
 
+    def test_a_view_that_shows_less_moves_little_of_what_others_have_shown(self) -> None:
+        def after(helpers: frozenset[str], score: float) -> float:
+            memory = Memory(1.0)
+            seen(memory)
+            found = boxes((10.3, 0.0), score=score)
+            return float(memory.update(frame(0.5, found, helpers)).boxes.centers[0, 0]) - 10.0
+
+        alone = after(frozenset(), 0.8)
+        assert 0.0 < alone < 0.3 * after(BOTH, 0.8)
+        # Unless it is surer than what is remembered.
+        assert after(frozenset(), 0.99) > 3.0 * alone
+
     @pytest.mark.parametrize("speed", [8.0, 15.0])
     def test_what_drives_fast_is_followed_from_its_first_frame(self, speed: float) -> None:
         memory = Memory(6.0)
