@@ -66,6 +66,11 @@ class EgoMetrics:
             "Observations that came after their frame's deadline.",
             registry=registry,
         )
+        self.caught_up = Counter(
+            "coadapt_ego_caught_up_total",
+            "Of the late observations, those that memory has taken up.",
+            registry=registry,
+        )
         self.missing = Counter(
             "coadapt_ego_missing_total",
             "Frames without a chosen robot's contribution.",
@@ -271,6 +276,7 @@ class EgoMetrics:
         for result in _RESULTS:
             self.frames.labels(result).inc(getattr(record.frames, result))
         self.late_answers.inc(record.frames.late_answers)
+        self.caught_up.inc(record.frames.caught_up)
         for robot, reasons in record.missing.items():
             for reason, count in reasons.items():
                 self.missing.labels(robot, reason).inc(count)

@@ -55,10 +55,14 @@ def contribute(done: FrameRound, wanted_ns: int, seen: Observation) -> None:
     """Gives a robot's frame to the round that waits for it."""
     done.bytes[seen.robot] = len(seen.payload)
     done.encode_ms[seen.robot] = seen.encode_ms
+    done.take(contribution(done, wanted_ns, seen))
+
+
+def contribution(done: FrameRound, wanted_ns: int, seen: Observation) -> Contribution:
+    """A robot's frame as the fusion of a round takes it."""
     age_s = (wanted_ns - seen.capture_ns) * 1e-9
-    pose = seen.sensor_pose().matrix()
     form = seen.algorithm if done.is_mixed else ""
-    done.take(Contribution(seen.robot, seen.payload, pose, age_s, form))
+    return Contribution(seen.robot, seen.payload, seen.sensor_pose().matrix(), age_s, form)
 
 
 def why_missing(error: CoAdaptError) -> Missing:

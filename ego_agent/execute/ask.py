@@ -17,7 +17,14 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 
-from ego_agent.execute.answers import AnswerCheck, Outcome, brings, contribute, why_missing
+from ego_agent.execute.answers import (
+    AnswerCheck,
+    Outcome,
+    brings,
+    contribute,
+    contribution,
+    why_missing,
+)
 from ego_agent.execute.frame_round import LATE_S, FrameRound, Missing, Question
 from ego_agent.execute.lessons import Lessons
 from ego_agent.execute.shared import SharedFrames
@@ -322,6 +329,9 @@ class Asker:
             self._monitor.note_answer(seen)
             size, at_ns = len(seen.payload), self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, algorithm, size, at_ns)
+        if late and wrong is None and ask.robot in done.missing and not done.probe:
+            # Its frame is fused, but memory can still take it up.
+            done.take_late(contribution(done, ask.request.capture_ns, seen))
         if late or done.probe:
             return
         if wrong is not None:

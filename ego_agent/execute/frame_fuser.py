@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -11,16 +12,20 @@ from ego_agent.execute.pipeline import AskedFrame
 from ego_agent.execute.sense import OwnFrame
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.monitor.known import KnownRobots
-from perception.fusion.base import Fusion
+from perception.fusion.base import Contribution, Fusion
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
-from perception.memory.memory import Frame, Memory, Remembered, View
+from perception.memory.memory import Frame, Remembered, View
 from perception.memory.remembering import remember
+from perception.memory.reprocessing import ReprocessingMemory
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix
 from swarm.log import Logger
+
+RECENT = 6
+"""Frames that late contributions may still belong to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +60,14 @@ class FrameResult:
         return {robot: why.kind for robot, why in self.missing.items()}
 
 
+@dataclass(slots=True)
+class _Fused:
+    """One of the last frames, and what was fused in it."""
+
+    frame: AskedFrame
+    used: list[Contribution]
+
+
 class FrameFuser:
     """Fuses frames in their order. Used by one thread."""
 
@@ -67,7 +80,7 @@ class FrameFuser:
         *,
         detector: str,
         known: KnownRobots,
-        memory: Memory | None,
+        memory: ReprocessingMemory | None,
     ) -> None:
         """`knowledge` learns what fusing costs. `detector`: the world's. `known`: of whom beacons
         tell. `memory`: of objects."""
@@ -78,6 +91,7 @@ class FrameFuser:
         self._detector = detector
         self._known = known
         self._memory = memory
+        self._recent: deque[_Fused] = deque(maxlen=RECENT)
         self.remembered: Remembered | None = None
         """What was there at the newest frame; None without a memory. Any thread may read."""
 
@@ -112,7 +126,10 @@ class FrameFuser:
             rejected = {c.robot: why for c in done.contributions}
             found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
             corrections, clouds = {}, {}
-        used = tuple(c.robot for c in done.contributions if c.robot not in rejected)
+        self._recent.append(
+            _Fused(frame, [c for c in done.contributions if c.robot not in rejected])
+        )
+        used = tuple(c.robot for c in self._recent[-1].used)
         judged_as = self._judged_as(frame, used)
         known = seen_at(self._known.at(own.capture_ns), corrections)
         boxes = publish(found, self._detector, judged_as, len(used), known)
@@ -138,6 +155,47 @@ class FrameFuser:
             tracks=tracks,
             operating_point=operating_point(self._detector, judged_as),
         )
+
+    def catch_up(self) -> int:
+        """Fuses the newest of the last frames anew of which more has come since it was fused, and
+        has memory take that in place of what it knew of it. Returns how many contributions that
+        were."""
+        if self._memory is None:
+            return 0
+        for fused in reversed(self._recent):
+            if not self._memory.holds(fused.frame.own.capture_ns * 1e-9):
+                return 0
+            more = fused.frame.round.late_contributions()
+            if more:
+                return self._amend(fused, more)
+        return 0
+
+    def _amend(self, fused: _Fused, more: list[Contribution]) -> int:
+        frame, own = fused.frame, fused.frame.own
+        gathering = frame.fusion.begin(own.points, own.world_from_sensor)
+        taken: list[Contribution] = []
+        for contribution in (*fused.used, *more):
+            try:
+                gathering.add(contribution)
+            except Exception as error:
+                self._fault(error, own)
+            else:
+                taken.append(contribution)
+        count = len(taken) - len(fused.used)
+        if count <= 0:
+            return 0
+        try:
+            found, views = gathering.finish(), gathering.sent_points()
+            known = seen_at(self._known.at(own.capture_ns), gathering.corrections())
+        except Exception as error:
+            self._fault(error, own)
+            return 0
+        fused.used = taken
+        used = [c.robot for c in taken]
+        views[self._ego] = (own.points, own.world_from_sensor)
+        judged_as = self._judged_as(frame, used)
+        self._remembered(frame, judged_as, found, frozenset(used), known, views)
+        return count
 
     def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
         """Whose calibration the scores of a frame have to which these robots contributed."""

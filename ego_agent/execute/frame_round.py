@@ -71,6 +71,7 @@ class FrameRound:
     closed_at: float | None = None
     """When the last robot had answered or the deadline had passed; None until then."""
     _arrived: queue.SimpleQueue[Contribution | None] = field(default_factory=queue.SimpleQueue)
+    _late: queue.SimpleQueue[Contribution] = field(default_factory=queue.SimpleQueue)
 
     def algorithm_of(self, robot: str) -> Algorithm:
         """What a robot was asked for."""
@@ -104,6 +105,17 @@ class FrameRound:
         """Adds what came in time."""
         self.contributions.append(contribution)
         self._arrived.put(contribution)
+
+    def take_late(self, contribution: Contribution) -> None:
+        """Adds what came after the deadline."""
+        self._late.put(contribution)
+
+    def late_contributions(self) -> list[Contribution]:
+        """What came after the deadline since this was asked last. For one thread."""
+        found = []
+        while not self._late.empty():
+            found.append(self._late.get())
+        return found
 
     def close(self, now: float) -> None:
         """Ends the waiting."""

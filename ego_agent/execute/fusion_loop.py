@@ -25,8 +25,9 @@ from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.mixed import Mixed
-from perception.memory.memory import Memory, Remembered
+from perception.memory.memory import Remembered
 from perception.memory.poses import PoseMemory
+from perception.memory.reprocessing import ReprocessingMemory
 from swarm import keyspace
 from swarm.errors import TransportError
 from swarm.log import Logger
@@ -49,9 +50,9 @@ def live_motion(detector: str, scan_rate_hz: float, *, remembers: bool) -> Motio
     return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz, poses=poses)
 
 
-def live_memory(detector: str) -> Memory:
+def live_memory(detector: str) -> ReprocessingMemory:
     """What an ego with that detector remembers of objects."""
-    return Memory(configuration(detector).usual_speed_m_s)
+    return ReprocessingMemory(configuration(detector).usual_speed_m_s)
 
 
 class FusionLoop:
@@ -69,7 +70,7 @@ class FusionLoop:
         *,
         detector: str,
         known: KnownRobots,
-        memory: Memory | None = None,
+        memory: ReprocessingMemory | None = None,
         rate_hz: float,
         deadline_s: float,
         probe_after_s: float = 0.0,
@@ -194,6 +195,15 @@ class FusionLoop:
                 self._failed(frame.own.frame)
             self._pipeline.done()
             self._asker.nudge()
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Takes up what came late, where the next frame need not wait for that."""
+        try:
+            if self._pipeline.has_time(time.monotonic()):
+                self._tally.caught_up(self._fuser.catch_up())
+        except Exception:
+            self._log.error("catching_up_failed", exc_info=True)
 
     def _failed(self, frame: int) -> None:
         # One bad frame must not end perception; the journal shows that it failed.

@@ -93,6 +93,15 @@ class Pipeline:
             self._closed = True
             self._changed.notify_all()
 
+    def has_time(self, now: float) -> bool:
+        """Whether one more frame could be fused before the next one's answers are expected."""
+        with self._changed:
+            if not self._waiting:
+                return True
+            done = self._waiting[0].round
+            answered_at = done.closed_at or done.begun_at + self._answer_s
+            return answered_at - now >= self._fuse_s
+
     def full_for_s(self, now: float) -> float:
         """How long to wait before the next frame is asked for; infinite until `done`, not positive
         when its answers will hardly have to wait for their turn."""

@@ -101,6 +101,8 @@ class Frames(msgspec.Struct, frozen=True, kw_only=True):
     late_answers: int
     boxes: int
     """Boxes of the cycle's last fused frame."""
+    caught_up: int = 0
+    """Of the late answers, those that memory has taken up."""
 
 
 class Latency(msgspec.Struct, frozen=True, kw_only=True):

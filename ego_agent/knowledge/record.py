@@ -100,6 +100,7 @@ def cycle_record(
             skipped=tally.skipped,
             failed=tally.failed,
             late_answers=tally.late_answers,
+            caught_up=tally.caught_up,
             boxes=tally.boxes,
         ),
         missing=_nested(tally.missing),

@@ -25,6 +25,8 @@ class Tally:
     failed: int = 0
     """Frames that could not be fused."""
     late_answers: int = 0
+    caught_up: int = 0
+    """Of the late answers, those that memory has taken up."""
     boxes: int = 0
     """Boxes of the last fused frame."""
 
@@ -61,6 +63,11 @@ class TallyKeeper:
             self._current.received[robot, algorithm] += payload_bytes
             self._current.late_answers += late
             self._current.in_time[robot] += not late
+
+    def caught_up(self, answers: int) -> None:
+        """Counts late answers that memory has taken up."""
+        with self._lock:
+            self._current.caught_up += answers
 
     def skipped(self, frames: int) -> None:
         """Counts frames that were passed over."""

@@ -153,6 +153,27 @@ class Memory:
         self._prune(frame.time_s)
         return self._told(frame.time_s)
 
+    def number_after(self, other: Memory) -> None:
+        """Gives new tracks numbers that another memory has not given."""
+        self._next = max(self._next, other._next)
+
+    def recognise(self, other: Memory) -> Remembered:
+        """Names tracks of its own as another memory of the same time does that has not got them
+        under their numbers, where both tell of one thing; returns what is there then."""
+        assert self._time_s is not None
+        own = np.flatnonzero(~np.isin(self._ids, other._ids))
+        theirs = np.flatnonzero(~np.isin(other._ids, self._ids))
+        if len(own) and len(theirs):
+            shared = iou_bev(self._boxes.take(own), other._boxes.take(theirs))
+            labels = np.array(self._boxes.labels), np.array(other._boxes.labels)
+            shared[labels[0][own][:, None] != labels[1][theirs]] = 0.0
+            for i in np.argsort(-shared.max(axis=1), kind="stable"):
+                j = int(shared[i].argmax())
+                if shared[i, j] > SAME_PLACE:
+                    self._ids[own[i]] = other._ids[theirs[j]]
+                    shared[:, j] = 0.0
+        return self._told(self._time_s)
+
     def _begin(self, frame: Frame) -> float:
         """Seconds since the frame before; forgets everything where clock or place have jumped."""
         dt_s = 0.0 if self._time_s is None else frame.time_s - self._time_s

@@ -11,10 +11,11 @@ from perception.fusion.base import Fusion
 from perception.fusion.known import KnownRobot, shows_known
 from perception.fusion.publishing import chances, operating_point
 from perception.memory.memory import Frame, Memory, Remembered
+from perception.memory.reprocessing import ReprocessingMemory
 
 
 def remember(
-    memory: Memory,
+    memory: Memory | ReprocessingMemory,
     frame: Frame,
     detector: str,
     algorithm: str | Fusion,

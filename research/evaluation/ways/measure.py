@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from perception.detector.config import configuration
 from perception.fusion.publishing import publish
-from perception.memory.memory import Frame, Memory
+from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember
+from perception.memory.reprocessing import ReprocessingMemory
 from perception.tally import Tally
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven, FusedOnce
@@ -82,7 +83,8 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
     """Drives the way."""
     world, measured = driven.world, Measured()
     detector = world.detector
-    memory = Memory(configuration(detector).usual_speed_m_s) if way.memory else None
+    kind = ReprocessingMemory if way.late_frames else Memory
+    memory = kind(configuration(detector).usual_speed_m_s) if way.memory else None
     silence = Silence(measured)
     going = gone(driven, way)
     for number, (frame, now) in enumerate(zip(driven.frames, going, strict=True)):
@@ -91,15 +93,16 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
         if now is None:
             continue
         came = now.came
-        fused = driven.fused(frame, came, way.max_error_m)
+        fused = driven.fused(frame, {} if way.late_frames else came, way.max_error_m)
         shown = _published(fused, detector)
         told, tracks = shown, np.arange(len(shown)) + number * 1000
         if memory is not None:
             begun = time.perf_counter()
-            given = Frame(
-                frame / world.rate_hz, fused.found, fused.helpers, fused.views, fused.world_from_own
-            )
-            remembered = remember(memory, given, detector, fused.scored_as, fused.known)
+            before = number - way.late_frames
+            if way.late_frames and before >= 0 and (then := going[before]) is not None:
+                late = driven.fused(driven.frames[before], then.came, way.max_error_m)
+                _taken(memory, driven, driven.frames[before], late)
+            remembered = _taken(memory, driven, frame, fused)
             measured.memory_ms.append((time.perf_counter() - begun) * 1e3)
             assert remembered is not None, "only calibrated algorithms are measured"
             told, tracks = remembered.boxes, remembered.ids
@@ -124,6 +127,15 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
                 place, way.silent[1], shown, told, dict(zip(names, truth.centers, strict=True))
             )
     return measured
+
+
+def _taken(
+    memory: Memory | ReprocessingMemory, driven: Driven, frame: int, fused: FusedOnce
+) -> Remembered | None:
+    """What memory makes of a frame."""
+    time_s = frame / driven.world.rate_hz
+    given = Frame(time_s, fused.found, fused.helpers, fused.views, fused.world_from_own)
+    return remember(memory, given, driven.world.detector, fused.scored_as, fused.known)
 
 
 def _published(fused: FusedOnce, detector: str) -> Boxes:

@@ -37,6 +37,7 @@ TRACKING = ("mota", "idf1", "gospa_m", "identity_switches_per_track_minute")
 RATES_HZ = (10.0, 5.0, 2.0, 1.0)
 FORMS = ("early", "intermediate-codebook", "late")
 COARSE_M = 0.25
+LATE_FRAMES = (1, 3, 5)
 NOISE_M = 0.2
 
 
@@ -69,12 +70,17 @@ def ways() -> tuple[Way, ...]:
             ("early", 2.0, 3, "early", 1.0),
         )
     ]
+    late = [
+        Way(f"{form}-10hz-late-{frames / 10:g}s", ((form, 10.0),), late_frames=frames)
+        for form in ("early", "late")
+        for frames in LATE_FRAMES
+    ]
     ruled = [Way(name, (("cpm", 10.0),)) for name in RULED]
     silent = [
         Way("silence", (("early", 10.0),), silent=(25, 10)),
         Way("silence-no-memory", (("early", 10.0),), memory=False, silent=(25, 10)),
     ]
-    return (*alone, *static, *coarse, *turns, *mixed, *ruled, *silent)
+    return (*alone, *static, *coarse, *turns, *mixed, *late, *ruled, *silent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +204,7 @@ def _row(
         "max_error_m": way.max_error_m,
         "static": way.memory
         and len(way.forms) == 1
-        and not (way.in_turn or way.silent or way.name in RULED),
+        and not (way.in_turn or way.silent or way.late_frames or way.name in RULED),
         **{name: round(value, 4) for name, value in figures.items()},
         "delivered_interval": _ends(more),
         "frames": whole.tally.frames,
@@ -217,7 +223,8 @@ def run(count: int, frames: int, data: Path | None, workers: int, path: Path) ->
 
     Raises as `compare` does, and WorldError for data that cannot be read.
     """
-    few = [way for way in ways() if way.name in (EVERYONE, OURS, ETSI, "early-10hz", "early-2hz")]
+    names = (EVERYONE, OURS, ETSI, "early-10hz", "early-5hz", "early-2hz")
+    few = [way for way in ways() if way.name in names or way.late_frames]
     compared = compare(floors(count, frames), ways(), workers)
     few_floors = max(1, count // 2)
     more = {

@@ -24,6 +24,8 @@ class Way:
     """Of points that are sent."""
     in_turn: bool = False
     """Whether robots of one rate send in different frames, not all in the same."""
+    late_frames: int = 0
+    """Of so many frames before contributions come; memory takes them up then."""
     silent: tuple[int, int] | None = None
     """(period, frames): of each period of frames nobody sends in the last ones."""
     link: Link | None = None

@@ -127,6 +127,40 @@ def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
     assert taken.received["R2", "early"] > 0
 
 
+def test_what_comes_late_is_remembered(
+    ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ego_agent.execute.ask.LATE_S", 60.0)
+    go = threading.Event()
+
+    def slow(request: ObservationRequest) -> Observation:
+        go.wait(60)
+        return honest(hall, "R2")(request)
+
+    ego.loop._deadline_s = SHORT_S
+    robot("R2", slow)
+    first = ego.fuse("R2")
+    assert first.missing["R2"].kind == "deadline"
+    assert first.tracks is not None
+    assert [round(y) for y in first.tracks.boxes.centers[:, 1]] == [0]
+    fuser = ego.loop._fuser
+    assert fuser.catch_up() == 0
+    go.set()
+
+    def caught_up() -> bool:
+        ego.loop._asker.attend(0.1)
+        return fuser.catch_up() == 1
+
+    until(caught_up, "the answer has come")
+    assert fuser.catch_up() == 0, "it is taken up once"
+    until(lambda: ego.sensor.newest() > first.own.frame, "the next frame")
+    second = ego.fuse()
+    assert second.tracks is not None
+    where = dict(zip(second.tracks.boxes.centers[:, 1].round(), second.tracks.ages_s, strict=True))
+    assert where.keys() == {0.0, 10.0}
+    assert where[10.0] > 0.0, "nobody has shown it since"
+
+
 def test_a_request_for_an_old_frame_is_not_sent_again(
     ego: Ego, hall: Hall, robot: RobotStarter
 ) -> None:

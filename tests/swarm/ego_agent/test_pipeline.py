@@ -320,3 +320,15 @@ def test_a_closed_pipeline_gives_what_it_holds_and_then_nothing() -> None:
     assert pipeline.take() is first
     pipeline.done()
     assert pipeline.take() is None
+
+
+def test_there_is_time_for_what_came_late_only_before_the_next_answers_are_expected() -> None:
+    pipeline, now = Pipeline(), time.monotonic()
+    assert pipeline.has_time(now), "nobody waits"
+    pipeline._answer_s, pipeline._fuse_s = 0.2, 0.05
+    pipeline.put(frame(now, now))
+    assert not pipeline.has_time(now), "its answers are there"
+    pipeline.take()
+    pipeline.put(frame(now))
+    assert pipeline.has_time(now + 0.1)
+    assert not pipeline.has_time(now + 0.16)
