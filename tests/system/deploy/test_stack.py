@@ -220,31 +220,6 @@ def test_a_task_is_confined_and_holds_its_own_certificate_only(swarm: Site) -> N
         node.docker("exec", container, "touch", "/app/something")
 
 
-def test_a_node_that_is_cut_off_goes_on_and_is_chosen_again_and_never_twice(
-    swarm: Site, manager: Node
-) -> None:
-    node = swarm.nodes[2]
-    before = running(node)["robot-R3"]
-    swarm.cut(node)
-
-    def lost() -> bool:
-        state = manager.docker("node", "inspect", "--format", "{{.Status.State}}", node.name)
-        return state == "down"
-
-    try:
-        await_(lost, "the managers know that it is gone", CUT_S)
-        others = {name for one in swarm.nodes[:2] for name in running(one)}
-        assert "robot-R3" not in others, "its twin lives"
-        assert running(node)["robot-R3"] == before
-        had = received(manager)["R2"]
-        await_(lambda: received(manager)["R2"] > had, "the ego goes on with R2")
-        had = received(manager)["R3"]
-    finally:
-        swarm.cut(node, whole=True)
-    await_(lambda: received(manager)["R3"] > had, "R3 is fused again", START_S)
-    assert not {"robot-R3"} & {name for one in swarm.nodes[:2] for name in running(one)}
-
-
 def test_a_new_certificate_comes_with_a_new_task_of_its_process_alone(
     swarm: Site, manager: Node, cli: Cli
 ) -> None:
@@ -273,6 +248,31 @@ def test_a_new_certificate_comes_with_a_new_task_of_its_process_alone(
         before[1] | {"robot-R2": container},
         before[2],
     ]
+
+
+def test_a_node_that_is_cut_off_goes_on_and_is_chosen_again_and_never_twice(
+    swarm: Site, manager: Node
+) -> None:
+    node = swarm.nodes[2]
+    before = running(node)["robot-R3"]
+    swarm.cut(node)
+
+    def lost() -> bool:
+        state = manager.docker("node", "inspect", "--format", "{{.Status.State}}", node.name)
+        return state == "down"
+
+    try:
+        await_(lost, "the managers know that it is gone", CUT_S)
+        others = {name for one in swarm.nodes[:2] for name in running(one)}
+        assert "robot-R3" not in others, "its twin lives"
+        assert running(node)["robot-R3"] == before
+        had = received(manager)["R2"]
+        await_(lambda: received(manager)["R2"] > had, "the ego goes on with R2")
+        had = received(manager)["R3"]
+    finally:
+        swarm.cut(node, whole=True)
+    await_(lambda: received(manager)["R3"] > had, "R3 is fused again", START_S)
+    assert not {"robot-R3"} & {name for one in swarm.nodes[:2] for name in running(one)}
 
 
 @pytest.fixture(scope="module")
