@@ -188,7 +188,7 @@ class Mixes:
                     robot=candidate.robot, algorithm=option.algorithm, rate_hz=option.rate_hz
                 )
                 more = self._sizes[i, o] * self._rate[o]
-                adds = float(gains[i, o])
+                adds = min(float(gains[i, o]), 1.0 - quality)
                 fits = growing.bytes + more <= self.scorer.budget_bytes + 1e-6
             else:
                 continue
