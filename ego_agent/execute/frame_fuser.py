@@ -12,6 +12,7 @@ from ego_agent.execute.pipeline import AskedFrame
 from ego_agent.execute.sense import OwnFrame
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.monitor.known import KnownRobots
+from perception.fusion.aligner import Held
 from perception.fusion.base import Contribution, Fusion
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
@@ -66,6 +67,8 @@ class _Fused:
 
     frame: AskedFrame
     used: list[Contribution]
+    corrections: dict[str, Matrix]
+    """By what their poses were put right, 4 x 4 in the world frame."""
 
 
 class FrameFuser:
@@ -126,10 +129,9 @@ class FrameFuser:
             rejected = {c.robot: why for c in done.contributions}
             found = frame.fusion.begin(own.points, own.world_from_sensor).finish()
             corrections, clouds = {}, {}
-        self._recent.append(
-            _Fused(frame, [c for c in done.contributions if c.robot not in rejected])
-        )
-        used = tuple(c.robot for c in self._recent[-1].used)
+        taken = [c for c in done.contributions if c.robot not in rejected]
+        used = tuple(c.robot for c in taken)
+        self._recent.append(_Fused(frame, taken, corrections))
         judged_as = self._judged_as(frame, used)
         known = seen_at(self._known.at(own.capture_ns), corrections)
         boxes = publish(found, self._detector, judged_as, len(used), known)
@@ -173,6 +175,10 @@ class FrameFuser:
     def _amend(self, fused: _Fused, more: list[Contribution]) -> int:
         frame, own = fused.frame, fused.frame.own
         gathering = frame.fusion.begin(own.points, own.world_from_sensor)
+        held: dict[str, Matrix] = {}
+        for one in (*self._recent, fused):
+            held |= one.corrections
+        gathering.remembered = Held(held, own.world_from_sensor)
         taken: list[Contribution] = []
         for contribution in (*fused.used, *more):
             try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -32,6 +32,22 @@ class Corrections(Protocol):
         """The correction, 4 x 4 in the ego's frame, by all that was shown until now; None where
         this frame is to speak for itself."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """`Corrections` that were found before: they count whatever the frame shows."""
+
+    in_world: Mapping[str, Matrix]
+    """4 x 4 in the world frame, by robot."""
+    world_from_own: Matrix
+
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
+        """See `Corrections.corrected`."""
+        found = self.in_world.get(robot)
+        if found is None:
+            return None
+        return invert(self.world_from_own) @ found @ self.world_from_own
 
 
 class Remembering(Protocol):

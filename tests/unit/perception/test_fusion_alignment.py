@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from perception.fusion.aligner import Aligner
+from perception.fusion.aligner import Aligner, Held, in_world
 from perception.fusion.alignment import MIN_GAIN, Field, correction, estimate
 from perception.fusion.maps import moved
 from perception.fusion.outline import SENT_POINTS, outline, standing, thinned
@@ -106,6 +106,20 @@ def test_little_agreement_takes_more_evidence() -> None:
     assert not np.array_equal(align(field, there, np.array([15.0, 0.0])), np.eye(4))
     aligner.add(places, at(15.0, 0.0))
     assert np.array_equal(aligner.corrections()[0], np.eye(4))
+
+
+def test_corrections_that_were_found_before_count_whatever_the_frame_shows() -> None:
+    near = corner(0.0)
+    world_from_own = Pose(3.0, -2.0, 1.0, 0.0, 0.0, 0.7).matrix()
+    found = Pose(0.4, 0.1, 0.0, 0.0, 0.0, 0.01).matrix()
+    aligner = Aligner(upright(near))
+    for robot in ("R2", "R3"):
+        aligner.add(near[::4] - [15.0, 0.0], at(15.0, 0.0), robot)
+    held, other = aligner.corrections(Held({"R2": found}, world_from_own))
+    assert held == pytest.approx(invert(world_from_own) @ found @ world_from_own)
+    assert other == pytest.approx(np.eye(4)), "this frame shows that it stands right"
+    back = in_world(aligner, ["R2", "R3"], world_from_own)
+    assert back["R2"] == pytest.approx(found)
 
 
 def test_a_sender_that_is_refused_takes_no_place() -> None:
