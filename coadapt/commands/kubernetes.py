@@ -7,6 +7,7 @@ coadapt kubernetes --image HOST:5000/coadapt-edge:1 | kubectl apply -n coadapt -
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from coadapt.cluster_choice import add_cluster, certify, chosen_cluster, settled
@@ -29,6 +30,12 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "host: robots, egos and router in the nodes' own network, which keeps packets' marks; "
         "overlay: in the cluster's (default: %(default)s)",
         router=site.ROUTER,
+    )
+    parser.add_argument(
+        "--mesh",
+        action="store_true",
+        help="each robot's node has a router of its own, linked with all others; the site's is on "
+        "a node of no robot",
     )
     parser.add_argument(
         "--output",
@@ -57,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
     monitoring = args.monitoring if args.prometheus else ""
     args.prometheus = False  # The cluster has one.
     spec = wished(args, "kubernetes", **settled(args))
+    if args.mesh:
+        cluster = replace(cluster, hosts=kubernetes.own_routers(spec))
     certify(spec, cluster)
     if args.secrets:
         print(charts.documents(kubernetes.secrets(spec, cluster)), end="")

@@ -47,7 +47,13 @@ def objects(
         by_role.setdefault(one.service.role, []).append(one)
     robots = [_workload(spec, cluster, one, "StatefulSet") for one in by_role.pop("robot")]
     files = {
-        "services.yaml": [site.router_service(spec), site.metrics_service(spec)],
+        "services.yaml": [
+            *(
+                site.router_service(spec, name_of(one.service.name), one.service.name)
+                for one in by_role["router"]
+            ),
+            site.metrics_service(spec),
+        ],
         "robots.yaml": [*robots, site.disruption_budget(spec)],
         **{
             f"{role}.yaml": [
@@ -85,6 +91,11 @@ def secrets(spec: SwarmSpec, cluster: Cluster) -> list[Object]:
                 "data": data,
             }
     return list(made.values())
+
+
+def own_routers(spec: SwarmSpec) -> dict[str, str]:
+    """The Service of the router that each robot's node has, where each has one."""
+    return {robot: name_of(f"router-{robot}") for robot in spec.robots}
 
 
 def name_of(text: str) -> str:

@@ -41,17 +41,18 @@ def labels_of(spec: SwarmSpec) -> dict[str, str]:
     return {"app.kubernetes.io/name": "coadapt-edge", "app.kubernetes.io/instance": spec.swarm}
 
 
-def router_service(spec: SwarmSpec) -> Object:
-    """Without an address of its own: the name leads to the router's node or pod itself."""
+def router_service(spec: SwarmSpec, name: str, process: str) -> Object:
+    """The name of a router's process. Without an address of its own: it leads to the router's node
+    or pod itself."""
     ports = range(spec.router_port, spec.router_port + 3)
     return {
         "apiVersion": "v1",
         "kind": "Service",
-        "metadata": {"name": ROUTER, "labels": labels_of(spec)},
+        "metadata": {"name": name, "labels": labels_of(spec)},
         "spec": {
             "clusterIP": "None",
             "publishNotReadyAddresses": True,
-            "selector": {**labels_of(spec), PROCESS_LABEL: ROUTER},
+            "selector": {**labels_of(spec), PROCESS_LABEL: process},
             "ports": [{"name": f"port-{port}", "port": port} for port in ports],
         },
     }

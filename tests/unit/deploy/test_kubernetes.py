@@ -7,6 +7,8 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -63,14 +65,19 @@ def spec(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SwarmSpec:
     return made
 
 
-@pytest.fixture(params=["host", "overlay", "interface"])
+@pytest.fixture(params=["host", "overlay", "interface", "mesh"])
 def cluster(request: pytest.FixtureRequest, spec: SwarmSpec) -> Cluster:
-    """On the nodes' own network, on the cluster's, and with a controller on each robot's node."""
+    """On the nodes' own network, on the cluster's, with a controller on each robot's node, and with
+    a router there."""
     image, model = "registry:5000/coadapt-edge:1", "registry:5000/coadapt-llm:1"
-    if request.param != "interface":
+    if request.param in ("host", "overlay"):
         return make_cluster(image, site.ROUTER, request.param, model)
-    made = make_cluster(image, site.ROUTER, "host", model, "eth1")
-    keep(spec, plan.place_of(spec, made), plan.roles(spec, made))
+    if request.param == "mesh":
+        made = make_cluster(image, site.ROUTER, "host", model)
+        made = replace(made, hosts=kubernetes.own_routers(spec))
+    else:
+        made = make_cluster(image, site.ROUTER, "host", model, "eth1")
+    keep(spec, plan.place_of(spec, made), plan.roles(spec, made), plan.router_addresses(made))
     return made
 
 
@@ -137,6 +144,29 @@ def test_every_object_is_as_the_published_schemas_have_it(
         assert used == version, "the schemas are of that very version"
 
 
+def test_in_a_mesh_each_robot_goes_to_the_router_of_its_node(spec: SwarmSpec) -> None:
+    cluster = replace(HOST, llm_image="l:1", hosts=kubernetes.own_routers(spec))
+    keep(
+        spec,
+        plan.place_of(spec, cluster),
+        plan.roles(spec, cluster),
+        plan.router_addresses(cluster),
+    )
+    objects = flat(spec, cluster)
+    pods = {name: one["spec"]["template"]["spec"] for name, one in workloads(objects).items()}
+    services = {one["metadata"]["name"] for one in objects if one["kind"] == "Service"}
+    for robot in ("r1", "arm-2", "r3"):
+        own = f"router-{robot}"
+        assert own in services
+        assert pods[own]["nodeSelector"] == pods[f"robot-{robot}"]["nodeSelector"]
+        (container,) = pods[f"robot-{robot}"]["containers"]
+        env = {one["name"]: one.get("value") for one in container["env"]}
+        assert env["COADAPT_ROUTER"].startswith(f"tls/{own}:7447#")
+    (container,) = pods["router-r3"]["containers"]
+    peers = [after for word, after in pairwise(container["command"]) if word == "--peer"]
+    assert peers == [f"tls/{name}:7447" for name in ("router", "router-r1", "router-arm-2")]
+
+
 def test_the_schemas_refuse_what_is_not_theirs(spec: SwarmSpec, cluster: Cluster) -> None:
     pod = workloads(flat(spec, cluster))["robot-r1"]
     pod["spec"]["template"]["spec"]["containers"][0]["enviroment"] = []
@@ -157,8 +187,8 @@ def test_every_selector_finds_what_it_is_meant_for(spec: SwarmSpec, cluster: Clu
         found = [name for name, labels in things.items() if wanted.items() <= labels.items()]
         if whose.split()[0] in ("Deployment", "StatefulSet", "DaemonSet"):
             assert found == [whose.split()[1]], "each selects its own pods, and no other's"
-        elif whose == "Service router":
-            assert found == ["router"]
+        elif whose.startswith("Service router"):
+            assert found == [whose.split()[1]]
         elif whose == "PodDisruptionBudget robots":
             assert sorted(found) == ["robot-arm-2", "robot-r1", "robot-r3"]
         elif kind == "Service":
@@ -207,7 +237,8 @@ def test_an_identity_lies_where_its_process_looks_for_it(spec: SwarmSpec, cluste
         (container,) = found[name]["spec"]["template"]["spec"]["containers"]
         env = {pair["name"]: pair.get("value", "") for pair in container["env"]}
         router, identity = env["COADAPT_ROUTER"].split("#identity=")
-        assert router == "tls/router:7447"
+        robot = {"robot-arm-2": "arm_2", "ego-r1": "R1"}.get(name, "")
+        assert router == f"tls/{cluster.hosts.get(robot, 'router')}:7447"
         assert Path(identity).name == own
         assert identity in {mount["mountPath"] for mount in container["volumeMounts"]}
 
