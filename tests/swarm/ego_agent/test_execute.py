@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -97,18 +98,23 @@ def test_a_robot_that_left_is_not_waited_for(ego: Ego) -> None:
     assert result.missing["R2"].kind == "left"
 
 
+def held(hall: Hall, go: threading.Event) -> Callable[[ObservationRequest], Observation]:
+    """R2 as it answers once it may."""
+
+    def slow(request: ObservationRequest) -> Observation:
+        go.wait(60)
+        return honest(hall, "R2")(request)
+
+    return slow
+
+
 def test_a_slow_robot_costs_the_deadline_once_and_its_late_bytes_count(
     ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However long the second frame takes, the answer to the first one is not too late to count.
     monkeypatch.setattr("ego_agent.execute.ask.LATE_S", 60.0)
     go = threading.Event()
-
-    def slow(request: ObservationRequest) -> Observation:
-        go.wait(60)
-        return honest(hall, "R2")(request)
-
-    robot("R2", slow)
+    robot("R2", held(hall, go))
     robot("R3", honest(hall, "R3"))
     first = ego.fuse("R2", "R3")
     assert first.missing["R2"].kind == "deadline"
@@ -132,13 +138,8 @@ def test_what_comes_late_is_remembered(
 ) -> None:
     monkeypatch.setattr("ego_agent.execute.ask.LATE_S", 60.0)
     go = threading.Event()
-
-    def slow(request: ObservationRequest) -> Observation:
-        go.wait(60)
-        return honest(hall, "R2")(request)
-
     ego.loop._deadline_s = SHORT_S
-    robot("R2", slow)
+    robot("R2", held(hall, go))
     first = ego.fuse("R2")
     assert first.missing["R2"].kind == "deadline"
     assert first.tracks is not None
