@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -162,7 +162,12 @@ def containers(spec: SwarmSpec, cluster: Cluster) -> tuple[Container, ...]:
     place = place_of(spec, cluster)
     members = services(spec, place)
     (router,) = (member for member in members if member.role == "router")
-    routers = [_own_router(spec, cluster, place, router, robot) for robot in cluster.hosts]
+    hosts = (cluster.router, *cluster.hosts.values())
+    routers = [
+        # Of two routers one names the other: each names those before it.
+        _own_router(spec, place, router, robot, hosts[:number])
+        for number, robot in enumerate(cluster.hosts, 1)
+    ]
     found = [
         _container(spec, cluster, _at_own_router(spec, cluster, place, member))
         for member in (router, *routers, *(one for one in members if one is not router))
@@ -221,12 +226,10 @@ def _container(spec: SwarmSpec, cluster: Cluster, service: Service) -> Container
 
 
 def _own_router(
-    spec: SwarmSpec, cluster: Cluster, place: Place, site: Service, robot: str
+    spec: SwarmSpec, place: Place, site: Service, robot: str, peers: Sequence[str]
 ) -> Service:
-    """The router of a robot's node; `site`: that of the site. Of two routers one names the other:
-    each names the site's and those of the robots before it."""
-    before = list(cluster.hosts)[: list(cluster.hosts).index(robot)]
-    peers = (cluster.router, *(cluster.hosts[one] for one in before))
+    """The router of a robot's node; `site`: that of the site; `peers`: hosts of routers that it
+    names."""
     of_site, own = (
         identity_path(place.var_dir, Role("router", name).common_name) for name in ("", robot)
     )
