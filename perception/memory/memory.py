@@ -1,12 +1,12 @@
 """Objects remembered from frame to frame.
 
-Each track has an identity, a class, a motion (`motion`), the shape that its best views showed, and
-the chance that it exists. Boxes are laid on tracks together as near as can be within a gate (global
-nearest neighbour). The chance follows Musicki, Evans and Stankovic, "Integrated probabilistic data
-association" (1994): a box that should have been seen and was not makes a track less likely by how
-likely it was to be seen, and what could not be seen says nothing. Calibrated boxes tell the chance
-themselves; as boxes of frames that follow each other are no independent witnesses, their chances
-are pooled (logarithmic opinion pool).
+Each track has an identity, a class, a motion (`motion`) and a heading (`turning`), the shape that
+its best views (`viewers`) showed, and the chance that it exists. Boxes are laid on tracks together
+as near as can be within a gate (global nearest neighbour). The chance follows Musicki, Evans and
+Stankovic, "Integrated probabilistic data association" (1994): a box that should have been seen and
+was not makes a track less likely by how likely it was to be seen, and what could not be seen says
+nothing. Calibrated boxes tell the chance themselves; as boxes of frames that follow each other are
+no independent witnesses, their chances are pooled (logarithmic opinion pool).
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from perception.boxes import SHARPNESS, iou_among, iou_bev
 from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
 from perception.memory.sight import Sight
+from perception.memory.turning import Headings
+from perception.memory.viewers import Viewers
 from perception.types import Boxes
 from swarm.geometry import Matrix, Points, invert
 
@@ -42,12 +44,14 @@ SURE_SD_M, DOUBT_SD_M = 0.05, 0.3
 more. Measured on floors of seeds from 1,700,000 on."""
 WEIGHT = 0.5
 """Of a box's chance beside what is remembered, where as many robots showed both."""
-PARTIAL_SD, PARTIAL_WEIGHT = 3.0, 0.3
-"""Of a box of fewer views than those that showed the track, and less sure than it: how much farther
-off its middle is, and what its shape counts for. Measured on floors and streets of seeds from
-1,920,000 on."""
-FADES_S, TURNS_S = 1.0, 0.15
-"""In this time a remembered shape, and a heading, lose two thirds of their weight."""
+SURE_RAD, DOUBT_RAD = 0.07, 0.5
+"""The same of its heading."""
+PARTIAL_SD, PARTIAL_WEIGHT, OFFSET = 2.0, 0.1, 0.07
+"""Of a box of fewer views than those that showed the track: how much farther off it is, what its
+shape counts for, and the standard deviation of the offset of its middle, by the body's length.
+Measured on floors and streets of seeds from 1,920,000 on."""
+FADES_S = 1.0
+"""In this time a remembered shape loses two thirds of its weight."""
 SURVIVES_S = 30.0
 """How long what nobody sees is believed in, on average."""
 SAME_PLACE = 0.1
@@ -60,9 +64,8 @@ LOOKED_AT, TOLD_AGAIN, SEEN_FREE = 0.7, 0.6, 0.95
 of those who showed it before; where those who showed it before sent boxes or features again; where
 rays pass through its place (so it is not there)."""
 UNCONFIRMED = 0.2
-"""Of the chance of a new box that the ego alone shows, where others have sent in the last
-INFORMED_S seconds; of one that a part of these shows, as much more as they are."""
-INFORMED_S = 1.5
+"""Of the chance of a new box that the ego alone shows, where others have sent of late
+(`viewers.INFORMED_S`); of one that a part of these shows, as much more as they are."""
 NEAR_ENOUGH = 0.5
 """Of a body's width: an offset beyond which a box of it is wrong."""
 SQUARE = 0.1
@@ -123,32 +126,36 @@ class Memory:
     def clear(self) -> None:
         """Forgets everything but which numbers were given."""
         self._time_s: float | None = None
-        self._of_late: dict[str, float] = {}
-        """When each helper of the last INFORMED_S seconds has shown anything last."""
-        self._motions = Motions(self._usual)
+        self._motions, self._headings = Motions(self._usual), Headings()
+        self._viewers = Viewers()
         self._boxes = Boxes.empty()
         """As last seen, with the shape of the best views; scores are the tracks' chances."""
         self._ids = np.zeros(0, dtype=np.int64)
-        self._weights = np.zeros((0, 2))
-        """Of the remembered shapes, and of the headings."""
+        self._weights = np.zeros(0)
+        """Of the remembered shapes."""
         self._seen_s = np.zeros(0)
         self._certain = np.zeros(0)
         """How certain the place was when last seen."""
-        self._seen_by: list[frozenset[str]] = []
-        """Robots that showed each track when it was seen best."""
 
     def update(self, frame: Frame) -> Remembered:
         """Takes up a frame, and returns what is there at its time by all that is known."""
         dt_s = self._begin(frame)
-        self._motions.predict(dt_s)
-        self._weights = self._weights * np.exp(-dt_s / np.array([FADES_S, TURNS_S]))
+        self._motions.predict(dt_s, self._headings.rates())
+        self._headings.predict(dt_s, _square(self._boxes))
+        self._weights = self._weights * np.exp(-dt_s / FADES_S)
         chances = self._boxes.scores * np.exp(-dt_s / SURVIVES_S)
-        self._boxes = replace(self._boxes, centers=self._moved(), scores=chances)
+        self._boxes = replace(
+            self._boxes,
+            centers=self._moved(),
+            headings=self._headings.headings(),
+            scores=chances,
+        )
         order = np.argsort(-frame.boxes.scores, kind="stable")[:MOST_BOXES]
         found = frame.boxes.take(order[frame.boxes.scores[order] >= FAINTEST])
-        rows, columns = self._matched(found)
+        partial = self._viewers.partial(frame.helpers)
+        rows, columns = self._matched(found, partial)
         self._missed(np.setdiff1d(np.arange(len(self._ids)), rows), frame)
-        self._seen(rows, found.take(columns), frame)
+        self._seen(rows, found.take(columns), partial[rows], frame)
         self._born(found.take(np.setdiff1d(np.arange(len(found)), columns)), frame)
         self._prune(frame.time_s)
         return self._told(frame.time_s)
@@ -185,21 +192,22 @@ class Memory:
         if jumped:
             self.clear()
             dt_s = 0.0
-        kept = {r: at for r, at in self._of_late.items() if frame.time_s - at <= INFORMED_S}
-        self._of_late = kept | dict.fromkeys(frame.helpers, frame.time_s)
+        self._viewers.hear(frame.time_s, frame.helpers)
         self._time_s = frame.time_s
         return dt_s
 
     def _moved(self) -> Floats:
         return np.column_stack([self._motions.places(), self._boxes.centers[:, 2]])
 
-    def _matched(self, found: Boxes) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Tracks and the boxes that show them."""
+    def _matched(
+        self, found: Boxes, partial: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Tracks and the boxes that show them; of some tracks (N,) a part, it may be."""
         from scipy.optimize import linear_sum_assignment
 
         if not len(found) or not len(self._ids):
             return np.zeros(0, np.intp), np.zeros(0, np.intp)
-        apart = self._motions.apart(found.centers[:, :2], _sds(found))
+        apart = self._motions.apart(found.centers[:, :2], _sds(found), partial)
         other = np.array(self._boxes.labels)[:, None] != np.array(found.labels)
         cost = np.where(other, GATE, np.minimum(apart, GATE))
         rows, columns = linear_sum_assignment(cost)
@@ -234,36 +242,38 @@ class Memory:
         free = (through >= FEW) & (there < FEW)
         expected = np.where(free, SEEN_FREE * told, expected)
         for i, row in enumerate(rows):
-            unseen = self._seen_by[row] - frame.views.keys()
+            unseen = self._viewers.best(row) - frame.views.keys()
             if unseen <= frame.helpers and (unseen or not frame.views):
                 expected[i] = max(expected[i], TOLD_AGAIN)
-            elif there[i] >= MANY or (there[i] >= FEW and self._seen_by[row] <= frame.helpers):
+            elif there[i] >= MANY or (there[i] >= FEW and self._viewers.best(row) <= frame.helpers):
                 expected[i] = max(expected[i], LOOKED_AT)
         chance = self._boxes.scores
         left = chance[rows] * (1.0 - expected) / (1.0 - expected * chance[rows])
         chance[rows] = left
 
-    def _seen(self, rows: NDArray[np.intp], found: Boxes, frame: Frame) -> None:
-        """Tracks and the box that shows each."""
+    def _seen(
+        self, rows: NDArray[np.intp], found: Boxes, partial: NDArray[np.bool_], frame: Frame
+    ) -> None:
+        """Tracks and the box that shows each; of some (K,) a part, it may be."""
         if not len(rows):
             return
         chance, boxes = self._boxes.scores, self._boxes
-        told_again = [self._seen_by[row] <= frame.helpers for row in rows]
-        full = np.array(told_again) | (found.scores > chance[rows])
-        sds = _sds(found) * np.where(full, 1.0, PARTIAL_SD)
-        self._motions.update(rows, found.centers[:, :2], sds)
+        # Of other robots the surer ones see more; some of the same ones do not.
+        surer = (found.scores > chance[rows]) & ~self._viewers.within(rows, frame.helpers)
+        full = ~partial | surer
+        anew = self._viewers.saw(rows, full, frame.helpers)
+        farther = np.where(full, 1.0, PARTIAL_SD)
+        self._motions.lose_offsets(rows[anew])
+        self._motions.update(rows, found.centers[:, :2], _sds(found) * farther, ~full)
+        self._headings.update(
+            rows, found.headings, _turned_sds(found) * farther, _square(boxes.take(rows))
+        )
         for row, box in zip(rows[full], np.flatnonzero(full), strict=True):
             chance[row] = _pooled(chance[row], found.scores[box])
-            self._seen_by[row] = frame.helpers
-        weight = (found.scores**SHARPNESS * np.where(full, 1.0, PARTIAL_WEIGHT))[:, None]
-        shape, share = (weight / np.maximum(weight + self._weights[rows], 1e-12)).T
+        weight = found.scores**SHARPNESS * np.where(full, 1.0, PARTIAL_WEIGHT)
+        shape = weight / np.maximum(weight + self._weights[rows], 1e-12)
         self._weights[rows] += weight
-        # A rectangle looks the same after half a turn, a square after a quarter.
-        alike = np.where(_square(boxes.take(rows)), 4.0, 2.0)
-        turn = alike * (found.headings - boxes.headings[rows])
-        mean = np.arctan2(share * np.sin(turn), 1.0 - share + share * np.cos(turn))
-        boxes.headings[rows] += mean / alike
-        boxes.headings[rows] %= 2.0 * np.pi
+        boxes.headings[:] = self._headings.headings()
         boxes.sizes[rows] += shape[:, None] * (found.sizes - boxes.sizes[rows])
         boxes.centers[rows, 2] += shape * (found.centers[:, 2] - boxes.centers[rows, 2])
         boxes.centers[:, :2] = self._motions.places()
@@ -277,19 +287,19 @@ class Memory:
             found = found.take(np.flatnonzero(apart))
         if not len(found):
             return
-        if self._of_late:
-            # Of those who see more, nobody has shown it.
-            asked = len(frame.helpers & self._of_late.keys()) / len(self._of_late)
-            found = replace(found, scores=found.scores * UNCONFIRMED ** (1.0 - asked))
-        self._motions.add(found.centers[:, :2], _sds(found))
+        # Of those who see more, so many have not shown it.
+        others = 1.0 - self._viewers.share(frame.helpers)
+        found = replace(found, scores=found.scores * UNCONFIRMED**others)
+        offsets = OFFSET * found.sizes[:, :2].max(axis=1)
+        self._motions.add(found.centers[:, :2], _sds(found), offsets)
+        self._headings.add(found.headings, _turned_sds(found))
+        self._viewers.add(len(found), frame.helpers)
         self._boxes = Boxes.concatenate([self._boxes, found])
         self._ids = np.append(self._ids, self._next + np.arange(len(found)))
         self._next += len(found)
-        weight = np.repeat(found.scores[:, None] ** SHARPNESS, 2, axis=1)
-        self._weights = np.concatenate([self._weights, weight])
+        self._weights = np.append(self._weights, found.scores**SHARPNESS)
         self._seen_s = np.append(self._seen_s, np.full(len(found), frame.time_s))
         self._certain = np.append(self._certain, self._certainty()[-len(found) :])
-        self._seen_by += [frame.helpers] * len(found)
 
     def _certainty(self) -> Floats:
         """The chance that each track's box lies near enough to be right."""
@@ -307,11 +317,11 @@ class Memory:
             if kept[i]:
                 kept[i + 1 :] &= ~overlap[i, i + 1 :]
         rows = order[kept]
-        self._motions.keep(rows)
+        for part in (self._motions, self._headings, self._viewers):
+            part.keep(rows)
         self._boxes, self._ids = boxes.take(rows), self._ids[rows]
         self._weights, self._seen_s = self._weights[rows], self._seen_s[rows]
         self._certain = self._certain[rows]
-        self._seen_by = [self._seen_by[row] for row in rows]
 
     def _told(self, time_s: float) -> Remembered:
         scores = self._boxes.scores * np.minimum(1.0, self._certainty() / self._certain)
@@ -327,6 +337,11 @@ class Memory:
 def _sds(found: Boxes) -> Floats:
     """How far boxes' middles are off along an axis: standard deviations (N,), metres."""
     return SURE_SD_M + DOUBT_SD_M * (1.0 - found.scores)
+
+
+def _turned_sds(found: Boxes) -> Floats:
+    """How far boxes' headings are off: standard deviations (N,), rad."""
+    return SURE_RAD + DOUBT_RAD * (1.0 - found.scores)
 
 
 def _square(boxes: Boxes) -> NDArray[np.bool_]:

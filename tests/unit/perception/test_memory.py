@@ -111,8 +111,29 @@ class TestIdentity:
 
         alone = after(frozenset(), 0.8)
         assert 0.0 < alone < 0.3 * after(BOTH, 0.8)
-        # Unless it is surer than what is remembered.
-        assert after(frozenset(), 0.99) > 3.0 * alone
+        # However sure it is: those who have shown it have seen what it shows, too.
+        assert after(frozenset(), 0.99) < 0.3 * after(BOTH, 0.99)
+        # Others may see more, and do where they are surer.
+        other = frozenset({"R6"})
+        assert after(other, 0.8) < 0.3 * after(BOTH, 0.8)
+        assert after(other, 0.99) == pytest.approx(after(BOTH, 0.99), abs=0.02)
+
+    def test_the_middle_of_a_part_tells_how_an_object_moves_and_not_where_it_is(self) -> None:
+        memory, speed, beside = Memory(6.0), 5.0, 0.5
+        for i in range(12):
+            shown = i % 5 == 0
+            place = speed * i / 10 - (0.0 if shown else beside)
+            helpers = BOTH if shown else frozenset[str]()
+            told = memory.update(frame(i / 10, boxes((place, 0.0)), helpers))
+        assert told.boxes.centers[0, 0] == pytest.approx(speed * 1.1, abs=0.1)
+        assert told.velocities[0, 0] == pytest.approx(speed, abs=0.3)
+
+    def test_who_has_gone_has_shown_nothing_better(self) -> None:
+        memory = Memory(1.0)
+        seen(memory)
+        for i in range(25):
+            told = memory.update(frame(0.5 + i / 10, boxes((10.3, 0.0)), own=WALLED))
+        assert told.boxes.centers[0, 0] == pytest.approx(10.3, abs=0.05)
 
     @pytest.mark.parametrize("speed", [8.0, 15.0])
     def test_what_drives_fast_is_followed_from_its_first_frame(self, speed: float) -> None:

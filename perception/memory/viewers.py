@@ -1,0 +1,68 @@
+"""Who has shown each track: whose views count for what they are, and whose for a part of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Mask = NDArray[np.bool_]
+Robots = frozenset[str]
+
+INFORMED_S = 1.5
+"""So long what a robot has shown counts as better than what is seen without it."""
+
+
+class Viewers:
+    """Robots beside the ego, which sees all frames."""
+
+    def __init__(self) -> None:
+        self._of_late: dict[str, float] = {}
+        """When each robot of the last INFORMED_S seconds has shown anything last."""
+        self._best: list[Robots] = []
+        """That showed each track when it was seen best."""
+        self._last: list[Robots | None] = []
+        """Of the last partial view of each track."""
+
+    def hear(self, time_s: float, helpers: Robots) -> None:
+        """A frame in which these show something."""
+        kept = {r: at for r, at in self._of_late.items() if time_s - at <= INFORMED_S}
+        self._of_late = kept | dict.fromkeys(helpers, time_s)
+
+    def share(self, helpers: Robots) -> float:
+        """How many of the robots of late these are; 1.0 where there are none."""
+        return len(helpers & self._of_late.keys()) / len(self._of_late) if self._of_late else 1.0
+
+    def partial(self, helpers: Robots) -> Mask:
+        """(N,): tracks that robots of late have shown better than these may."""
+        late = self._of_late.keys()
+        return np.array([bool((best - helpers) & late) for best in self._best], dtype=np.bool_)
+
+    def within(self, rows: NDArray[np.intp], helpers: Robots) -> Mask:
+        """(K,): tracks that all of these have shown at best, and others beside them."""
+        return np.array([helpers < self._best[row] for row in rows], dtype=np.bool_)
+
+    def best(self, row: int) -> Robots:
+        """Robots that showed a track when it was seen best."""
+        return self._best[row]
+
+    def saw(self, rows: NDArray[np.intp], full: Mask, helpers: Robots) -> Mask:
+        """Takes down who shows tracks, fully or in part (K,); returns which are shown by others
+        than their last partial view, (K,)."""
+        anew = np.zeros(len(rows), dtype=np.bool_)
+        for place, row in enumerate(rows):
+            if full[place]:
+                self._best[row] = helpers
+            else:
+                anew[place] = self._last[row] != helpers
+                self._last[row] = helpers
+        return anew
+
+    def add(self, many: int, helpers: Robots) -> None:
+        """New tracks that these show."""
+        self._best += [helpers] * many
+        self._last += [None] * many
+
+    def keep(self, rows: NDArray[np.intp]) -> None:
+        """Keeps these tracks, in this order."""
+        self._best = [self._best[row] for row in rows]
+        self._last = [self._last[row] for row in rows]
