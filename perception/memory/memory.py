@@ -258,8 +258,8 @@ class Memory:
         if not len(rows):
             return
         chance, boxes = self._boxes.scores, self._boxes
-        # Of other robots the surer ones see more; some of the same ones do not.
-        surer = (found.scores > chance[rows]) & ~self._viewers.within(rows, frame.helpers)
+        # Other robots may see more; what the ego sees alone was in what they completed.
+        surer = (found.scores > chance[rows]) & bool(frame.helpers)
         full = ~partial | surer
         anew = self._viewers.saw(rows, full, frame.helpers)
         farther = np.where(full, 1.0, PARTIAL_SD)

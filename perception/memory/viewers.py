@@ -37,10 +37,6 @@ class Viewers:
         late = self._of_late.keys()
         return np.array([bool((best - helpers) & late) for best in self._best], dtype=np.bool_)
 
-    def within(self, rows: NDArray[np.intp], helpers: Robots) -> Mask:
-        """(K,): tracks that all of these have shown at best, and others beside them."""
-        return np.array([helpers < self._best[row] for row in rows], dtype=np.bool_)
-
     def best(self, row: int) -> Robots:
         """Robots that showed a track when it was seen best."""
         return self._best[row]
