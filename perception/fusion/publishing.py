@@ -23,7 +23,7 @@ def publish(
     part beside the ego. Raises PerceptionError for a calibration that cannot be used.
     """
     kept = without_known(found, known)
-    return calibration_of(detector).published(kept, _scored_as(algorithm), helpers)
+    return calibration_of(detector).published(kept, scored_as(algorithm), helpers)
 
 
 def chances(
@@ -34,7 +34,7 @@ def chances(
     known: Sequence[KnownRobot],
 ) -> Boxes | None:
     """As `publish`, with those below the operating point; None where nobody has calibrated."""
-    calibration, name = calibration_of(detector), _scored_as(algorithm)
+    calibration, name = calibration_of(detector), scored_as(algorithm)
     if name not in calibration.curves:
         return None
     return calibration.judged(without_known(found, known), name, helpers)
@@ -44,10 +44,11 @@ def operating_point(detector: str, algorithm: str | Fusion) -> float | None:
     """The chance from which on `publish` keeps a box; None where it keeps all with scores of their
     own. Raises PerceptionError as `publish` does."""
     calibration = calibration_of(detector)
-    return calibration.least_chance if _scored_as(algorithm) in calibration.curves else None
+    return calibration.least_chance if scored_as(algorithm) in calibration.curves else None
 
 
-def _scored_as(algorithm: str | Fusion) -> str:
+def scored_as(algorithm: str | Fusion) -> str:
+    """The name of the algorithm whose calibration the scores have."""
     if isinstance(algorithm, str):
         return algorithm
     return algorithm.name if algorithm.scored_as is None else algorithm.scored_as

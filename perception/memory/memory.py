@@ -91,6 +91,8 @@ class Frame:
     views: Mapping[str, View] = field(default_factory=dict)
     """By robot: the ego's, ground included, and those of helpers that sent points."""
     world_from_own: Matrix | None = None
+    completes: bool = True
+    """Whether boxes were found in what helpers and ego show together, not each by itself."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,9 +261,9 @@ class Memory:
             return
         chance, boxes = self._boxes.scores, self._boxes
         # Other robots may see more; what the ego sees alone was in what they completed.
-        surer = (found.scores > chance[rows]) & bool(frame.helpers)
-        full = ~partial | surer
-        anew = self._viewers.saw(rows, full, frame.helpers)
+        within = self._viewers.completed(rows) & (not frame.helpers)
+        full = ~partial | ((found.scores > chance[rows]) & ~within)
+        anew = self._viewers.saw(rows, full, frame.helpers, frame.completes)
         farther = np.where(full, 1.0, PARTIAL_SD)
         self._motions.lose_offsets(rows[anew])
         self._motions.update(rows, found.centers[:, :2], _sds(found) * farther, ~full)
@@ -293,7 +295,7 @@ class Memory:
         offsets = OFFSET * found.sizes[:, :2].max(axis=1)
         self._motions.add(found.centers[:, :2], _sds(found), offsets)
         self._headings.add(found.headings, _turned_sds(found))
-        self._viewers.add(len(found), frame.helpers)
+        self._viewers.add(len(found), frame.helpers, frame.completes)
         self._boxes = Boxes.concatenate([self._boxes, found])
         self._ids = np.append(self._ids, self._next + np.arange(len(found)))
         self._next += len(found)

@@ -9,9 +9,12 @@ import numpy as np
 
 from perception.fusion.base import Fusion
 from perception.fusion.known import KnownRobot, shows_known
-from perception.fusion.publishing import chances, operating_point
+from perception.fusion.publishing import chances, operating_point, scored_as
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.reprocessing import ReprocessingMemory
+
+OWN_BOXES = "late"
+"""The algorithm for which each robot finds boxes by itself."""
 
 
 def remember(
@@ -31,6 +34,7 @@ def remember(
     found = chances(frame.boxes, detector, algorithm, len(frame.helpers), known)
     if found is None or least is None:
         return None
-    told = memory.update(replace(frame, boxes=found))
+    completes = scored_as(algorithm) != OWN_BOXES
+    told = memory.update(replace(frame, boxes=found, completes=completes))
     kept = (told.boxes.scores >= least) & ~shows_known(told.boxes, known)
     return told.take(np.flatnonzero(kept))

@@ -20,6 +20,8 @@ class Viewers:
         """When each robot of the last INFORMED_S seconds has shown anything last."""
         self._best: list[Robots] = []
         """That showed each track when it was seen best."""
+        self._completed: list[bool] = []
+        """Whether they completed then what the ego saw; else they showed boxes of their own."""
         self._last: list[Robots | None] = []
         """Of the last partial view of each track."""
 
@@ -41,24 +43,30 @@ class Viewers:
         """Robots that showed a track when it was seen best."""
         return self._best[row]
 
-    def saw(self, rows: NDArray[np.intp], full: Mask, helpers: Robots) -> Mask:
+    def completed(self, rows: NDArray[np.intp]) -> Mask:
+        """Whether robots completed what the ego saw of tracks, when they were seen best, (K,)."""
+        return np.array([self._completed[row] for row in rows], dtype=np.bool_)
+
+    def saw(self, rows: NDArray[np.intp], full: Mask, helpers: Robots, completes: bool) -> Mask:
         """Takes down who shows tracks, fully or in part (K,); returns which are shown by others
         than their last partial view, (K,)."""
         anew = np.zeros(len(rows), dtype=np.bool_)
         for place, row in enumerate(rows):
             if full[place]:
-                self._best[row] = helpers
+                self._best[row], self._completed[row] = helpers, completes
             else:
                 anew[place] = self._last[row] != helpers
                 self._last[row] = helpers
         return anew
 
-    def add(self, many: int, helpers: Robots) -> None:
+    def add(self, many: int, helpers: Robots, completes: bool) -> None:
         """New tracks that these show."""
         self._best += [helpers] * many
+        self._completed += [completes] * many
         self._last += [None] * many
 
     def keep(self, rows: NDArray[np.intp]) -> None:
         """Keeps these tracks, in this order."""
         self._best = [self._best[row] for row in rows]
+        self._completed = [self._completed[row] for row in rows]
         self._last = [self._last[row] for row in rows]

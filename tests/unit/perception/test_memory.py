@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -127,6 +128,16 @@ class TestIdentity:
             told = memory.update(frame(i / 10, boxes((place, 0.0)), helpers))
         assert told.boxes.centers[0, 0] == pytest.approx(speed * 1.1, abs=0.1)
         assert told.velocities[0, 0] == pytest.approx(speed, abs=0.3)
+
+    @pytest.mark.parametrize("completes", [True, False])
+    def test_boxes_of_others_complete_nothing_that_the_ego_sees(self, completes: bool) -> None:
+        memory = Memory(1.0)
+        for i in range(5):
+            found = frame(i / 10, boxes((10.0, 0.0)), BOTH)
+            memory.update(replace(found, completes=completes))
+        told = memory.update(frame(0.5, boxes((10.3, 0.0), score=0.99)))
+        moved = told.boxes.centers[0, 0] - 10.0
+        assert moved < 0.05 if completes else moved > 0.1
 
     def test_who_has_gone_has_shown_nothing_better(self) -> None:
         memory = Memory(1.0)
