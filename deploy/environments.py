@@ -72,6 +72,7 @@ def of_ego(spec: SwarmSpec, place: Place, ego: str) -> dict[str, str]:
         **_areas_environment(spec),
         # What the operator sets is known before anything has been measured.
         **({"COADAPT_LINK_PRIOR_BPS": str(spec.link_bps)} if spec.link_bps else {}),
+        **({"COADAPT_LLM_PROMPT": "short"} if _decides_as_trained(spec) else {}),
     }
 
 
@@ -111,7 +112,13 @@ def of_gateway(spec: SwarmSpec, place: Place) -> dict[str, str]:
         "COADAPT_LLM_CACHE": f"{place.var_dir}/{LLM}/answers.sqlite3",
         "COADAPT_LLM_HTTP_PORT": str(spec.llm_port),
         **({} if embedded else {"COADAPT_LLM_URL": spec.llm}),
+        **({"COADAPT_LLM_TRAINED": "true"} if _decides_as_trained(spec) else {}),
     }
+
+
+def _decides_as_trained(spec: SwarmSpec) -> bool:
+    """Whether decisions are the embedded model's that was trained for the short prompt."""
+    return spec.llm == EMBEDDED and not spec.llm_model
 
 
 def of_console(spec: SwarmSpec, place: Place) -> dict[str, str]:

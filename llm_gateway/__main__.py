@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from prometheus_client import CollectorRegistry
 
+from llm_gateway.backends.llamacpp.models import ADAPTER
 from llm_gateway.backends.registry import make_backend
 from llm_gateway.cache import Cache
 from llm_gateway.gateway import Gateway
@@ -19,7 +20,7 @@ from llm_gateway.loop import LoopThread
 from llm_gateway.metrics import GatewayMetrics
 from llm_gateway.settings import GatewaySettings, load_settings
 from llm_gateway.wish_reading import TrainedModel
-from llm_gateway.wishes.readers import ADAPTER, embedded_backend
+from llm_gateway.wishes.readers import embedded_backend
 from llm_gateway.zenoh_endpoint import ZenohEndpoint
 from swarm import zenoh_config
 from swarm.errors import CoAdaptError, TransportError
@@ -125,7 +126,7 @@ def make_gateway(settings: GatewaySettings, registry: CollectorRegistry, log: Lo
 
 def _trained(settings: GatewaySettings) -> TrainedModel | None:
     """The embedded model with what it has learnt of wishes, where the gateway's is that one. A
-    process of its own: what it has learnt is of no use for decisions. Raises SettingError."""
+    process of its own, which starts with the first wish. Raises SettingError."""
     embedded = settings.llm_backend == "llamacpp" and not settings.llm_model
     if not embedded or not ADAPTER.is_file():
         return None

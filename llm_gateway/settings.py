@@ -28,6 +28,8 @@ class GatewaySettings(SwarmSettings, frozen=True, kw_only=True):
     llm_model: str = ""
     """`openai`: the model's name at the server; `llamacpp`: path of a GGUF file, or the name of a
     model that a package carries. Empty takes the server's first, or the package's own."""
+    llm_trained: bool = False
+    """`llamacpp`: the package's own model decides with what it has learned of the short prompt."""
     llm_api_key: Secret = ""
     llm_api_key_file: str = ""
     """A file that holds the key instead."""

@@ -12,7 +12,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.pace import often
 from ego_agent.plan.choices.mixes import Mixes
-from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.choices.scoring import Score, Scorer
 from swarm.messages import Assignment, Decision
 
 SAME = 0.002
@@ -30,11 +30,7 @@ def assigned(
     if not others or not knowledge.may_be_rarer(decision.algorithm):
         return decision
     mixes = Mixes(Scorer(scene, knowledge).at_rate(decision.rate_hz))
-    found = mixes.rated(others, decision.algorithm)
-    if _same(previous, decision):
-        held = mixes.score(previous.assignments) if previous else None
-        if held is not None and held.value >= found.value - SAME and mixes.passes(held):
-            found = held
+    found = steady(mixes, mixes.rated(others, decision.algorithm), previous)
     if not found.assignments:
         return decision
     order = {robot: place for place, robot in enumerate(others)}
@@ -47,14 +43,18 @@ def assigned(
     )
 
 
-def _same(previous: Decision | None, decision: Decision) -> bool:
-    """Whether a decision assigned rates to the same robots, with the same algorithm."""
-    return (
-        previous is not None
-        and {one.robot for one in previous.assignments} == {*decision.participants[1:]}
-        and {one.algorithm for one in previous.assignments} == {decision.algorithm}
-        and previous.rate_hz == decision.rate_hz
-    )
+def steady(mixes: Mixes, found: Score, previous: Decision | None) -> Score:
+    """A choice with the rates of the decision before, where the same robots send the same in both
+    and others are hardly better."""
+    if previous is None or previous.rate_hz != found.pace.rate_hz:
+        return found
+    sent = {one.robot: one.algorithm for one in previous.assignments}
+    if sent != {robot: found.algorithm_of(robot) for robot in found.participants}:
+        return found
+    held = mixes.score(previous.assignments)
+    if held is None or held.value < found.value - SAME or not mixes.passes(held):
+        return found
+    return held
 
 
 def told(chosen: tuple[Assignment, ...], usual_hz: float) -> str:

@@ -6,17 +6,14 @@ import asyncio
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from llm_gateway.backends.base import Backend
 from llm_gateway.backends.llamacpp.client import LlamaCpp
-from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL, find_model
+from llm_gateway.backends.llamacpp.models import ADAPTER, DEFAULT_MODEL, find_model
 from llm_gateway.model import Prompt
 from swarm.errors import GatewayError
 from swarm.log import make_logger
 
-ADAPTER = Path(__file__).with_name("adapter.gguf")
-"""What DEFAULT_MODEL has learned of wishes."""
 CONTEXT = 1536
 """Tokens of the longest wish and its answer."""
 TIMEOUT_S = 20.0

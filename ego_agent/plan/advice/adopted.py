@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ego_agent.plan.advice.judge import Advised
 from ego_agent.plan.advice.outcomes import Ended, Outcome, plain
 from ego_agent.plan.advice.questions import Answered
 from ego_agent.plan.choices.options import Compared
@@ -16,8 +17,7 @@ from swarm.messages import AnswerReport, LlmTokens, Source
 class Advice:
     """Advice that was adopted."""
 
-    participants: tuple[str, ...]
-    algorithm: str
+    what: Advised
     reason: str
     """The model's own words."""
     model: str

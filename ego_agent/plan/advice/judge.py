@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from ego_agent.knowledge.model import Proposal
 from ego_agent.plan.advice.outcomes import Refused
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
-from ego_agent.plan.choices.validation import MAX_PARTICIPANTS, Unusable, validate
+from ego_agent.plan.choices.validation import (
+    MAX_PARTICIPANTS,
+    Unusable,
+    bounded,
+    shown,
+    validate,
+)
 from ego_agent.plan.surrogate.estimate import Estimate
 from ego_agent.plan.surrogate.model import Surrogate
-from swarm.messages import Decision
+from swarm.messages import MIXED, Algorithm, Decision
 
 _ROUNDING = 1e-9
 """Less is a rounding error, not a difference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advised:
+    """Who is to take part, the ego first, and how."""
+
+    participants: Sequence[str]
+    algorithm: str
+    forms: Mapping[str, Algorithm] = field(default_factory=dict)
+    """By which algorithm each robot sends, where that differs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +51,16 @@ class Verdict:
     score: Score | None = None
     """Of what remains, by the scorer; None when it is refused."""
 
+    @property
+    def forms(self) -> Mapping[str, Algorithm]:
+        """By which algorithm each robot sends, where that differs."""
+        if self.score is None or self.score.algorithm != MIXED:
+            return {}
+        return {one.robot: one.algorithm for one in self.score.assignments}
+
 
 def judge(
-    participants: Sequence[str],
-    algorithm: str,
+    advice: Advised,
     scorer: Scorer,
     fallback: Score,
     *,
@@ -53,13 +75,32 @@ def judge(
     The surrogate predicts Q of both, where there is one that knows both algorithms; else the scorer
     does.
     """
-    scene = scorer.scene
-    named = set(participants) - {scene.ego.robot}
+    found = repaired(advice, scorer)
+    scored = found.score
+    if found.refused is not None or scored is None:
+        return found
+    ours, theirs = scored, fallback
+    if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
+        estimate = Estimate(scorer, surrogate)
+        ours = estimate.score(ours.participants, ours.algorithm)
+        theirs = estimate.score(theirs.participants, theirs.algorithm)
+    if why := _worse(scorer, ours, theirs, margin):
+        return Verdict("worse", why, notes=found.notes)
+    return found
+
+
+def repaired(advice: Advised, scorer: Scorer) -> Verdict:
+    """Advice as far as it can be carried out, each robot as often as is best, whatever that is
+    worth; refused where nothing remains."""
+    scene, objective = scorer.scene, scorer.objective
+    named = set(advice.participants) - {scene.ego.robot}
     known = {name for name in named if name in scorer.row_of}
-    proposal = Proposal(tuple(participants), algorithm, "", "llm")
+    if advice.forms and known and objective.rarer_hz:
+        return _mixed(advice.forms, scorer)
+    proposal = Proposal(tuple(advice.participants), advice.algorithm, "", "llm")
     found = validate(proposal, scene, scorer.knowledge, policy="llm", cycle=0, now_ns=0)
     if isinstance(found, Unusable):
-        if len(participants) > MAX_PARTICIPANTS:
+        if len(advice.participants) > MAX_PARTICIPANTS:
             kind: Refused = "too_many"
         else:
             kind = "infeasible" if known else "unknown_robot"
@@ -69,17 +110,39 @@ def judge(
     if scorer.knowledge.may_be_rarer(found.algorithm):
         # What is adopted gets rates of its own, as the fallback has.
         scored = Mixes(at).rated(scored.participants, found.algorithm)
-    ours, theirs = scored, fallback
-    if surrogate is not None and surrogate.knows(ours.algorithm, theirs.algorithm):
-        estimate = Estimate(scorer, surrogate)
-        ours = estimate.score(ours.participants, ours.algorithm)
-        theirs = estimate.score(theirs.participants, theirs.algorithm)
-    if why := _worse(scorer, ours, theirs, margin):
-        return Verdict("worse", why, notes=found.repairs)
-    repaired: list[Refused] = ["unknown_robot"] if named - known else []
-    repaired += _repaired(at, known, algorithm, found)
+    kinds: list[Refused] = ["unknown_robot"] if named - known else []
+    kinds += _repaired(at, known, advice.algorithm, found)
     return Verdict(
-        None, "", found.participants, found.algorithm, tuple(repaired), found.repairs, scored
+        None, "", found.participants, found.algorithm, tuple(kinds), found.repairs, scored
+    )
+
+
+def _mixed(forms: Mapping[str, Algorithm], scorer: Scorer) -> Verdict:
+    """The same of robots that are to send different things."""
+    mixes = Mixes(scorer)
+    known = {robot: name for robot, name in forms.items() if robot in scorer.row_of}
+    able = {robot: name for robot, name in known.items() if mixes.sends(robot, name)}
+    score = mixes.rated_as(able)
+    kinds: list[Refused] = []
+    notes: list[str] = []
+    for robot, name in forms.items():
+        if robot not in known:
+            kind: Refused = "unknown_robot"
+            why = scorer.scene.excluded.get(robot, "no such robot is known")
+        elif robot not in able:
+            kind, why = "infeasible", f"it cannot send {name}"
+        elif robot not in score.participants:
+            kind, why = "too_many", "it does not fit beside the others, or adds nothing to them"
+        else:
+            continue
+        kinds.append(kind)
+        notes.append(f"dropped {shown(robot)}: {why}")
+    if not score.participants:
+        why = "nobody of those it names fits the link and adds anything"
+        return Verdict("infeasible", why, notes=bounded(notes))
+    participants = (scorer.scene.ego.robot, *score.participants)
+    return Verdict(
+        None, "", participants, score.algorithm, tuple(dict.fromkeys(kinds)), bounded(notes), score
     )
 
 

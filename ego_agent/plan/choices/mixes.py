@@ -14,7 +14,7 @@ greedy.py of the best steps, where no budget but the link's binds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -132,13 +132,19 @@ class Mixes:
     def rated(self, participants: Sequence[str], algorithm: Algorithm) -> Score:
         """These robots with that algorithm, each at its best rate: all of them where the link
         carries all at their lowest rates, else those who bring most for their bytes."""
-        same = [o for o, option in enumerate(self.options) if option.algorithm == algorithm]
-        rows = [self.scorer.row_of[robot] - 1 for robot in participants]
-        barred = np.ones_like(self.able)
-        barred[np.ix_(rows, same)] = ~self.able[np.ix_(rows, same)]
-        if barred[rows].all(axis=1).any():
+        if not all(self.sends(robot, algorithm) for robot in participants):
             return self.scorer.score(participants, algorithm)
-        lowest = {i: int(np.where(barred[i], np.inf, self._rate).argmin()) for i in rows}
+        return self.rated_as(dict.fromkeys(participants, algorithm))
+
+    def rated_as(self, forms: Mapping[str, Algorithm]) -> Score:
+        """The same of robots with an algorithm each, without those who cannot send it."""
+        lowest, barred = {}, np.ones_like(self.able)
+        for robot, algorithm in forms.items():
+            i = self.scorer.row_of[robot] - 1
+            same = [o for o, option in enumerate(self.options) if option.algorithm == algorithm]
+            barred[i, same] = ~self.able[i, same]
+            if not barred[i].all():
+                lowest[i] = int(np.where(barred[i], np.inf, self._rate).argmin())
         least = sum(self._sizes[i, o] * self._rate[o] for i, o in lowest.items())
         budget = float(self.scorer.budget_bytes)
         while True:

@@ -7,15 +7,17 @@ advice (source `llm` or `cache`), advice that still holds (`hold`), or what `cov
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.plan.advice.adopted import Advice, Cycle, answer_report
-from ego_agent.plan.advice.judge import Verdict, judge
+from ego_agent.plan.advice.judge import Advised, Verdict, judge
 from ego_agent.plan.advice.outcomes import Refused, plain
 from ego_agent.plan.advice.questions import Answered, Asking, Question, Questions
+from ego_agent.plan.assign import steady
 from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.options import compare
 from ego_agent.plan.choices.scoring import Scorer
@@ -26,7 +28,7 @@ from ego_agent.plan.prompting.fingerprint import scene_fingerprint
 from ego_agent.plan.surrogate.model import Surrogate, packaged_surrogate
 from ego_agent.settings import EgoSettings
 from swarm.errors import DecisionError
-from swarm.messages import AdviceReport, AdviceState, Decision
+from swarm.messages import MIXED, AdviceReport, AdviceState, Decision
 from swarm.session import Session
 
 NO_GATEWAY = "no language model was asked: no LLM gateway is connected"
@@ -99,6 +101,8 @@ class Llm:
             self._check(cycle, self._held)
         if self._due(cycle) and not questions.pending:
             self._ask(cycle, questions, previous)
+        if cycle.advised is not None and cycle.advised.algorithm == MIXED and cycle.compared.mixes:
+            cycle.advised = steady(cycle.compared.mixes, cycle.advised, previous)
         return self._proposal(cycle)
 
     def _begin(self, scorer: Scorer, questions: Asking | None) -> Cycle:
@@ -169,7 +173,8 @@ class Llm:
             why = f"its confidence is {advice.confidence:.2f}, allowed: >= {least:.2f}"
             verdict = Verdict("low_confidence", why)
         else:
-            verdict = self._judge(cycle, advice.participants, advice.algorithm)
+            what = Advised(advice.participants, advice.algorithm, advice.forms)
+            verdict = self._judge(cycle, what)
         if verdict.refused is not None:
             self._not_followed(cycle, heard, verdict.refused, verdict.why)
             return
@@ -179,8 +184,7 @@ class Llm:
         cycle.fresh, cycle.notes = heard.answer.source, verdict.notes
         cycle.advised = verdict.score
         self._held = Advice(
-            verdict.participants,
-            verdict.algorithm,
+            Advised(verdict.participants, verdict.algorithm, verdict.forms),
             plain(advice.reason),
             cycle.answer.model,
             cycle.now_s,
@@ -193,7 +197,7 @@ class Llm:
 
     def _check(self, cycle: Cycle, held: Advice) -> None:
         """Gives up advice that does not hold any more, as it is, in the scene as it is now."""
-        verdict = self._judge(cycle, held.participants, held.algorithm)
+        verdict = self._judge(cycle, held.what)
         limit_s = self._settings.llm_hold_max_s
         if cycle.now_s - held.since_s > limit_s:
             cycle.ended, why = "too_old", f"it is older than {limit_s:g} s"
@@ -207,16 +211,9 @@ class Llm:
         self._held = None
         self._refuse(cycle, f"given up: {why}")
 
-    def _judge(self, cycle: Cycle, participants: tuple[str, ...], algorithm: str) -> Verdict:
+    def _judge(self, cycle: Cycle, what: Advised) -> Verdict:
         margin = self._settings.llm_value_margin
-        return judge(
-            participants,
-            algorithm,
-            cycle.scorer,
-            cycle.fallback,
-            margin=margin,
-            surrogate=self._surrogate,
-        )
+        return judge(what, cycle.scorer, cycle.fallback, margin=margin, surrogate=self._surrogate)
 
     def _refuse(self, cycle: Cycle, why: str) -> None:
         self._refusal, self._refused_for = why, cycle.fingerprint
@@ -224,14 +221,17 @@ class Llm:
     def _proposal(self, cycle: Cycle) -> Proposal:
         held, report = self._held, self._report(cycle)
         if held is not None:
+            mixed = cycle.advised if held.what.forms else None
             return Proposal(
-                held.participants,
-                held.algorithm,
+                tuple(held.what.participants),
+                held.what.algorithm,
                 _reason(cycle, held),
                 cycle.fresh or "hold",
                 model=held.model,
                 notes=cycle.notes,
                 advice=report,
+                rate_hz=mixed.pace.rate_hz if mixed else None,
+                assignments=mixed.assignments if mixed else (),
                 compared=cycle.compared,
             )
         note = NO_GATEWAY if not cycle.gateway else ""
@@ -283,7 +283,11 @@ def _reason(cycle: Cycle, held: Advice) -> str:
     words = f'{held.model} says: "{held.reason}"' if held.reason else ""
     if cycle.advised is None:
         return words
-    facts = reason_of(cycle.scorer, cycle.advised, kept=False)
+    advised = cycle.advised
+    if not held.what.forms:
+        # Rates of one algorithm are assigned, and told, when the decision is made.
+        advised = dataclasses.replace(advised, assignments=())
+    facts = reason_of(cycle.scorer, advised, kept=False)
     return f"{facts} {words}".rstrip()
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ego_agent.plan.choices.validation import MAX_PARTICIPANTS, shown
 from ego_agent.plan.prompting.letters import ALONE, letter
 from ego_agent.plan.prompting.schema import CONFIDENCE
 from swarm.errors import DecisionError
+from swarm.messages import ALGORITHMS, MIXED, Algorithm
 
 if TYPE_CHECKING:
     from ego_agent.plan.prompting.prompt import LlmPrompt
@@ -25,9 +27,12 @@ class Advice:
     participants: tuple[str, ...]
     """The ego first, everyone once; also robots that are not there."""
     algorithm: str
+    """MIXED where robots are to send different things."""
     reason: str
     confidence: float
     """In [0, 1], for what the model says in a word; 1 where it is not asked."""
+    forms: Mapping[str, Algorithm] = field(default_factory=dict)
+    """By which algorithm each robot sends, where that differs."""
 
 
 def read_answer(text: str, prompt: LlmPrompt) -> Advice:
@@ -59,19 +64,32 @@ def read_answer(text: str, prompt: LlmPrompt) -> Advice:
 
 
 def _in_letters(answer: object, prompt: LlmPrompt) -> Advice:
-    """An algorithm and letters, or one word for the ego alone; its reason is code's to tell."""
+    """Algorithms, each with the letters behind it, or one word for the ego alone; its reason is
+    code's to tell."""
     if not isinstance(answer, str):
         raise DecisionError(f"the answer is {shown(answer)}, not text")
-    name, *letters = answer.split(" ")
     if answer == ALONE:
-        name = prompt.alone
+        return Advice((prompt.ego,), prompt.alone, "", 1.0)
     robots = {letter(at): robot for at, robot in enumerate(prompt.candidates)}
-    for one in letters:
-        if one not in robots:
+    name, *words = answer.split(" ")
+    algorithm = next((one for one in ALGORITHMS if one == name), None)
+    forms: dict[str, Algorithm] = {}
+    for word in words:
+        if word in robots:
+            if algorithm is not None:
+                forms.setdefault(robots[word], algorithm)
+        elif word in ALGORITHMS:
+            algorithm = next(one for one in ALGORITHMS if one == word)
+        else:
             allowed = " ".join(robots) or "none"
-            raise DecisionError(f"the answer names {shown(one)}; allowed: {allowed}")
-    participants = tuple(dict.fromkeys((prompt.ego, *(robots[one] for one in letters))))
-    return Advice(participants, name, "", 1.0)
+            raise DecisionError(f"the answer names {shown(word)}; allowed: {allowed}")
+    kinds = {*forms.values()}
+    if algorithm is None:
+        named = [robots[word] for word in words if word in robots]
+        return Advice(tuple(dict.fromkeys((prompt.ego, *named))), name, "", 1.0)
+    if len(kinds) <= 1:
+        return Advice((prompt.ego, *forms), next(iter(kinds), algorithm), "", 1.0)
+    return Advice((prompt.ego, *forms), MIXED, "", 1.0, forms)
 
 
 def _no_number(name: str) -> NoReturn:

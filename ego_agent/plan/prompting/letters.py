@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from swarm.messages import Algorithm
 
+Groups = tuple[tuple[Algorithm, int], ...]
+"""What may be answered: by the first algorithm so many of the first letters, by the next so many of
+those that follow. Nothing: the ego alone."""
 ALONE = "alone"
 """The answer that names no helper."""
 
@@ -17,12 +20,24 @@ def letter(at: int) -> str:
     return chr(ord("A") + at)
 
 
-def short_answer(algorithm: Algorithm, helpers: int) -> str:
-    """The answer that takes the first so many.
+def helpers(groups: Groups) -> int:
+    """How many take part.
 
-    >>> short_answer("early", 2), short_answer("early", 0)
-    ('early A B', 'alone')
+    >>> helpers((("early", 2), ("late", 1)))
+    3
     """
-    if not helpers:
-        return ALONE
-    return " ".join((algorithm, *map(letter, range(helpers))))
+    return sum(count for _, count in groups)
+
+
+def short_answer(groups: Groups) -> str:
+    """The text of an answer.
+
+    >>> short_answer((("early", 2), ("late", 1))), short_answer(())
+    ('early A B late C', 'alone')
+    """
+    words: list[str] = []
+    at = 0
+    for name, count in groups:
+        words += [name, *map(letter, range(at, at + count))]
+        at += count
+    return " ".join(words) or ALONE

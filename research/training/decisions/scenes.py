@@ -17,7 +17,7 @@ from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Candidate, RobotView, Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
 from perception.fusion.base import EncodeOptions
 from perception.fusion.registry import make_fusion
 from research.training.plans import TEST_SEEDS
@@ -69,11 +69,12 @@ RATES_BPS = (0.2e6, 100e6)
 
 
 def known() -> Knowledge:
-    """What an ego knows before anything was measured."""
+    """What an ego of a live swarm knows before anything was measured."""
     return Knowledge.of_detector(
         DETECTOR,
         Objective(
             slower_hz=SLOWER_HZ,
+            rarer_hz=RARER_HZ,
             comm_range_m=world_kind(DETECTOR).comm_range_m or Objective().comm_range_m,
         ),
     )

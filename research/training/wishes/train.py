@@ -15,9 +15,11 @@ from typing import Any
 import torch
 from torch import nn
 
+from ego_agent.plan.prompting.short import SYSTEM
 from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL, find_model
 from llm_gateway.backends.llamacpp.native import Native
 from llm_gateway.backends.llamacpp.requantise import convert
+from research.training.decisions.examples import many
 from research.training.wishes.batches import Batch, Lesson, batches, lesson
 from research.training.wishes.export import export
 from research.training.wishes.llama import Llama, load
@@ -25,7 +27,7 @@ from research.training.wishes.lora import adapt
 from research.training.wishes.samples import samples
 from swarm.messages import ChatMessage
 
-NAME = "CoAdapt wishes"
+NAME = "CoAdapt wishes and decisions"
 BATCH = 16
 RATE = 1e-3
 WARM = 0.05
@@ -39,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=80.0)
     parser.add_argument("--wishes", type=int, default=20_000)
-    parser.add_argument("--decisions", type=int, default=0, help="of the short prompt, too")
+    parser.add_argument("--decisions", type=int, default=25_600)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=2)
@@ -52,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     native = Native(base, sequences=1, context=64, threads=1, chunk=32)
     lessons = wish_lessons(native, args.seed, "train", args.wishes)
     checks = wish_lessons(native, args.seed, "validate", CHECKED)
-    decided = decision_lessons(native, args.seed, args.decisions)
+    decided = decision_lessons(native, args.seed, args.decisions, args.threads)
     lessons += decided
     model = load(_readable(base, args.out)).to(args.device)
     trained = adapt(model)
@@ -82,15 +84,12 @@ def wish_lessons(native: Native, seed: int, split: Any, count: int) -> list[Less
     ]
 
 
-def decision_lessons(native: Native, seed: int, count: int) -> list[Lesson]:
+def decision_lessons(native: Native, seed: int, count: int, processes: int) -> list[Lesson]:
     """Decisions of `coverage`, asked for by the short prompt, as lessons."""
-    from ego_agent.plan.prompting.short import SYSTEM
-    from research.training.decisions.examples import examples
-
     system = ChatMessage(role="system", content=SYSTEM)
     return [
         lesson(native, (system, ChatMessage(role="user", content=one.prompt)), one.answer)
-        for one in itertools.islice(examples(seed), count)
+        for one in many(seed, count, processes)
     ]
 
 

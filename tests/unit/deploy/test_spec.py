@@ -18,6 +18,7 @@ from deploy.scraping import prometheus_config
 from deploy.services import services
 from deploy.spec import SwarmSpec, factory_robots, make_spec
 from deploy.state import State, need_state, read_state, remove_run_dir, write_state
+from ego_agent.settings import EgoSettings
 from llm_gateway.settings import GatewaySettings
 from swarm.errors import DeployError
 from swarm.process import ProcessSettings
@@ -105,6 +106,25 @@ def test_a_gateway_runs_where_a_language_model_is_asked_for() -> None:
     ]
     settings = load(GatewaySettings, gateway.env)
     assert (settings.llm_backend, settings.llm_url) == ("openai", "http://gpu:8000/v1")
+
+
+@pytest.mark.parametrize(
+    ("llm", "model", "trained"),
+    [
+        ("embedded", "", True),
+        ("embedded", "smollm2-135m", False),
+        ("http://gpu:8000/v1", "", False),
+        ("", "", False),
+    ],
+)
+def test_the_packages_own_model_decides_as_it_was_trained(
+    llm: str, model: str, trained: bool
+) -> None:
+    members = services(spec_of(llm=llm, llm_model=model), PLACE)
+    (ego,) = [s for s in members if s.role == "ego"]
+    assert load(EgoSettings, ego.env).llm_prompt == ("short" if trained else "table")
+    for gateway in (s for s in members if s.role == "gateway"):
+        assert load(GatewaySettings, gateway.env).llm_trained is trained
 
 
 def test_two_starts_of_one_swarm_are_the_same_specification() -> None:

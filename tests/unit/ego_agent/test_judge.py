@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ego_agent.plan.advice.judge import Verdict, judge
+from ego_agent.plan.advice.judge import Advised, Verdict, judge
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.policies import llm, surrogate
 from ego_agent.plan.policies.llm import Llm
@@ -36,7 +36,8 @@ def verdict(algorithm: str, model: Surrogate | None) -> Verdict:
     """On A and B with an algorithm, where the fallback has both with early fusion."""
     scorer = Scorer(floor(), knowledge(("early", "late")))
     fallback = scorer.score(["A", "B"], "early")
-    return judge(["A", "B"], algorithm, scorer, fallback, margin=MARGIN, surrogate=model)
+    advice = Advised(["A", "B"], algorithm)
+    return judge(advice, scorer, fallback, margin=MARGIN, surrogate=model)
 
 
 def test_the_surrogate_predicts_in_place_of_coverage() -> None:

@@ -12,7 +12,8 @@ from ego_agent.knowledge.answers import AnswerTimes, Pool, Weighted
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import SLOWER_HZ
+from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
+from ego_agent.plan.advice.judge import Advised, repaired
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting import LlmPrompt, read_answer
@@ -21,6 +22,7 @@ from llm_gateway.answers import extract
 from llm_gateway.backends.llamacpp.schema import grammar_of
 from llm_gateway.schemas import Schemas
 from swarm.errors import DecisionError
+from swarm.messages import MIXED
 from tests.support.prompt_scenes import floor, text, tokens, user
 
 ALL = ("early", "intermediate", "late")
@@ -32,7 +34,7 @@ __all__ = ["tokens"]
 
 def live() -> Knowledge:
     """As an ego of a swarm in the factory."""
-    return Knowledge.of_detector("factory", Objective(slower_hz=SLOWER_HZ), ALL)
+    return Knowledge.of_detector("factory", Objective(slower_hz=SLOWER_HZ, rarer_hz=RARER_HZ), ALL)
 
 
 def short(found: UnifiedScene, known: Knowledge | None = None) -> LlmPrompt:
@@ -75,12 +77,13 @@ def test_what_is_seen_adds_up() -> None:
     told = short_scene(Scorer(found, live()))
     row_of = Scorer(found, live()).row_of
     rows = [0, *(row_of[robot] for robot in told.robots)]
-    assert told.seen == tuple(
-        round(100 * min(live().quality.enough, Scorer(found, live()).share(rows[: k + 1])))
-        for k in range(len(rows))
-    )
-    for letter, before, seen in zip("ABCDE", told.seen[:-1], told.seen[1:], strict=True):
-        assert f" {letter}{seen}+{seen - before}" in user(short(found))
+    shares = [Scorer(found, live()).share(rows[: k + 1]) for k in range(len(rows))]
+    assert told.seen == pytest.approx([100 * min(live().quality.enough, s) for s in shares])
+    words = user(short(found)).split("\n")[0].split()
+    assert float(words[1]) == pytest.approx(told.seen[0], abs=0.5)
+    for word, letter, adds in zip(words[2:], "ABCDE", told.adds, strict=True):
+        assert word[0] == letter
+        assert float(word[1:]) == pytest.approx(adds, abs=0.05 if adds < 9.95 else 0.5)
 
 
 def test_every_answer_is_carried_by_the_link_and_what_coverage_chooses_is_among_them() -> None:
@@ -90,14 +93,20 @@ def test_every_answer_is_carried_by_the_link_and_what_coverage_chooses_is_among_
             scorer = Scorer(found, known)
             prompt = make_short_prompt(found, known, None, None, scorer=scorer)
             best, _ = Coverage().choose(scorer, None)
-            choices = set()
+            wanted = {robot: best.algorithm_of(robot) for robot in best.participants}
+            choices = []
             for answer in answers(prompt):
                 advice = read_answer(json.dumps(answer), prompt)
-                others = advice.participants[1:]
-                sizes = [scorer.size(robot, advice.algorithm) for robot in others]
-                assert any(sum(sizes) <= scorer.at(pace).budget_bytes for pace in scorer.paces)
-                choices.add((frozenset(others), advice.algorithm))
-            assert (frozenset(best.participants), best.algorithm) in choices
+                sends = dict.fromkeys(advice.participants[1:], advice.algorithm)
+                sends |= advice.forms
+                what = Advised(advice.participants, advice.algorithm, advice.forms)
+                verdict = repaired(what, scorer)
+                assert verdict.refused is None
+                if sends == wanted and verdict.score is not None:
+                    assert verdict.repaired == ()
+                    assert verdict.score.value == pytest.approx(best.value, abs=0.005)
+                choices.append(sends)
+            assert wanted in choices
 
 
 def test_answers_reach_q_min_where_any_does() -> None:
@@ -119,6 +128,17 @@ def test_answers_pass_the_gateway_and_only_those_that_are_offered() -> None:
     for answer in answers(prompt):
         assert json.loads(extract(json.dumps(answer), prompt.schema, Schemas())) == answer
         assert json.dumps(json.dumps(answer)) in grammar_of(prompt.schema)
+
+
+def test_each_algorithm_is_that_of_the_letters_behind_it() -> None:
+    prompt = short(floor(4, live(), 20e6))
+    first, second, third = prompt.candidates[:3]
+    advice = read_answer('"early A B late C"', prompt)
+    assert advice.participants == ("R1", first, second, third)
+    assert advice.algorithm == MIXED
+    assert advice.forms == {first: "early", second: "early", third: "late"}
+    twice = read_answer('"early A late A"', prompt)
+    assert (twice.participants, twice.algorithm) == (("R1", first), "early")
 
 
 def test_letters_are_the_robots_of_the_prompt() -> None:

@@ -88,6 +88,8 @@ def test_a_back_end_is_made_by_name() -> None:
     assert make_backend(load_settings({}), log).name == "none"
     with pytest.raises(SettingError, match=r"'oracle' .* allowed: llamacpp, none, openai"):
         make_backend(load_settings(settings(BACKEND="oracle")), log)
+    with pytest.raises(SettingError, match=r"COADAPT_LLM_TRAINED = true does not go with .*'m'"):
+        make_backend(load_settings(settings(BACKEND="llamacpp", MODEL="m", TRAINED="true")), log)
     chosen = settings(BACKEND="openai", URL="http://127.0.0.1:9/v1", MODEL="m")
     assert make_backend(load_settings(chosen), log).model == "m"
     with pytest.raises(SettingError, match="COADAPT_LLM_URL") as caught:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ego_agent.plan.policies.coverage import Coverage
+from ego_agent.plan.prompting.letters import helpers
 from llm_gateway.model import Prompt
 from research.evaluation.decisions.choosers import (
     ByModel,
@@ -18,7 +19,7 @@ from research.evaluation.decisions.choosers import (
 )
 from research.evaluation.decisions.measure import cases, row, wanted
 from research.evaluation.policies.advice import Answer
-from research.training.decisions.network import learn
+from research.training.decisions.network import Lesson, learn
 from research.training.decisions.scenes import TEST
 
 GROUPS = 3
@@ -79,32 +80,43 @@ def test_a_model_is_asked_with_the_short_prompt_and_its_letters_are_read(
 ) -> None:
     model = Saying('"early A"')
     chooser = ByModel(model)
-    case = next(case for case in asked if ("early", 1) in case.short.options)
-    said = chooser.choose(case)
-    assert (said.participants, said.algorithm) == (case.short.robots[:1], "early")
+    case = next(case for case in asked if (("early", 1),) in case.options)
+    assert chooser.choose(case).sends == {case.short.robots[0]: "early"}
     assert model.prompts[0].messages[0].content == "Pick helpers."
+
+
+def test_answers_in_groups_are_read_robot_by_robot(asked: list[Case]) -> None:
+    case = next(case for case in asked if (("early", 1), ("late", 1)) in case.options)
+    first, second = case.short.robots[:2]
+    sends = ByModel(Saying('"early A late B"')).choose(case).sends
+    assert sends == {first: "early", second: "late"}
 
 
 def test_the_rule_leaves_out_who_is_not_worth_the_price(asked: list[Case]) -> None:
     for case in asked:
-        name, helpers = by_rule(case.short)
-        assert (name, helpers) in case.short.options
-        if (name, helpers - 1) in case.short.options and helpers:
-            assert case.short.adds[helpers - 1] >= case.short.price[name]
+        groups = by_rule(case.short, case.options)
+        assert groups in case.options
+        if groups:
+            name, count = groups[-1]
+            fewer = (*groups[:-1], *(((name, count - 1),) if count > 1 else ()))
+            if fewer in case.options:
+                assert case.short.adds[helpers(groups) - 1] >= case.short.price[name]
 
 
 def test_the_network_learns_what_it_is_taught_and_equal_seeds_learn_alike(
     asked: list[Case],
 ) -> None:
     # Few scenes teach only what is plain to see: to stay as small as may be.
-    taught = [(case.short, min(case.short.options, key=lambda o: o[1])) for case in asked]
-    network = learn(taught, 1)
+    lessons = [Lesson(c.short, c.options, min(c.options, key=helpers)) for c in asked]
+    network = learn(lessons, 1)
     assert network.parameter_count < 5_000
-    right = sum(network.choose(short)[1] == helpers for short, (_, helpers) in taught)
-    assert right >= 0.8 * len(taught)
-    again = learn(taught, 1)
-    assert [again.choose(short) for short, _ in taught] == [
-        network.choose(short) for short, _ in taught
+    right = sum(
+        helpers(network.choose(one.short, one.options)) == helpers(one.answer) for one in lessons
+    )
+    assert right >= 0.8 * len(lessons)
+    again = learn(lessons, 1)
+    assert [again.choose(one.short, one.options) for one in lessons] == [
+        network.choose(one.short, one.options) for one in lessons
     ]
 
 

@@ -8,8 +8,9 @@ from itertools import islice
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting import read_answer
+from ego_agent.plan.prompting.letters import short_answer
 from ego_agent.plan.prompting.short import make_short_prompt
-from research.training.decisions.examples import examples, taught
+from research.training.decisions.examples import examples, many, taught
 from research.training.decisions.scenes import TEST, TRAINING, known, scene_groups
 
 
@@ -21,19 +22,24 @@ def test_equal_seeds_give_equal_examples_and_others_do_not() -> None:
 def test_the_answer_is_what_coverage_decides() -> None:
     knowledge, equal = known(), 0
     for scene in next(scene_groups(TEST, 3)):
-        _, option, decided = taught(scene, knowledge)
+        scorer = Scorer(scene, knowledge)
+        _, groups, decided = taught(scorer)
+        assert groups is not None
         prompt = make_short_prompt(scene, knowledge, None, None)
-        best, _ = Coverage().choose(Scorer(scene, knowledge), None)
-        said = next(
-            advice
-            for advice in (
-                read_answer(json.dumps(a), prompt) for a in json.loads(prompt.schema)["enum"]
-            )
-            if (len(advice.participants) - 1, advice.algorithm) == (option[1], option[0])
-        )
+        answer = short_answer(groups)
+        assert answer in json.loads(prompt.schema)["enum"]
+        said = read_answer(json.dumps(answer), prompt)
+        best, _ = Coverage().choose(scorer, None)
         assert decided == best
-        equal += set(said.participants[1:]) == set(best.participants)
+        sends = dict.fromkeys(said.participants[1:], said.algorithm) | {**said.forms}
+        equal += sends == {robot: best.algorithm_of(robot) for robot in best.participants}
     assert equal == len(TEST.rates_bps)
+
+
+def test_how_many_processes_make_examples_changes_nothing() -> None:
+    first, same = many(1, 10, 1), many(1, 10, 2)
+    assert first == same
+    assert len(first) == 10
 
 
 def test_training_and_test_share_no_floor_and_no_number_of_robots() -> None:
