@@ -128,7 +128,7 @@ eval-detector: setup ## Measure every fusion algorithm: build/eval/detector.json
 	@$(COADAPT) eval-detector $(ARGS)
 
 train-llm: EXTRA = llm
-train-llm: setup ## Train the small model to read wishes (ARGS='--device cuda'): build/train-llm/adapter.gguf
+train-llm: setup ## Train the small model on wishes and decisions (ARGS='--device cuda'): build/train-llm/adapter.gguf
 	@$(PYTHON_ENV) -m research.training.wishes.train $(ARGS)
 
 eval-llm: EXTRA = llm

@@ -19,7 +19,7 @@ from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.policies.surrogate import BySurrogate
 from ego_agent.plan.prompting.short import make_short_prompt, short_options
-from llm_gateway.backends.llamacpp.models import DEFAULT_MODEL
+from llm_gateway.backends.llamacpp.models import ADAPTER, DEFAULT_MODEL
 from research.evaluation.decisions.choosers import (
     ByModel,
     ByOption,
@@ -88,7 +88,9 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=SCENES, help="each at five rates")
     parser.add_argument("--examples", type=int, default=EXAMPLES, help="for the small network")
     parser.add_argument("--free", action="store_true", help="ask models without a grammar, too")
-    parser.add_argument("--adapter", type=Path, help="asks smollm2-135m with it, too: a GGUF file")
+    parser.add_argument(
+        "--adapter", type=Path, default=ADAPTER, help="with what smollm2-135m is asked, too: GGUF"
+    )
     parser.add_argument("models", nargs="*", metavar="MODEL")
     args = parser.parse_args()
     asked = cases(TEST, SEED, args.scenes)
@@ -106,7 +108,7 @@ def main() -> int:
     try:
         kept = ResultStore(KEPT, MADE_FROM)
         models += [Model(name, kept) for name in args.models]
-        if args.adapter:
+        if DEFAULT_MODEL in args.models:
             models.append(Model(DEFAULT_MODEL, kept, args.adapter))
         for model in models:
             choosers.append(ByModel(model))
