@@ -96,6 +96,10 @@ def _add_driven(experiments: Any) -> None:
         "--scenarios", type=comma_separated, default=[], metavar="NAMES",
         help="comma-separated (default: all)",
     )  # fmt: skip
+    parser.add_argument(
+        "--advised", action="store_true",
+        help="also the embedded language model as it was trained, and its control",
+    )  # fmt: skip
     _add_workers(parser)
     _add_folder(parser)
     parser.set_defaults(run=run_driven)
@@ -281,7 +285,8 @@ def run_driven(args: argparse.Namespace) -> int:
     from research.evaluation.ways.driven import compare, report
     from research.evaluation.windows.scenarios import chosen, factory_suite
 
-    print(report(compare(chosen(factory_suite(), args.scenarios), args.workers, args.output)))
+    suite = chosen(factory_suite(), args.scenarios)
+    print(report(compare(suite, args.workers, args.output, advised=args.advised)))
     return 0
 
 

@@ -22,7 +22,7 @@ from research.evaluation.result_store import ResultStore
 from research.evaluation.tables import markdown
 from research.evaluation.ways.drive import Drive, Driven
 from research.evaluation.ways.measure import SETTLED_FRAMES, Measured, measure
-from research.evaluation.ways.planned import RANDOM, Decided
+from research.evaluation.ways.planned import GUESSED, RANDOM, TRAINED, Decided
 from research.evaluation.ways.way import Way
 from research.evaluation.windows.links import WINDOW_S
 from research.evaluation.windows.scenarios import Scenario
@@ -60,6 +60,11 @@ POLICIES = (
     Policy(RANDOM, Decided(RANDOM, rarer=True)),
     Policy("nobody", None),
 )
+ADVISED = (
+    Policy(TRAINED, Decided(TRAINED, rarer=True)),
+    Policy(GUESSED, Decided(GUESSED, rarer=True)),
+)
+"""Driven beside these where they are asked for: a model takes its time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,24 +93,28 @@ class Brought:
 class _Item:
     scenario: Scenario
     window: int
+    policies: tuple[Policy, ...]
 
     def key(self) -> str:
         """By which the result is kept."""
         one = self.scenario
         frames = f"{one.decision_frame(self.window)}+{one.window_frames}"
-        return f"driven {one.setting()} {self.window} {frames} {one.link} {POLICIES}"
+        return f"driven {one.setting()} {self.window} {frames} {one.link} {self.policies}"
 
 
-def compare(suite: Sequence[Scenario], workers: int, folder: Path) -> dict[str, Any]:
+def compare(
+    suite: Sequence[Scenario], workers: int, folder: Path, *, advised: bool = False
+) -> dict[str, Any]:
     """Drives every policy on one window of each generated scenario; writes driven.json and
     driven.md into the folder and returns the figures. What is finished is kept in the folder, for a
-    run that goes on after this one was ended.
+    run that goes on after this one was ended. `advised`: with the embedded model and its control.
 
     Raises EvaluationError where no scenario holds a true box, and when a process ends before its
     work is done.
     """
     kept = ResultStore(folder / "kept", MADE_FROM)
-    items = [_Item(one, one.seed % one.windows) for one in suite]
+    policies = POLICIES + (ADVISED if advised else ())
+    items = [_Item(one, one.seed % one.windows, policies) for one in suite]
     # Large swarms take longest: begun first, they do not keep one core busy at the end.
     items.sort(key=lambda item: -item.scenario.robots)
     found = [kept.get(item.key()) for item in items]
@@ -122,7 +131,8 @@ def compare(suite: Sequence[Scenario], workers: int, folder: Path) -> dict[str, 
                 file=sys.stderr,
                 flush=True,
             )
-    figures = table([[Brought(**one) for one in drive] for drive in found if drive is not None])
+    drives = [[Brought(**one) for one in drive] for drive in found if drive is not None]
+    figures = table(drives, policies)
     folder.mkdir(parents=True, exist_ok=True)
     whole = {**figures, "machine": machine_facts()}
     write_whole(folder / "driven.json", json.dumps(whole, indent=1) + "\n")
@@ -149,7 +159,9 @@ def drive_all(item: _Item) -> list[dict[str, float]]:
     )
     driven, from_s = Driven(drive), window * WINDOW_S
     mean_bps = scenario.link.mean_bps(from_s, from_s + drive.frames / driven.world.rate_hz)
-    return [asdict(_brought(driven, policy, scenario, from_s, mean_bps)) for policy in POLICIES]
+    return [
+        asdict(_brought(driven, policy, scenario, from_s, mean_bps)) for policy in item.policies
+    ]
 
 
 def _brought(
@@ -183,22 +195,24 @@ def brought(one: Measured, rate_hz: float, mean_bps: float) -> Brought:
     )
 
 
-def table(drives: Sequence[Sequence[Brought]]) -> dict[str, Any]:
+def table(
+    drives: Sequence[Sequence[Brought]], policies: Sequence[Policy] = POLICIES
+) -> dict[str, Any]:
     """Means over the drives that hold a true box, by policy, and the default policy beside its
-    controls in pairs of drives, with 95 % bootstrap intervals. `drives`: of each, what the POLICIES
-    brought. Raises EvaluationError where none holds a true box."""
+    controls in pairs of drives, with 95 % bootstrap intervals. `drives`: of each, what the
+    policies brought. Raises EvaluationError where none holds a true box."""
     drives = [drive for drive in drives if drive[0].ground_truth]
     if not drives:
         raise EvaluationError("no drive of these scenarios holds a true box")
     columns = dict(
-        zip((policy.name for policy in POLICIES), zip(*drives, strict=True), strict=True)
+        zip((policy.name for policy in policies), zip(*drives, strict=True), strict=True)
     )
-    rows = [_row(policy, columns[policy.name]) for policy in POLICIES]
+    rows = [_row(policy, columns[policy.name]) for policy in policies]
     bytes_of = {row["policy"]: row["bytes_per_frame"] for row in rows}
     ego_ms_of = {row["policy"]: row["ego_ms_per_frame"] for row in rows}
     participants_of = {row["policy"]: row["participants_mean"] for row in rows}
     beside = []
-    for control in CONTROLS:
+    for control in (*CONTROLS, *(one.name for one in ADVISED if one.name in columns)):
         pairs = zip(columns[DEFAULT], columns[control], strict=True)
         gap = bootstrap_mean([ours.ap_70 - theirs.ap_70 for ours, theirs in pairs])
         beside.append(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -19,7 +22,11 @@ from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.policies.registry import make_policy
+from llm_gateway.backends.llamacpp.models import ADAPTER, DEFAULT_MODEL
+from llm_gateway.model import Prompt
+from research.evaluation.policies.advice import MADE_FROM, AdvisedAtOnce, Answer, Model
 from research.evaluation.policies.decide import as_proposed
+from research.evaluation.result_store import ResultStore
 from research.evaluation.windows.announcements import EPOCH_NS, Announced, snapshot
 from swarm.messages import MIXED, Assignment, Decision
 from worlds.base import World
@@ -28,6 +35,10 @@ ALGORITHMS = ("early", "late")
 """What is decided among: whole maps of features fit none of the links."""
 DECIDED_S = 1.0
 RANDOM = "random-assignments"
+TRAINED, GUESSED = "llm-trained", "llm-guessed"
+"""The ego's policy `llm`, asking by the short prompt: the embedded model as it was trained, or any
+answer that the prompt allows."""
+KEPT = Path("build/eval/kept")
 
 
 class Drivable(Protocol):
@@ -58,7 +69,7 @@ class Decided:
     """How it is decided who sends what."""
 
     policy: str
-    """Of the product's, or RANDOM."""
+    """Of the product's, or RANDOM, TRAINED, GUESSED."""
     rarer: bool = False
     """Whether each robot may have an algorithm and a rate of its own."""
     price: float = 1.0
@@ -84,10 +95,7 @@ class Deciding:
         self._knowledge = Knowledge.of_detector(
             drive.world.detector, objective, ALGORITHMS, learns=False
         )
-        chance = how.policy == RANDOM
-        self._policy: Policy = (
-            AnyAssignments(drive.seed) if chance else make_policy(how.policy, ALGORITHMS)
-        )
+        self._policy = _policy(how.policy, drive.seed)
         self._every = max(1, round(DECIDED_S * drive.world.rate_hz))
         self._decision: Decision | None = None
 
@@ -119,6 +127,37 @@ class Deciding:
         if not self._how.validated:
             return as_proposed(self._policy, scene, known)
         return plan(seen, scene, self._policy, known, self._decision, number, now_ns)
+
+
+def _policy(name: str, seed: int) -> Policy:
+    if name == RANDOM:
+        return AnyAssignments(seed)
+    if name == TRAINED:
+        return AdvisedAtOnce(_trained(), "short")
+    if name == GUESSED:
+        return AdvisedAtOnce(Guessing(seed), "short")
+    return make_policy(name, ALGORITHMS)
+
+
+@cache
+def _trained() -> Model:
+    """One a process, which ends with it."""
+    return Model(DEFAULT_MODEL, ResultStore(KEPT, MADE_FROM), ADAPTER)
+
+
+class Guessing:
+    """Gives any answer that the schema allows, all equally likely: the control of a model."""
+
+    name = "guesses"
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def ask(self, prompt: Prompt) -> Answer:
+        """See `Adviser`."""
+        return Answer(
+            json.dumps(self._rng.choice(json.loads(prompt.schema)["enum"]).item()), "", 0.0
+        )
 
 
 class AnyAssignments:

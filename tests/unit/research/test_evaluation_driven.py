@@ -15,6 +15,7 @@ from perception.detector.weight_files import has_weights
 from perception.types import Boxes
 from research.evaluation.ways.drive import Drive, Driven
 from research.evaluation.ways.driven import (
+    ADVISED,
     CONTROLS,
     DEFAULT,
     EVERYONE,
@@ -67,6 +68,14 @@ def test_the_default_stands_beside_its_controls_in_pairs() -> None:
     assert table([drive, blind])["drives"] == 1
     with pytest.raises(EvaluationError, match="true box"):
         table([blind])
+
+
+def test_a_model_and_its_control_stand_beside_the_default_where_they_were_driven() -> None:
+    policies = POLICIES + ADVISED
+    found = table([[PLAIN] * len(policies)], policies)
+    assert [row["policy"] for row in found["rows"]] == [policy.name for policy in policies]
+    controls = [one["control"] for one in found["beside"]]
+    assert controls == [*CONTROLS, *(policy.name for policy in ADVISED)]
 
 
 @needs_weights

@@ -11,7 +11,13 @@ from perception.types import Boxes
 from research.evaluation.ways import narrow
 from research.evaluation.ways.drive import Drive, Driven
 from research.evaluation.ways.measure import Measured
-from research.evaluation.ways.planned import ALGORITHMS, RANDOM, Decided, Deciding
+from research.evaluation.ways.planned import (
+    ALGORITHMS,
+    GUESSED,
+    RANDOM,
+    Decided,
+    Deciding,
+)
 from research.evaluation.ways.rate_table import BySpeed
 from worlds.factory.world import FactoryWorld
 
@@ -30,7 +36,7 @@ def driven() -> Driven:
 
 
 @needs_weights
-@pytest.mark.parametrize("policy", ["coverage", RANDOM])
+@pytest.mark.parametrize("policy", ["coverage", RANDOM, GUESSED])
 def test_what_is_decided_fits_the_link(driven: Driven, policy: str) -> None:
     link_bps = 1e5
     deciding = Deciding(driven, Decided(policy, rarer=True, price=0.0), lambda _: link_bps)
