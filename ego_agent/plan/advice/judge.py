@@ -92,10 +92,10 @@ def judge(
 def repaired(advice: Advised, scorer: Scorer) -> Verdict:
     """Advice as far as it can be carried out, each robot as often as is best, whatever that is
     worth; refused where nothing remains."""
-    scene, objective = scorer.scene, scorer.objective
+    scene, mixable = scorer.scene, scorer.objective.rarer_hz and scorer.knowledge.mixable
     named = set(advice.participants) - {scene.ego.robot}
     known = {name for name in named if name in scorer.row_of}
-    if advice.forms and known and objective.rarer_hz:
+    if advice.forms and known and mixable:
         return _mixed(advice.forms, scorer)
     proposal = Proposal(tuple(advice.participants), advice.algorithm, "", "llm")
     found = validate(proposal, scene, scorer.knowledge, policy="llm", cycle=0, now_ns=0)

@@ -129,7 +129,8 @@ def short_options(scorer: Scorer, short: ShortScene) -> tuple[Groups, ...]:
     none does."""
     alone = scorer.score((), scorer.knowledge.best_algorithm())
     found: dict[Groups, Score] = {(): alone}
-    mixes = Mixes(scorer) if scorer.objective.rarer_hz else None
+    mixable = scorer.objective.rarer_hz and scorer.knowledge.mixable
+    mixes = Mixes(scorer) if mixable else None
     for name, (_, slow) in short.fits.items():
         for k in range(1, slow + 1):
             found[((name, k),)] = _best(scorer, short.robots[:k], name, mixes)

@@ -15,10 +15,10 @@ from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.choices.validation import Unusable, validate
 from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting.letters import Groups, short_answer
-from ego_agent.plan.prompting.short import groups_of, short_scene
+from ego_agent.plan.prompting.short import groups_of, make_short_prompt, short_scene
 from llm_gateway.model import Prompt
 from research.evaluation.policies.advice import AdvisedAtOnce, Answer
-from swarm.messages import MIXED, Decision
+from swarm.messages import ALGORITHMS, MIXED, Decision
 from tests.support.prompt_scenes import floor
 
 RATES_BPS = (1e6, 2e6, 3e6, 5e6, 7e6, 10e6, 15e6, 20e6, 30e6)
@@ -87,13 +87,21 @@ def test_unknown_robots_are_dropped_and_told(mixed: tuple[UnifiedScene, Score, G
     assert nobody.refused == "unknown_robot"
 
 
-def test_without_rates_of_their_own_robots_send_the_same(
-    mixed: tuple[UnifiedScene, Score, Groups],
+@pytest.mark.parametrize(
+    "known",
+    [
+        Knowledge.of_detector("factory", Objective(slower_hz=SLOWER_HZ)),
+        Knowledge.of_detector("factory", Objective(rarer_hz=RARER_HZ), mixable=()),
+    ],
+)
+def test_where_robots_may_not_differ_they_send_the_same(
+    known: Knowledge, mixed: tuple[UnifiedScene, Score, Groups]
 ) -> None:
     found, best, _ = mixed
-    known = Knowledge.of_detector("factory", Objective(slower_hz=SLOWER_HZ))
     forms = {robot: best.algorithm_of(robot) for robot in best.participants}
     verdict = repaired(Advised(("R1", *forms), MIXED, forms), Scorer(found, known))
     assert verdict.refused is None
     assert "infeasible" in verdict.repaired
     assert verdict.forms == {}
+    answers = json.loads(make_short_prompt(found, known, None, None).schema)["enum"]
+    assert all(sum(name in answer for name in ALGORITHMS) <= 1 for answer in answers)
