@@ -48,8 +48,7 @@ def steady(mixes: Mixes, found: Score, previous: Decision | None) -> Score:
     and others are hardly better."""
     if previous is None or previous.rate_hz != found.pace.rate_hz:
         return found
-    sent = {one.robot: one.algorithm for one in previous.assignments}
-    if sent != {robot: found.algorithm_of(robot) for robot in found.participants}:
+    if {one.robot: one.algorithm for one in previous.assignments} != found.sends:
         return found
     held = mixes.score(previous.assignments)
     if held is None or held.value < found.value - SAME or not mixes.passes(held):

@@ -13,7 +13,7 @@ import msgspec
 
 from swarm.files import write_whole
 
-SOURCES = (".json", ".py", ".safetensors", ".toml")
+SOURCES = (".gguf", ".json", ".py", ".safetensors", ".toml")
 
 
 class ResultStore:

@@ -56,7 +56,7 @@ class Verdict:
         """By which algorithm each robot sends, where that differs."""
         if self.score is None or self.score.algorithm != MIXED:
             return {}
-        return {one.robot: one.algorithm for one in self.score.assignments}
+        return self.score.sends
 
 
 def judge(

@@ -51,6 +51,11 @@ class Score:
         return next(forms, self.algorithm)
 
     @property
+    def sends(self) -> dict[str, Algorithm]:
+        """What each participant sends."""
+        return {robot: self.algorithm_of(robot) for robot in self.participants}
+
+    @property
     def cost(self) -> float:
         """lambda C, in quality."""
         return self.quality - self.value

@@ -24,7 +24,7 @@ from llm_gateway.model import Prompt
 from llm_gateway.schemas import Schemas
 from research.evaluation.policies.advice import Answer
 from swarm.errors import DecisionError
-from swarm.messages import Algorithm, Assignment
+from swarm.messages import Assignment
 
 FIRST = 3
 """Helpers of `first k`: as many as `coverage` takes most often."""
@@ -111,14 +111,9 @@ class Oracle:
         coverage, _ = Coverage().choose(scorer, None)
         same = best_option(scorer, list(_every(scorer)))
         found = [coverage, same]
-        for start in (coverage, mixes.rated_as(sent(same))):
+        for start in (coverage, mixes.rated_as(same.sends)):
             found.append(_climbed(mixes, start))
-        return Said(sent(best_option(scorer, found)), time.perf_counter() - begun)
-
-
-def sent(score: Score) -> dict[str, Algorithm]:
-    """By which algorithm each helper of a choice sends."""
-    return {robot: score.algorithm_of(robot) for robot in score.participants}
+        return Said(best_option(scorer, found).sends, time.perf_counter() - begun)
 
 
 def _climbed(mixes: Mixes, start: Score) -> Score:
@@ -129,7 +124,7 @@ def _climbed(mixes: Mixes, start: Score) -> Score:
     for _ in range(CHANGES):
         now = {one.robot: one for one in best.assignments} or {
             robot: Assignment(robot=robot, algorithm=name, rate_hz=scorer.pace.rate_hz)
-            for robot, name in sent(best).items()
+            for robot, name in best.sends.items()
         }
         tried = [best]
         for candidate in scorer.scene.candidates:

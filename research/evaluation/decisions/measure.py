@@ -15,7 +15,7 @@ from ego_agent.plan.policies.coverage import Coverage
 from ego_agent.plan.prompting.short import short_options, short_scene
 from ego_agent.settings import EgoSettings
 from research.evaluation.bootstrap import bootstrap_mean
-from research.evaluation.decisions.choosers import Case, Chooser, Said, sent
+from research.evaluation.decisions.choosers import Case, Chooser, Said
 from research.training.decisions.scenes import Split, known, scene_groups
 from swarm.messages import ALGORITHMS, MIXED
 
@@ -88,9 +88,9 @@ def row(chooser: Chooser, asked: Sequence[Case]) -> tuple[dict[str, Any], list[S
         outcome(case, chooser.choose(case), one) for case, one in zip(asked, best, strict=True)
     ]
     groups = [case.group for case in asked]
-    theirs = [choice(sent(one)) for one in best]
+    theirs = [choice(one.sends) for one in best]
     ours = [None if o.said.sends is None else choice(o.said.sends) for o in found]
-    judged = [choice(sent(o.judged)) for o in found]
+    judged = [choice(o.judged.sends) for o in found]
     steps = list(_steps(groups, ours, theirs))
     report: dict[str, Any] = {"chooser": chooser.name, "answers": len(found)}
     equal = [own == other for own, other in zip(ours, theirs, strict=True)]

@@ -112,7 +112,8 @@ def compare(
     Raises EvaluationError where no scenario holds a true box, and when a process ends before its
     work is done.
     """
-    kept = ResultStore(folder / "kept", MADE_FROM)
+    made_from = (*MADE_FROM, "llm_gateway") if advised else MADE_FROM
+    kept = ResultStore(folder / "kept", made_from)
     policies = POLICIES + (ADVISED if advised else ())
     items = [_Item(one, one.seed % one.windows, policies) for one in suite]
     # Large swarms take longest: begun first, they do not keep one core busy at the end.
