@@ -97,6 +97,8 @@ def test_on_a_link_that_is_wide_enough_no_queue_stands(net: Links, queues: Queue
     net.driver.apply(link, ladder.shape(1_000_000_000, 0))
     queues.start()
     queues.watch({link: net.driver.read([link])[link].queue})
+    # On a busy machine the stream could be over before the first sample.
+    until(lambda: TrafficClass.FUSION in queues.read(link), "sampling has begun")
     with closing(TcpWatch()) as watch:
         stream(net, 1_000_000)
         until(
