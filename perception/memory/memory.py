@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from perception.boxes import SHARPNESS, iou_among, iou_bev
 from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
+from perception.memory.registration import FRESH_S, Cloud, Look, displaced
 from perception.memory.sight import Sight
 from perception.memory.turning import Headings
 from perception.memory.viewers import Viewers
@@ -70,6 +71,8 @@ NEAR_ENOUGH = 0.5
 """Of a body's width: an offset beyond which a box of it is wrong."""
 SQUARE = 0.1
 """By how much of the longer side those of a square differ at most."""
+MAY_MOVE, MOST_LOOKED_FOR = 0.3, 24
+"""Chance that a track moves from which on the ego looks for it by its points, and of how many."""
 CLIP = 1e-3
 """Chances are kept this far from 0 and 1."""
 
@@ -138,6 +141,8 @@ class Memory:
         self._seen_s = np.zeros(0)
         self._certain = np.zeros(0)
         """How certain the place was when last seen."""
+        self._looks: list[Look | None] = []
+        """At each track when it was shown whole."""
 
     def update(self, frame: Frame) -> Remembered:
         """Takes up a frame, and returns what is there at its time by all that is known."""
@@ -155,11 +160,16 @@ class Memory:
         order = np.argsort(-frame.boxes.scores, kind="stable")[:MOST_BOXES]
         found = frame.boxes.take(order[frame.boxes.scores[order] >= FAINTEST])
         partial = self._viewers.partial(frame.helpers)
+        own = _own_cloud(frame)
+        if own is not None:
+            self._looked_for(np.flatnonzero(partial), own, frame.time_s)
         rows, columns = self._matched(found, partial)
         self._missed(np.setdiff1d(np.arange(len(self._ids)), rows), frame)
         self._seen(rows, found.take(columns), partial[rows], frame)
         self._born(found.take(np.setdiff1d(np.arange(len(found)), columns)), frame)
         self._prune(frame.time_s)
+        if own is not None:
+            self._look(own, frame.time_s)
         return self._told(frame.time_s)
 
     def number_after(self, other: Memory) -> None:
@@ -197,6 +207,29 @@ class Memory:
         self._viewers.hear(frame.time_s, frame.helpers)
         self._time_s = frame.time_s
         return dt_s
+
+    def _looked_for(self, rows: NDArray[np.intp], own: Cloud, time_s: float) -> None:
+        """Finds moving tracks by the ego's own points of them."""
+        moving, sds = self._motions.moving(), self._motions.sds()
+        seen, places, place_sds = [], [], []
+        for row in rows[moving[rows] > MAY_MOVE][:MOST_LOOKED_FOR]:
+            look = self._looks[row]
+            if look is None or time_s - look.time_s > FRESH_S:
+                continue
+            here = displaced(look, own, self._boxes.take(np.array([row])), float(sds[row]))
+            if here is not None:
+                seen.append(row)
+                places.append(here[0])
+                place_sds.append(here[1])
+        if seen:
+            whole = np.zeros(len(seen), dtype=np.bool_)
+            self._motions.update(np.array(seen), np.array(places), np.array(place_sds), whole)
+            self._boxes.centers[:, :2] = self._motions.places()
+
+    def _look(self, own: Cloud, time_s: float) -> None:
+        """Keeps what the ego sees of tracks that are shown whole now."""
+        for row in np.flatnonzero(self._viewers.whole()):
+            self._looks[row] = Look(time_s, own, self._boxes.take(np.array([row])))
 
     def _moved(self) -> Floats:
         return np.column_stack([self._motions.places(), self._boxes.centers[:, 2]])
@@ -302,6 +335,7 @@ class Memory:
         self._weights = np.append(self._weights, found.scores**SHARPNESS)
         self._seen_s = np.append(self._seen_s, np.full(len(found), frame.time_s))
         self._certain = np.append(self._certain, self._certainty()[-len(found) :])
+        self._looks += [None] * len(found)
 
     def _certainty(self) -> Floats:
         """The chance that each track's box lies near enough to be right."""
@@ -324,6 +358,7 @@ class Memory:
         self._boxes, self._ids = boxes.take(rows), self._ids[rows]
         self._weights, self._seen_s = self._weights[rows], self._seen_s[rows]
         self._certain = self._certain[rows]
+        self._looks = [self._looks[row] for row in rows]
 
     def _told(self, time_s: float) -> Remembered:
         scores = self._boxes.scores * np.minimum(1.0, self._certainty() / self._certain)
@@ -334,6 +369,14 @@ class Memory:
             time_s - self._seen_s,
         )
         return told.take(np.argsort(-scores, kind="stable"))
+
+
+def _own_cloud(frame: Frame) -> Cloud | None:
+    """What the ego sees."""
+    for robot, view in frame.views.items():
+        if robot not in frame.helpers:
+            return Cloud(*view)
+    return None
 
 
 def _sds(found: Boxes) -> Floats:

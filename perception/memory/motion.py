@@ -135,6 +135,11 @@ class Motions:
         speed: Floats = np.einsum("nj,njx->nx", self._weight, self._mean[:, :, 1])
         return speed
 
+    def moving(self) -> Floats:
+        """(N,): the chance that each moves."""
+        chance: Floats = self._weight[:, MOVING]
+        return chance
+
     def sds(self) -> Floats:
         """(N,): standard deviation of the place along an axis, metres."""
         sd: Floats = np.sqrt((self._weight * self._variances()).sum(axis=1))

@@ -24,11 +24,14 @@ class Viewers:
         """Whether they completed then what the ego saw; else they showed boxes of their own."""
         self._last: list[Robots | None] = []
         """Of the last partial view of each track."""
+        self._whole: list[bool] = []
+        """Whether each was shown in full in this frame."""
 
     def hear(self, time_s: float, helpers: Robots) -> None:
         """A frame in which these show something."""
         kept = {r: at for r, at in self._of_late.items() if time_s - at <= INFORMED_S}
         self._of_late = kept | dict.fromkeys(helpers, time_s)
+        self._whole = [False] * len(self._best)
 
     def share(self, helpers: Robots) -> float:
         """How many of the robots of late these are; 1.0 where there are none."""
@@ -38,6 +41,10 @@ class Viewers:
         """(N,): tracks that robots of late have shown better than these may."""
         late = self._of_late.keys()
         return np.array([bool((best - helpers) & late) for best in self._best], dtype=np.bool_)
+
+    def whole(self) -> Mask:
+        """(N,): tracks that were shown in full in this frame."""
+        return np.array(self._whole, dtype=np.bool_)
 
     def best(self, row: int) -> Robots:
         """Robots that showed a track when it was seen best."""
@@ -52,6 +59,7 @@ class Viewers:
         than their last partial view, (K,)."""
         anew = np.zeros(len(rows), dtype=np.bool_)
         for place, row in enumerate(rows):
+            self._whole[row] = bool(full[place])
             if full[place]:
                 self._best[row], self._completed[row] = helpers, completes
             else:
@@ -64,9 +72,11 @@ class Viewers:
         self._best += [helpers] * many
         self._completed += [completes] * many
         self._last += [None] * many
+        self._whole += [True] * many
 
     def keep(self, rows: NDArray[np.intp]) -> None:
         """Keeps these tracks, in this order."""
         self._best = [self._best[row] for row in rows]
         self._completed = [self._completed[row] for row in rows]
         self._last = [self._last[row] for row in rows]
+        self._whole = [self._whole[row] for row in rows]
