@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from coadapt.arguments import add_recorded_fusion, chosen_fusion, recorded_data
+from swarm.errors import SettingError
 
 
 def register(commands: Any) -> None:
@@ -28,6 +29,18 @@ def register(commands: Any) -> None:
         action="store_true",
         help="rank detections within their frame only, as OpenCOOD's published tables do",
     )
+    parser.add_argument(
+        "--tracks",
+        action="store_true",
+        help="judge what the ego tells from memory, frame after frame, in place of each frame by "
+        "itself; the first second does not count",
+    )
+    parser.add_argument(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help="with --tracks: how often robots send (default: in every frame)",
+    )
     parser.set_defaults(run=run)
 
 
@@ -36,6 +49,8 @@ def run(args: argparse.Namespace) -> int:
     from worlds.cooperative.fusing import Disturbance
     from worlds.cooperative.judging import evaluate
 
+    if args.rate is not None and not args.tracks:
+        raise SettingError("--rate needs --tracks: without memory every frame stands by itself")
     data = recorded_data(args)
     frames = data.judged()
     precision = evaluate(
@@ -45,6 +60,8 @@ def run(args: argparse.Namespace) -> int:
         Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
         frames,
         per_frame=args.per_frame,
+        remembered=args.tracks,
+        rate_hz=args.rate,
     )
     figures = {name: round(value, 4) for name, value in asdict(precision).items()}
     if args.json:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ from perception.fusion.publishing import publish
 from perception.fusion.registry import make_fusion
 from perception.types import Boxes
 from swarm.errors import PerceptionError, WorldError
-from swarm.geometry import Matrix, Pose
+from swarm.geometry import Matrix, Points, Pose
 from worlds.base import World, body_of
 
 SINGLE = "single"
@@ -58,6 +58,8 @@ class Fused:
     """All that the detector found, with its own scores."""
     known: tuple[KnownRobot, ...]
     """All robots but the ego, where their beacons say that they are, or what they sent shows."""
+    sent_points: Mapping[str, tuple[Points, Matrix]] = field(default_factory=dict)
+    """By robot: its decoded points in its sensor's frame, and the sensor in the world frame."""
 
 
 def fuse_frame(
@@ -157,7 +159,8 @@ def _gathered(
         except PerceptionError as error:
             rejected[robot] = str(error)
     found, corrections = gathering.finish(), gathering.corrections()
-    return _published(world, frame, ego, fusion, found, sizes, rejected, disturbance, corrections)
+    fused = _published(world, frame, ego, fusion, found, sizes, rejected, disturbance, corrections)
+    return replace(fused, sent_points=gathering.sent_points())
 
 
 def _published(

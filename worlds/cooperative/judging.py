@@ -16,6 +16,7 @@ from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, invert
 from worlds.base import GroundTruth, World
 from worlds.cooperative.fusing import SINGLE, Disturbance, Fused, fuse_frame
+from worlds.cooperative.remembering import remembered_frames
 
 EVALUATION_RANGES_M = {"road": (140.0, 40.0), "factory": (25.0, 25.0)}
 """Boxes count within this of the ego along its own x and y, by detector: OPV2V's evaluation range,
@@ -34,10 +35,15 @@ def evaluate(
     frames: Sequence[int] | None = None,
     *,
     per_frame: bool = False,
+    remembered: bool = False,
+    rate_hz: float | None = None,
 ) -> Precision:
     """AP of one algorithm with all robots taking part, seen from one ego.
 
     Counts what `judge` lets count; `per_frame` ranks as OpenCOOD does (perception.metrics).
+    `remembered`: what the ego tells from memory, frame after frame, where robots send `rate_hz`
+    times a second (None: in every frame), in place of what is found in each frame by itself. Raises
+    as `fuse_frame` and `remembered_frames` do.
     """
     allowed = (SINGLE, *fusion_names(world.detector))
     if isinstance(algorithm, str) and algorithm not in allowed:
@@ -45,8 +51,14 @@ def evaluate(
             f"algorithm {algorithm!r} is not available; allowed: {', '.join(allowed)}"
         )
     tally = Tally()
-    for frame in range(world.frame_count) if frames is None else frames:
-        fused = fuse_frame(world, frame, ego, world.robots, algorithm, disturbance)
+    if remembered:
+        told = remembered_frames(world, algorithm, ego, disturbance, frames, rate_hz)
+    else:
+        told = (
+            (frame, fuse_frame(world, frame, ego, world.robots, algorithm, disturbance))
+            for frame in (range(world.frame_count) if frames is None else frames)
+        )
+    for frame, fused in told:
         add_frame(tally, world, frame, ego, fused)
     return tally.precision(per_frame=per_frame)
 
