@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import http.client
 import os
-import urllib.request
+from http import HTTPStatus
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlsplit
 
 from deploy.environments import API_KEY, API_KEY_FILE
 from deploy.progress import say
 from deploy.spec import EMBEDDED, SwarmSpec
-from swarm.errors import DeployError, GatewayError
+from swarm.errors import DeployError, GatewayError, TransportError
+from swarm.http.asking import ask
 
 ASK_S = 3.0
 MAX_LIST_BYTES = 1_000_000
@@ -60,16 +59,16 @@ def _check_listed(url: str, name: str) -> None:
     from llm_gateway.backends.openai_wire import read_models
 
     base = url.rstrip("/") if urlsplit(url).path.strip("/") else f"{url.rstrip('/')}/v1"
-    request = urllib.request.Request(f"{base}/models")
-    if key := _api_key():
-        request.add_header("Authorization", f"Bearer {key}")
-    # No proxies and no redirects: the key is for this server alone.
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), _Nowhere())
+    key = _api_key()
+    headers = {"Authorization": f"Bearer {key}"} if key else {}
     try:
-        with opener.open(request, timeout=ASK_S) as response:
-            listed = read_models(response.read(MAX_LIST_BYTES), base)
-    except (OSError, http.client.HTTPException, GatewayError) as error:
-        reason = getattr(error, "reason", error)
+        status, raw = ask(
+            f"{base}/models", headers=headers, timeout_s=ASK_S, most_bytes=MAX_LIST_BYTES
+        )
+        if status != HTTPStatus.OK:
+            raise TransportError(f"HTTP status {status}")
+        listed = read_models(raw, base)
+    except (TransportError, GatewayError) as reason:
         say(f"{base} lists no models yet ({reason}): {name!r} is not checked")
         return
     # Ollama lists `name:tag`, and takes `name` for `name:latest`.
@@ -77,13 +76,6 @@ def _check_listed(url: str, name: str) -> None:
         raise DeployError(
             f"model {name!r} is not served by {base}; it lists: {', '.join(listed[:SHOWN])}"
         )
-
-
-class _Nowhere(urllib.request.HTTPRedirectHandler):
-    """Follows no redirect."""
-
-    def redirect_request(self, *_: Any) -> None:
-        """None: the redirect is an error."""
 
 
 def _api_key() -> str:

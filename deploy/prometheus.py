@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from contextlib import closing
 from dataclasses import dataclass
-from http.client import HTTPConnection, HTTPException
 from typing import Any
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import urlencode
 
-from swarm.errors import DeployError
+from swarm.errors import DeployError, TransportError
+from swarm.http.asking import ask
 
 TIMEOUT_S = 5.0
+MAX_BYTES = 16_000_000
+"""The longest answer that is read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,15 +86,12 @@ class Prometheus:
     def _get(self, path: str, parameters: dict[str, str]) -> Any:
         target = f"/api/v1/{path}?{urlencode(parameters)}"
         try:
-            # Unlike urllib, it asks no proxy of the environment for what runs here.
-            host = urlsplit(self._url).netloc
-            with closing(HTTPConnection(host, timeout=TIMEOUT_S)) as connection:
-                connection.request("GET", target)
-                reply = connection.getresponse()
-                raw = reply.read()
-            if reply.status == 200:
+            status, raw = ask(
+                self._url.rstrip("/") + target, timeout_s=TIMEOUT_S, most_bytes=MAX_BYTES
+            )
+            if status == 200:
                 return json.loads(raw)["data"]
-        except (OSError, HTTPException, ValueError, KeyError) as error:
+        except (TransportError, ValueError, KeyError) as error:
             raise DeployError(f"Prometheus at {self._url} does not answer: {error}") from error
         words = raw[:500].decode(errors="replace")
         raise DeployError(f"Prometheus refused {self._url}{target}: {words}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import urllib.request
+from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,8 @@ import msgspec
 from coadapt.arguments import add_ego, add_swarm, at_least_one
 from deploy.paths import journal_path
 from deploy.state import need_state, seen_by
-from swarm.errors import DeployError
+from swarm.errors import DeployError, TransportError
+from swarm.http.asking import ask
 
 if TYPE_CHECKING:
     from ego_agent.knowledge.why import Explanation, Found
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 GATEWAY = "the running swarm's"
 ANSWER_S = 60.0
 MAX_TOKENS = 600
+MAX_BYTES = 1_000_000
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -81,7 +83,7 @@ def _phrased(args: argparse.Namespace, found: Found, explanation: Explanation) -
         url = state.llm_url
     try:
         words = _asked(url, [msgspec.to_builtins(message) for message in question(explanation)])
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+    except (TransportError, ValueError, KeyError, IndexError, TypeError) as error:
         print(f"coadapt: no words of a model: {url}: {error}", file=sys.stderr)
         return ""
     if wrong := fault(words, explanation, known_names(found)):
@@ -93,10 +95,13 @@ def _phrased(args: argparse.Namespace, found: Found, explanation: Explanation) -
 def _asked(url: str, messages: list[dict[str, str]]) -> str:
     """The answer of an OpenAI-compatible server."""
     body = json.dumps({"messages": messages, "max_tokens": MAX_TOKENS, "temperature": 0}).encode()
-    request = urllib.request.Request(
+    status, raw = ask(
         f"{url.rstrip('/').removesuffix('/v1')}/v1/chat/completions",
-        body,
-        {"Content-Type": "application/json"},
+        body=body,
+        headers={"Content-Type": "application/json"},
+        timeout_s=ANSWER_S,
+        most_bytes=MAX_BYTES,
     )
-    with urllib.request.urlopen(request, timeout=ANSWER_S) as answer:
-        return str(json.load(answer)["choices"][0]["message"]["content"]).strip()
+    if status != HTTPStatus.OK:
+        raise TransportError(f"HTTP status {status}: {raw[:200].decode(errors='replace')}")
+    return str(json.loads(raw)["choices"][0]["message"]["content"]).strip()

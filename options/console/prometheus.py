@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from http.client import HTTPConnection, HTTPException
+from contextlib import contextmanager
 from typing import Any, TypeVar
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import urlencode
 
 import msgspec
 
 from swarm.errors import TransportError
+from swarm.http.asking import ask
 
 TIMEOUT_S = 5.0
 MAX_BYTES = 4_000_000
@@ -85,18 +85,14 @@ class Prometheus:
         ]
 
     def _get(self, path: str, parameters: dict[str, Any], shape: type[T]) -> T:
+        target = f"{self.url.rstrip('/')}/api/v1/{path}?{urlencode(parameters)}"
         try:
-            # Unlike urllib, it asks no proxy of the environment for what runs here.
-            host = urlsplit(self.url).netloc
-            with closing(HTTPConnection(host, timeout=TIMEOUT_S)) as connection:
-                connection.request("GET", f"/api/v1/{path}?{urlencode(parameters)}")
-                reply = connection.getresponse()
-                raw = reply.read(MAX_BYTES)
-        except (OSError, HTTPException, OverflowError, ValueError) as error:
+            status, raw = ask(target, timeout_s=TIMEOUT_S, most_bytes=MAX_BYTES)
+        except TransportError as error:
             raise TransportError(f"Prometheus at {self.url} does not answer: {error}") from error
-        if reply.status != 200:
+        if status != 200:
             raise TransportError(
-                f"Prometheus at {self.url} answers with status {reply.status}: "
+                f"Prometheus at {self.url} answers with status {status}: "
                 f"{raw[:200].decode(errors='replace')}"
             )
         with self._shape_checked():

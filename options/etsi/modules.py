@@ -76,6 +76,7 @@ def bring(source: str = URL) -> Path:
         if _sound(folder() / Path(name).name, digest):
             continue
         try:
+            # Through the environment's proxy, as what is fetched from the Internet must be.
             with urlopen(f"{source}/{name}", timeout=TIMEOUT_S) as answer:
                 data = answer.read(MOST_BYTES)
         except (URLError, OSError, ValueError) as error:

@@ -98,6 +98,18 @@ def test_options_do_not_import_research() -> None:
         assert module.split(".")[0] != "research", f"{path} imports {module}"
 
 
+def test_http_is_asked_by_one_client_for_many_questions_and_one_for_single_ones() -> None:
+    others = ("urllib.request", "urllib3", "requests", "httpx")
+    asking = {
+        path
+        for package in PRODUCT | {"options"}
+        for path, module in imported(package)
+        if module.startswith(others)
+    }
+    # What comes from the Internet is fetched through the environment's proxy.
+    assert asking == {"options/etsi/modules.py"}
+
+
 SENSES = {"swarm", "perception", "worlds"}
 
 
