@@ -51,6 +51,8 @@ class Said:
     sends: Mapping[str, str] | None
     """By which algorithm each helper sends."""
     took_s: float = 0.0
+    tokens: tuple[int, int] | None = None
+    """Of a language model's prompt and answer, where they are known."""
 
 
 class Chooser(Protocol):
@@ -179,9 +181,9 @@ class ByModel:
         try:
             read = read_answer(self._words(answer.text, prompt), prompt)
         except (AnswerError, DecisionError):
-            return Said(None, answer.took_s)
+            return Said(None, answer.took_s, answer.tokens)
         sends: dict[str, str] = dict.fromkeys(read.participants[1:], read.algorithm)
-        return Said(sends | {**read.forms}, answer.took_s)
+        return Said(sends | {**read.forms}, answer.took_s, answer.tokens)
 
     def _words(self, text: str, prompt: LlmPrompt) -> str:
         return extract(text, prompt.schema, self._schemas)

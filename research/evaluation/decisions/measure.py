@@ -107,6 +107,10 @@ def row(chooser: Chooser, asked: Sequence[Case]) -> tuple[dict[str, Any], list[S
     report["adopted"] = round(sum(o.adopted for o in found) / len(found), DIGITS)
     report["readable"] = round(sum(o is not None for o in ours) / len(found), DIGITS)
     report["ms_p50"] = round(1e3 * median(o.said.took_s for o in found), 2)
+    tokens = [o.said.tokens for o in found if o.said.tokens is not None]
+    for name, counts in zip(("prompt", "answer"), zip(*tokens, strict=True), strict=False):
+        report[f"{name}_tokens_p50"] = median(counts)
+        report[f"{name}_tokens_most"] = max(counts)
     return report, [o.said for o in found]
 
 

@@ -48,7 +48,7 @@ REPORT = Path("build/eval/llm.json")
 KEPT = Path("build/eval/kept")
 SHOWN = (
     "chooser", "equal_to_coverage", "link_steps_followed", "value_lost", "judged_equal",
-    "judged_value_lost", "readable", "ms_p50",
+    "judged_value_lost", "readable", "prompt_tokens_p50", "answer_tokens_p50", "ms_p50",
 )  # fmt: skip
 
 
@@ -137,7 +137,7 @@ def main() -> int:
     }
     REPORT.parent.mkdir(parents=True, exist_ok=True)
     write_whole(REPORT, json.dumps(report).encode())
-    print(markdown(SHOWN, [[one[name] for name in SHOWN] for one in rows]))
+    print(markdown(SHOWN, [[one.get(name, "") for name in SHOWN] for one in rows]))
     return 0
 
 

@@ -43,6 +43,8 @@ class Answer:
     text: str
     trouble: str
     took_s: float
+    tokens: tuple[int, int] | None = None
+    """Of the prompt and of the answer, where they are known."""
 
 
 class Model:
@@ -95,10 +97,12 @@ class Model:
         key = prompt.key(self._identity)
         values = self._kept.get(key)
         if values is not None:
-            return Answer(*values)
+            text, trouble, took_s, *tokens = values
+            return Answer(text, trouble, took_s, (tokens[0], tokens[1]) if tokens else None)
         answer = self._ask(prompt)
         if not answer.trouble:
-            self._kept.put(key, [answer.text, answer.trouble, answer.took_s])
+            values = [answer.text, answer.trouble, answer.took_s, *(answer.tokens or ())]
+            self._kept.put(key, values)
         return answer
 
     def close(self) -> None:
@@ -113,8 +117,10 @@ class Model:
         assert self._runner is not None
         begun = time.monotonic()
         try:
-            text = self._runner.run(self._backend.complete(prompt, TIMEOUT_S)).text
-            return Answer(text, "", time.monotonic() - begun)
+            reply = self._runner.run(self._backend.complete(prompt, TIMEOUT_S))
+            told = reply.tokens
+            tokens = (told.prompt, told.output) if told.prompt else None
+            return Answer(reply.text, "", time.monotonic() - begun, tokens)
         except GatewayError as error:
             return Answer("", str(error), time.monotonic() - begun)
 

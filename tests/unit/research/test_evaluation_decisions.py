@@ -41,7 +41,7 @@ class Saying:
 
     def ask(self, prompt: Prompt) -> Answer:
         self.prompts.append(prompt)
-        return Answer(self.text, "", 0.25)
+        return Answer(self.text, "", 0.25, (90 + len(self.prompts), 5))
 
 
 def test_coverage_equals_itself_and_follows_every_step_of_the_link(asked: list[Case]) -> None:
@@ -72,6 +72,8 @@ def test_what_cannot_be_read_loses_what_the_ego_alone_does_and_is_not_adopted(
     assert report["judged_equal"] == 1.0
     assert report["value_lost"] > 0.0
     assert report["ms_p50"] == 250.0
+    assert report["prompt_tokens_most"] == 90 + report["answers"]
+    assert report["answer_tokens_p50"] == 5
     assert {prompt.schema for prompt in model.prompts} == {""}
 
 
