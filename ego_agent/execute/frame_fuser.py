@@ -134,9 +134,10 @@ class FrameFuser:
         self._recent.append(_Fused(frame, taken, corrections))
         judged_as = self._judged_as(frame, used)
         known = seen_at(self._known.at(own.capture_ns), corrections)
-        boxes = publish(found, self._detector, judged_as, len(used), known)
+        believed = _believed(known, frame)
+        boxes = publish(found, self._detector, judged_as, len(used), believed)
         clouds[self._ego] = (own.points, own.world_from_sensor)
-        tracks = self._remembered(frame, judged_as, found, frozenset(used), known, clouds)
+        tracks = self._remembered(frame, judged_as, found, frozenset(used), believed, clouds)
         self.remembered = tracks
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
@@ -200,7 +201,8 @@ class FrameFuser:
         used = [c.robot for c in taken]
         views[self._ego] = (own.points, own.world_from_sensor)
         judged_as = self._judged_as(frame, used)
-        self._remembered(frame, judged_as, found, frozenset(used), known, views)
+        believed = _believed(known, frame)
+        self._remembered(frame, judged_as, found, frozenset(used), believed, views)
         return count
 
     def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
@@ -248,3 +250,9 @@ class FrameFuser:
             return Missing("rejected", str(error))
         self._log.error("fusion_failed", frame=own.frame, exc_info=True)
         return Missing("rejected", f"fusion failed: {type(error).__name__}")
+
+
+def _believed(known: tuple[KnownRobot, ...], frame: AskedFrame) -> tuple[KnownRobot, ...]:
+    """Without those whom others do not see where they say that they are: what is found there is
+    told, as it may be anything."""
+    return tuple(one for one in known if one.robot not in frame.decision.doubted)

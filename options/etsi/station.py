@@ -30,11 +30,13 @@ class Station:
         self._robots: dict[str, int] = {}
 
     def message(self, found: Detections, ego: Pose) -> Cpm | None:
-        """What to send about a frame, if anything; `ego`: where the ego is.
+        """What to send about a frame, if anything; `ego`: where the ego is. Robots whose beacons
+        are doubted are left out: a station vouches for what it tells.
 
         Raises MessageError for arrays that are none.
         """
-        objects = [*self._tracks(found, ego), *(self._robot(one, ego) for one in found.known)]
+        robots = [self._robot(one, ego) for one in found.known if not one.doubt]
+        objects = [*self._tracks(found, ego), *robots]
         due = self._rules.due(found.capture_ns / 1e9, [_seen(one, ego) for one in objects])
         if due is None:
             return None

@@ -105,7 +105,8 @@ def _checked(stamp_ns: int) -> int:
 
 def objects_of(message: Detections) -> list[Object]:
     """What the ego remembers, or where it keeps no memory what it found in this frame; and the
-    robots that told where they are, each under its own name.
+    robots that told where they are, each under its own name; not those that are doubted, as ROS 2's
+    message has no word for that.
 
     Raises MessageError for arrays that are none.
     """
@@ -114,6 +115,7 @@ def objects_of(message: Detections) -> list[Object]:
     return found + [
         Object(one.robot, one.label, one.center, one.size, one.heading, score=1.0)
         for one in message.known
+        if not one.doubt
     ]
 
 

@@ -254,6 +254,23 @@ def test_what_another_process_answers_in_a_robots_name_is_not_fused(
     assert {result.participants for result in asked} == {("R1",)}
 
 
+def test_nothing_is_hidden_by_a_robot_that_is_doubted(ego: Ego) -> None:
+    # It says to stand where the crate is.
+    own = ego.own()
+    liar = msgspec.structs.replace(
+        BEACON, robot="R2", pose=(5.0, 0.0, 1.2, 0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0),
+        capture_ns=own.capture_ns, sent_ns=time.time_ns(), body=None,
+    )  # fmt: skip
+    ego.monitor.on_beacon(liar)
+    believed = ego.loop.fuse(decision(), own)
+    assert [one.robot for one in believed.known] == ["R2"]
+    assert len(believed.boxes) == 0
+    doubting = msgspec.structs.replace(decision(), doubted={"R2": "2 robots see free ground"})
+    doubted = ego.loop.fuse(doubting, ego.own())
+    assert [one.robot for one in doubted.known] == ["R2"]
+    assert len(doubted.boxes) == 1
+
+
 def test_an_oversized_answer_is_dropped(ego: Ego, hall: Hall, robot: RobotStarter) -> None:
     robot("R2", lambda request: observation(hall, "R2", request, bytes(9 * 1024 * 1024)))
     result = ego.fuse("R2")

@@ -14,7 +14,10 @@ from swarm.geometry import Pose
 from swarm.messages import Detections
 from tests.support.message_samples import NOW, SAMPLES
 
-FOUND = next(one for one in SAMPLES if isinstance(one, Detections))
+DOUBTED = next(one for one in SAMPLES if isinstance(one, Detections))
+FOUND = msgspec.structs.replace(
+    DOUBTED, known=tuple(msgspec.structs.replace(one, doubt="") for one in DOUBTED.known)
+)
 ANCHOR = Anchor(48.8, 2.4)
 EGO = Pose(100.0, 50.0, 1.0, yaw=0.5)
 
@@ -44,6 +47,12 @@ def test_objects_are_told_when_the_rules_say_so() -> None:
     third = station.message(later(0.3, known=(slow,)), EGO)
     assert third is not None
     assert [(one.id, one.velocity) for one in third.objects] == [(FIRST_ROBOT, (0.5, -0.5))]
+
+
+def test_a_station_does_not_vouch_for_a_robot_that_is_doubted() -> None:
+    message = Station(7, ANCHOR).message(DOUBTED, EGO)
+    assert message is not None
+    assert [one.label for one in message.objects] == ["forklift"]
 
 
 def test_who_reads_a_message_finds_objects_where_they_are() -> None:

@@ -25,7 +25,10 @@ STORE.register(
         if name.startswith("vision_msgs/")
     }
 )
-FOUND = next(one for one in SAMPLES if isinstance(one, Detections))
+DOUBTED = next(one for one in SAMPLES if isinstance(one, Detections))
+FOUND = msgspec.structs.replace(
+    DOUBTED, known=tuple(msgspec.structs.replace(one, doubt="") for one in DOUBTED.known)
+)
 SCENE = next(one for one in SAMPLES if isinstance(one, SceneDescription))
 SECOND = 1_000_000_000
 
@@ -65,6 +68,12 @@ def test_remembered_objects_and_known_robots_are_detections_with_their_ids() -> 
     turned = forklift.bbox.center.orientation
     assert 2 * math.atan2(turned.z, turned.w) == pytest.approx(6.0)
     assert robot.results[0].hypothesis.class_id == "robot"
+
+
+def test_a_robot_that_is_doubted_is_no_detection() -> None:
+    objects, _ = Teller("R2").on_detections(DOUBTED)
+    (forklift,) = decoded(objects).detections
+    assert forklift.id == "7"
 
 
 def test_an_ego_without_memory_tells_what_it_found_in_this_frame() -> None:
