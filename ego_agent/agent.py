@@ -18,9 +18,7 @@ import msgspec
 from ego_agent.analyze.doubts import doubted
 from ego_agent.analyze.fit import remarks, told
 from ego_agent.analyze.scene import analyze
-from ego_agent.execute.fusion_loop import (
-    FusionLoop,
-)
+from ego_agent.execute.fusion_loop import FusionLoop
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord, Journal
@@ -28,8 +26,8 @@ from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.record import cycle_record, cycle_result
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.knowledge.weighed import Weighed
-from ego_agent.leading import Alone, Lead
 from ego_agent.metrics import EgoMetrics
+from ego_agent.monitor.leading import Alone, Lead
 from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.plan.arrivals import Arrivals

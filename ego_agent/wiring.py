@@ -14,9 +14,9 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import Journal
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.tally import TallyKeeper
-from ego_agent.leading import make_lead
 from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.known import KnownRobots
+from ego_agent.monitor.leading import Alone, First, Lead, Standby
 from ego_agent.monitor.link import LinkEstimate
 from ego_agent.monitor.snapshot import Monitor
 from ego_agent.monitor.surroundings import MAX_REACH_M, Surroundings
@@ -95,7 +95,7 @@ def ego_of(
         keep_ground=settings.keep_ground,
         share=settings.share,
     )
-    lead = make_lead(settings, log)
+    lead = _lead(settings, log)
     fusion = FusionLoop(
         settings.ego,
         sensor,
@@ -145,6 +145,15 @@ def _surroundings(settings: EgoSettings, objective: Objective, log: Logger) -> S
         log.warning("listens_to_all", range_m=objective.comm_range_m, most_m=MAX_REACH_M)
         return None
     return Surroundings(objective.comm_range_m, objective.area_half_m, log)
+
+
+def _lead(settings: EgoSettings, log: Logger) -> Lead:
+    """Which part this ego plays."""
+    if settings.stands_in_for is not None:
+        return Standby(settings.ego, settings.stands_in_for, settings.period_s, log)
+    if settings.ego_standby is not None:
+        return First(settings.ego, settings.ego_standby, log)
+    return Alone()
 
 
 def _algorithms(settings: EgoSettings, available: Sequence[str], policy: Policy) -> tuple[str, ...]:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from ego_agent.intents import Intents
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.objective import Objective
+from ego_agent.plan.intents.given import Intents
 from ego_agent.plan.policies.registry import make_policy
 from ego_agent.settings import EgoSettings
 from ego_agent.steering import NobodyLeftError, Steering

@@ -193,6 +193,8 @@ def test_the_ego_is_the_figure_of_the_paper() -> None:
     ego = neighbours(REPOSITORY / "ego_agent")
     rooms_of_ego = {p.name for p in (REPOSITORY / "ego_agent").iterdir() if p.is_dir()}
     assert rooms_of_ego - {"__pycache__"} == {"monitor", "analyze", "plan", "execute", "knowledge"}
+    beside = {p.stem for p in (REPOSITORY / "ego_agent").glob("[!_]*.py")}
+    assert beside == {"agent", "metrics", "replay", "settings", "steering", "wiring"}
     assert ego["knowledge"] == set()
     assert ego["monitor"] == ego["analyze"] == {"knowledge"}
     assert ego["plan"] == {"knowledge", "settings"}

@@ -19,10 +19,10 @@ import pytest
 
 from coadapt.main import main
 from deploy.state import STATE_FILE, need_state
-from ego_agent.intents import Intents
 from ego_agent.knowledge.compute import read_compute
 from ego_agent.knowledge.journal import Journal, read_journal
 from ego_agent.knowledge.quality import read_quality
+from ego_agent.plan.intents.given import Intents
 from ego_agent.settings import EgoSettings
 from llm_gateway.cache_store import Store
 from llm_gateway.settings import GatewaySettings

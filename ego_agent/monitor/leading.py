@@ -12,7 +12,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from ego_agent.settings import EgoSettings
 from swarm import keyspace
 from swarm.errors import TransportError
 from swarm.log import Logger
@@ -219,12 +218,3 @@ class Standby:
     def _on_decision(self, decision: Decision) -> None:
         with self._lock:
             self._heard_at = self._monotonic()
-
-
-def make_lead(settings: EgoSettings, log: Logger) -> Lead:
-    """Which part this ego plays by its settings."""
-    if settings.stands_in_for is not None:
-        return Standby(settings.ego, settings.stands_in_for, settings.period_s, log)
-    if settings.ego_standby is not None:
-        return First(settings.ego, settings.ego_standby, log)
-    return Alone()
