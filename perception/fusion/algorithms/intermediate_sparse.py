@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from perception.codec.envelope import inflate
+from perception.detector.config import configuration
+from perception.detector.learned import Detector
 from perception.fusion.base import Fusion
 from perception.fusion.detectors import shared_detector
 from perception.fusion.feature_fusion import FeatureFusion
-from perception.fusion.maps import attend
+from perception.fusion.maps import attend, strongest
 
 MIN_CHANCE = 0.02
 AROUND = 2
@@ -35,8 +37,12 @@ class IntermediateSparse(FeatureFusion):
     """Of one payload, so that it takes less than 8 kB."""
 
     name = "intermediate-sparse"
-    fuse_maps = staticmethod(attend)
     asks = True
+
+    def __init__(self, detector: Detector) -> None:
+        super().__init__(detector)
+        by = configuration(detector.config.name).fuses_cells_by
+        self.fuse_maps = strongest if by == "strongest" else attend
 
     def select(self, chance: NDArray[np.float32], demand: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Those around the likeliest middles of those asked for, `max_cells` at most."""

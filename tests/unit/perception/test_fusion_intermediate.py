@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from perception.boxes import iou_bev
 from perception.codec.envelope import seal, unseal
@@ -29,7 +30,9 @@ from perception.fusion.algorithms.intermediate_sparse import (
 )
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.detectors import shared_detector
+from perception.fusion.feature_fusion import Fuse
 from perception.fusion.known import bodies
+from perception.fusion.maps import SentMap, attend, strongest
 from perception.fusion.registry import fusion_names, make_fusion
 from perception.types import Boxes
 from swarm.errors import PayloadError, PerceptionError
@@ -222,6 +225,18 @@ def test_what_is_sent_is_the_map_within_half_a_step(
         apart = np.abs(sent.values / 15 - features[:, sent.present])
         # The points are turned into the frame they are in already, which rounds them.
         assert np.quantile(apart, 0.999) < 0.5 / 15 + 1e-3
+
+
+@pytest.mark.parametrize(("detector", "fuse"), [("factory", strongest), ("road", attend)])
+@pytest.mark.parametrize("name", THIN)
+def test_chosen_cells_are_fused_as_suits_the_detector(detector: str, fuse: Fuse, name: str) -> None:
+    fusion = make_fusion(name, detector)
+    assert isinstance(fusion, IntermediateSparse)
+    shape = fusion.detector.config.cells
+    own, other = torch.rand(2, FEATURES, *shape)
+    here = torch.ones(2, *shape, dtype=torch.bool)
+    joined = fusion.join(own, [SentMap(other, here[1])])
+    assert torch.allclose(joined, fuse(torch.stack([own, other]), here), atol=1e-6)
 
 
 def sparse() -> IntermediateSparse:
