@@ -8,11 +8,12 @@ import importlib.util
 import pkgutil
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from coadapt import commands
 from swarm.errors import CoAdaptError, not_installed
 from swarm.memory import keep_freed_memory
+from swarm.process import leave
 from swarm.version import installed_version
 
 RESEARCH = "research"
@@ -67,6 +68,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
+def command() -> NoReturn:
+    """What `coadapt` runs: one command, and the end of the process.
+
+    It ends at once: Python aborts where it tears itself down while Zenoh, which may take seconds to
+    close on a busy machine, still calls back.
+    """
+    leave(main())
+
+
 class _Version(argparse.Action):
     """Looks the version up only when it is asked for."""
 
@@ -77,4 +87,4 @@ class _Version(argparse.Action):
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    command()

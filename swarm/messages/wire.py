@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from functools import cache
 from typing import TypeVar
 
@@ -13,6 +14,7 @@ from swarm.messages.base import MAX_MESSAGE_BYTES, SCHEMA_VERSION, Message
 
 M = TypeVar("M", bound=Message)
 _ENCODER = msgspec.msgpack.Encoder()
+_building = threading.Lock()
 
 
 def encode(message: Message) -> bytes:
@@ -67,7 +69,10 @@ def _version(data: bytes) -> int | None:
 
 @cache
 def _decoder(kind: type[M]) -> msgspec.msgpack.Decoder[M]:
-    return msgspec.msgpack.Decoder(kind)
+    # msgspec 0.22 shows what it knows of a type before it knows all: a second thread that decodes
+    # the type, or one that holds it, just then reads a null pointer.
+    with _building:
+        return msgspec.msgpack.Decoder(kind)
 
 
 def _is_finite(value: object) -> bool:

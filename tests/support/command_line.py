@@ -52,7 +52,7 @@ def answering(typed: Cli) -> Callable[..., Any]:
 
     def run(*arguments: str) -> Any:
         done = typed(*arguments)
-        assert done.returncode == 0, done.stderr
+        assert done.returncode == 0, f"{arguments} exits {done.returncode}: {done.stderr}"
         return json.loads(done.stdout) if "--json" in arguments else done.stdout
 
     return run

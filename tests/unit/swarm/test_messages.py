@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from typing import Any
 
 import msgpack
@@ -25,7 +27,7 @@ from swarm.messages import (
     encode,
 )
 from tests.support.message_samples import SAMPLES, golden_path
-from tests.support.paths import GOLDEN
+from tests.support.paths import GOLDEN, REPOSITORY
 
 every_sample = pytest.mark.parametrize("sample", SAMPLES, ids=lambda m: type(m).__name__)
 robot_ids = st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True)
@@ -381,3 +383,39 @@ def test_numbers_that_later_arithmetic_could_not_bear_are_refused(
     fields = msgpack.unpackb(encode(sample))
     with pytest.raises(MessageError, match=field):
         decode(msgpack.packb(fields | {field: value}), Beacon)
+
+
+FIRST_DECODING = """
+import sys, threading
+from swarm.messages import decode
+from tests.support.message_samples import SAMPLES, golden_path
+
+sys.setswitchinterval(1e-6)
+for sample in SAMPLES:
+    data, kind, together = golden_path(sample).read_bytes(), type(sample), threading.Barrier(4)
+    heard = []
+
+    def hear():
+        together.wait()
+        heard.append(decode(data, kind))
+
+    threads = [threading.Thread(target=hear) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert heard == [sample] * 4
+"""
+
+
+def test_many_threads_may_be_the_first_to_decode_a_message() -> None:
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", FIRST_DECODING],
+            cwd=REPOSITORY,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 0, f"exit {done.returncode}: {done.stderr}"
