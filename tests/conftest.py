@@ -75,11 +75,32 @@ def pytest_runtest_makereport(
     """Where $COADAPT_REQUIRE=all (as in CI) nothing may be missing but a peer's checkout: a skip
     is a failure."""
     report = yield
-    required = os.environ.get("COADAPT_REQUIRE") == "all" and not item.get_closest_marker("peer")
-    if report.skipped and required:
+    _refuse_skip(report, of_peer=item.get_closest_marker("peer") is not None)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """So is that of a whole module; a peer's sets its `pytestmark` before it skips."""
+    report = yield
+    if report.skipped:
+        _refuse_skip(report, of_peer=_is_of_peer(collector.path, report.call.excinfo))
+    return report
+
+
+def _is_of_peer(path: Path, skipped: pytest.ExceptionInfo[BaseException]) -> bool:
+    """Whether the module that skipped as a whole had marked itself by then."""
+    frames = [entry.frame for entry in skipped.traceback if entry.path == path]
+    marks = frames[-1].f_globals.get("pytestmark", []) if frames else []
+    return any(mark.name == "peer" for mark in (marks if isinstance(marks, list) else [marks]))
+
+
+def _refuse_skip(report: pytest.TestReport | pytest.CollectReport, *, of_peer: bool) -> None:
+    if report.skipped and not of_peer and os.environ.get("COADAPT_REQUIRE") == "all":
         report.outcome = "failed"
         report.longrepr = f"skipped where nothing may be missing: {report.longrepr}"
-    return report
 
 
 @pytest.fixture(scope="session")
