@@ -6,7 +6,7 @@ import threading
 import time
 from concurrent.futures import wait
 
-from deploy.heard import Heard
+from deploy.latest_state import LatestState
 from deploy.state import State
 from deploy.view import SwarmView
 from swarm import keyspace
@@ -37,7 +37,7 @@ class Watch:
     def __init__(self, state: State, timeout_s: float = CONNECT_S) -> None:
         """Raises TransportError when the router cannot be reached in time."""
         self._state = state
-        self._heard = Heard(state.spec)
+        self._latest = LatestState(state.spec)
         self._changed = threading.Condition()
         self._since = time.monotonic()
         self._session = listen(
@@ -67,34 +67,34 @@ class Watch:
     def alive(self) -> frozenset[str]:
         """The robots whose liveliness token is present."""
         with self._changed:
-            return frozenset(self._heard.alive)
+            return frozenset(self._latest.alive)
 
     def sensing(self) -> frozenset[str]:
         """The robots that have sent a beacon: their sensor works."""
         with self._changed:
-            return frozenset(self._heard.beacons)
+            return frozenset(self._latest.beacons)
 
     def decided(self) -> bool:
         """Whether a valid decision has come."""
         with self._changed:
-            return self._heard.decision is not None and self._heard.decision.valid
+            return self._latest.decision is not None and self._latest.decision.valid
 
     def undecided(self) -> tuple[str, ...]:
         """The egos of which no valid decision has come yet."""
         with self._changed:
-            heard = {ego: one.valid for ego, (one, _) in self._heard.by_ego().items()}
+            heard = {ego: one.valid for ego, (one, _) in self._latest.by_ego().items()}
             return tuple(ego for ego in self._state.spec.all_egos if not heard.get(ego))
 
     def cell(self) -> LinkState | None:
         """The cell towards the ego, where the network controller says that it is shaped."""
         with self._changed:
-            return self._heard.cell(time.monotonic())
+            return self._latest.cell(time.monotonic())
 
     def link_problems(self) -> tuple[str, ...]:
         """Why links are not as they should be, in the words of the network controller that has the
         ego's link; nothing while it does not answer."""
         with self._changed:
-            name = self._heard.controllers.of(self._heard.deciding(), time.monotonic()) or ""
+            name = self._latest.controllers.of(self._latest.deciding(), time.monotonic()) or ""
         try:
             return (
                 self._session.ask(
@@ -116,7 +116,7 @@ class Watch:
         swarm = self._session.swarm
         with self._changed:
             now = time.monotonic()
-            robots = [r for r in self._heard.ids() if not self._heard.is_heard(r, now)]
+            robots = [r for r in self._latest.ids() if not self._latest.is_heard(r, now)]
         asked = {
             robot: self._session.ask(
                 keyspace.robot_steering(swarm, robot),
@@ -133,7 +133,7 @@ class Watch:
             for robot, answer in asked.items()
         }
         with self._changed:
-            self._heard.duties = replies
+            self._latest.duties = replies
 
     def wait(self, timeout_s: float) -> None:
         """Returns when a robot has joined or left or a decision has come, or after the time."""
@@ -144,50 +144,50 @@ class Watch:
         """What has come since the last view, and starts to count anew."""
         with self._changed:
             now = time.monotonic()
-            view = self._heard.view(self._state.runtime, max(now - self._since, 1e-3), now)
-            self._heard.count_anew()
+            view = self._latest.view(self._state.runtime, max(now - self._since, 1e-3), now)
+            self._latest.count_anew()
             self._since = now
         return view
 
     def _on_join(self, robot: str) -> None:
         with self._changed:
-            self._heard.alive.add(robot)
+            self._latest.alive.add(robot)
             self._changed.notify_all()
 
     def _on_leave(self, robot: str) -> None:
         with self._changed:
-            self._heard.alive.discard(robot)
+            self._latest.alive.discard(robot)
             self._changed.notify_all()
 
     def _on_beacon(self, beacon: Beacon) -> None:
         with self._changed:
-            self._heard.beacons[beacon.robot] = (beacon, time.monotonic())
+            self._latest.beacons[beacon.robot] = (beacon, time.monotonic())
 
     def _on_decision(self, decision: Decision) -> None:
         with self._changed:
-            self._heard.decision = decision
-            self._heard.decision_at = time.monotonic()
+            self._latest.decision = decision
+            self._latest.decision_at = time.monotonic()
             self._changed.notify_all()
 
     def _on_any_decision(self, decision: Decision) -> None:
         ego = decision.stands_in_for or decision.ego
         with self._changed:
             if ego in self._state.spec.all_egos:
-                self._heard.others[ego] = (decision, time.monotonic())
+                self._latest.others[ego] = (decision, time.monotonic())
                 self._changed.notify_all()
 
     def _on_net_state(self, state: NetState) -> None:
         with self._changed:
-            self._heard.controllers.take(state, time.monotonic())
+            self._latest.controllers.take(state, time.monotonic())
             self._changed.notify_all()
 
     def _on_gateway_state(self, state: GatewayState) -> None:
         with self._changed:
-            self._heard.gateway = state
+            self._latest.gateway = state
 
     def _on_detections(self, detections: Detections) -> None:
         with self._changed:
-            self._heard.detections += 1
-            received = self._heard.bytes
+            self._latest.detections += 1
+            received = self._latest.bytes
             for robot, count in detections.bytes.items():
                 received[robot] = received.get(robot, 0) + count

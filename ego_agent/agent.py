@@ -38,8 +38,8 @@ from ego_agent.plan.control_budget import ControlBudget, Wish, beacons_stand
 from ego_agent.plan.decision import alone
 from ego_agent.plan.demand import DemandMeter
 from ego_agent.plan.intents.bind import bound_scene, known_objects
+from ego_agent.plan.intents.combine import Standing
 from ego_agent.plan.intents.obey import plan_obeying
-from ego_agent.plan.intents.standing import Standing
 from ego_agent.plan.intents.told import told as told_intents
 from ego_agent.plan.probe import Prober
 from ego_agent.plan.unheard import UnheardProber

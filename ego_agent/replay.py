@@ -22,8 +22,8 @@ from ego_agent.plan.intents.bind import (
     inside,
     placed,
 )
+from ego_agent.plan.intents.combine import Standing
 from ego_agent.plan.intents.obey import plan_obeying
-from ego_agent.plan.intents.standing import Standing
 from ego_agent.plan.policies.base import Policy
 from swarm.messages import Decision, Effect, Expected
 

@@ -13,8 +13,8 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import CycleRecord
 from ego_agent.knowledge.why import Follower, explain
 from ego_agent.plan.intents.bind import bound_objective
+from ego_agent.plan.intents.combine import Standing, standing
 from ego_agent.plan.intents.given import Intents
-from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.policies.base import Connecting, Policy, Preparing
 from ego_agent.plan.policies.registry import make_policy, policy_names
 from ego_agent.replay import LastMinute

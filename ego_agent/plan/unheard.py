@@ -14,7 +14,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot
 from ego_agent.plan.control_budget import beacons_stand
 from ego_agent.plan.intents.bind import left_out
-from ego_agent.plan.intents.standing import Standing
+from ego_agent.plan.intents.combine import Standing
 from ego_agent.plan.probe import spare_bps
 from swarm.messages import Decision, Probe
 

@@ -59,7 +59,7 @@ FROM_BPS = 20_000_000
 
 
 @dataclass(slots=True)
-class Heard:
+class CapacityLog:
     """What the swarm says, and when it came (`time.time_ns`)."""
 
     decisions: list[tuple[int, Decision]] = field(default_factory=list)
@@ -86,11 +86,11 @@ class Rig:
     """A live swarm whose cell is shaped and loaded."""
 
     def __init__(self, state: State, session: Session) -> None:
-        self.state, self.session, self.heard = state, session, Heard()
+        self.state, self.session, self.log = state, session, CapacityLog()
         self._port = FIRST_PORT
         handlers: Handlers = {
-            Decision: lambda d: self.heard.decisions.append((time.time_ns(), d)),
-            NetState: lambda s: self.heard.states.append((time.time_ns(), s)),
+            Decision: lambda d: self.log.decisions.append((time.time_ns(), d)),
+            NetState: lambda s: self.log.states.append((time.time_ns(), s)),
         }
         hear(session, handlers, EGO)
 
@@ -149,7 +149,7 @@ def row(rig: Rig, rate_bps: int | None, load: float) -> dict[str, Any]:
         time.sleep(SETTLE_S)
         since_ns = time.time_ns()
         time.sleep(MEASURE_S)
-        found, carried = rig.heard.capacities(since_ns), rig.heard.carried_bps(since_ns)
+        found, carried = rig.log.capacities(since_ns), rig.log.carried_bps(since_ns)
     fusion_bps = (rate_bps or SETTING_BPS) - carried.get("control", 0.0)
     return {
         "rate_bps": rate_bps,
@@ -171,9 +171,9 @@ def follow(rig: Rig, rates_bps: tuple[int, ...]) -> dict[str, Any]:
     begun_ns = next(s.since_ns for s in reply.shapes if s.robot == EGO)
     time.sleep(len(rates_bps))
     end_ns = begun_ns + len(rates_bps) * 10**9
-    control_bps = rig.heard.carried_bps(begun_ns).get("control", 0.0)
+    control_bps = rig.log.carried_bps(begun_ns).get("control", 0.0)
     gives = np.array([ladder.available_bps(r, 0, control_bps, 0.0) for r in rates_bps], float)
-    made = [(d.decided_ns, d.capacity_bps) for _, d in rig.heard.decisions]
+    made = [(d.decided_ns, d.capacity_bps) for _, d in rig.log.decisions]
     made = [(at, c) for at, c in made if begun_ns <= at < end_ns]
     errors = [abs(c - gives[(at - begun_ns) // 10**9]) for at, c in made]
     grid = np.arange(begun_ns, end_ns, 10**8)
@@ -216,15 +216,15 @@ def _alone_at(rig: Rig, rate_bps: int) -> dict[str, Any]:
     lines = "\n".join(htb.lines(device, shape, shaped=True, fq_codel=False))
     command = rig.inside("network_controller", "tc", "-batch", "-")
     subprocess.run(command, input=lines, text=True, check=True)
-    narrowed = len(rig.heard.decisions)
+    narrowed = len(rig.log.decisions)
     time.sleep(SETTLE_S)
     since_ns, before_bytes = time.time_ns(), _control_bytes(rig, device)
     time.sleep(MEASURE_S)
-    found = rig.heard.capacities(since_ns)
+    found = rig.log.capacities(since_ns)
     # Robots say less on a narrow link, so what they said on the wide one does not count.
     control_bytes = _control_bytes(rig, device) - before_bytes
     fusion_bps = rate_bps - 8e9 * control_bytes / (time.time_ns() - since_ns)
-    after = [d.capacity_bps for _, d in rig.heard.decisions[narrowed:]]
+    after = [d.capacity_bps for _, d in rig.log.decisions[narrowed:]]
     near = [c <= 1.15 * fusion_bps for c in after]
     return {
         "rate_bps": rate_bps,

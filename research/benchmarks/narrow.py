@@ -50,7 +50,7 @@ CONNECT_S = 10.0
 
 
 @dataclass(slots=True)
-class Heard:
+class EgoPublications:
     """What the ego published, with the steady time at which it came; Zenoh's threads write."""
 
     decisions: list[tuple[float, Decision]] = field(default_factory=list)
@@ -70,16 +70,18 @@ class Heard:
             self.frames.append((time.monotonic(), frame, age_s))
 
 
-def row(state: State, session: Session, heard: Heard, rate_bps: int, seconds: float) -> Any:
+def row(
+    state: State, session: Session, published: EgoPublications, rate_bps: int, seconds: float
+) -> Any:
     """One rate on a swarm that runs."""
     key = keyspace.net_shape(session.swarm)
     request = ShapeRequest(profile="rate", rate_bps=rate_bps, operator="narrow")
     session.ask(key, request, ShapeReply, timeout_s=CONNECT_S).result()
     begun, begun_ns = time.monotonic(), time.time_ns()
     time.sleep(seconds)
-    with heard.lock:
-        decisions = [one for one in heard.decisions if one[0] >= begun]
-        frames = [one for one in heard.frames if one[0] >= begun]
+    with published.lock:
+        decisions = [one for one in published.decisions if one[0] >= begun]
+        frames = [one for one in published.frames if one[0] >= begun]
     cycles = [line for line in _journal(state) if line["started_ns"] >= begun_ns]
     stale = sum(_stale(line) for line in cycles)
     old = sum(len(f.participants) > 1 and age_s > STALE_S for _, f, age_s in frames)
@@ -205,13 +207,13 @@ def main() -> None:
     rows = []
     for robots in args.robots:
         with live_swarm(f"narrow{robots}", {}, robots=factory_robots(robots)) as state:
-            heard = Heard()
-            handlers: Handlers = {Decision: heard.on_decision, Detections: heard.on_frame}
+            published = EgoPublications()
+            handlers: Handlers = {Decision: published.on_decision, Detections: published.on_frame}
             with listen(
                 state.router, state.spec.swarm, handlers, state.spec.ego, timeout_s=CONNECT_S
             ) as session:
                 for rate_bps in args.rates:
-                    rows.append(row(state, session, heard, rate_bps, args.seconds))
+                    rows.append(row(state, session, published, rate_bps, args.seconds))
                     print(f"narrow: {rows[-1]}", file=sys.stderr)
     figures = summary(rows)
     path = write_report("narrow", {**figures, "seconds_a_row": args.seconds, "rows": rows}, {})

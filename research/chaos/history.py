@@ -56,7 +56,7 @@ class Cycle(msgspec.Struct, frozen=True, kw_only=True):
     """Robots that were excluded, or chosen and silent, and why."""
 
 
-class Heard(msgspec.Struct, frozen=True, kw_only=True):
+class DecisionArrival(msgspec.Struct, frozen=True, kw_only=True):
     """A decision as somebody in the swarm heard it."""
 
     at_s: float
@@ -110,7 +110,7 @@ class History(msgspec.Struct, frozen=True, kw_only=True):
     """All but the ego."""
     played: tuple[Played, ...] = ()
     cycles: tuple[Cycle, ...] = ()
-    decisions: tuple[Heard, ...] = ()
+    decisions: tuple[DecisionArrival, ...] = ()
     frames: tuple[Frame, ...] = ()
     memory: tuple[Memory, ...] = ()
     seen: Seen | None = None

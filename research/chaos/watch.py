@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ego_agent.knowledge.journal import CycleRecord, read_journal
 from research.chaos.faults.base import Sign
-from research.chaos.history import Cycle, Frame, Heard, Memory
+from research.chaos.history import Cycle, DecisionArrival, Frame, Memory
 from research.chaos.stage import Stage
 from swarm.listening import Handlers, listen
 from swarm.messages import Beacon, Decision, Detections, NetState
@@ -40,7 +40,7 @@ class Watch:
         self._stage = stage
         self.begun = time.monotonic()
         self.begun_ns = time.time_ns()
-        self.decisions: list[Heard] = []
+        self.decisions: list[DecisionArrival] = []
         self.frames: list[Frame] = []
         self.memory: list[Memory] = []
         self.kept: list[Detections] = []
@@ -105,7 +105,7 @@ class Watch:
             return
         self._note("decision")
         self.decisions.append(
-            Heard(at_s=self.now_s(), cycle=decision.cycle, decided_ns=decision.decided_ns)
+            DecisionArrival(at_s=self.now_s(), cycle=decision.cycle, decided_ns=decision.decided_ns)
         )
 
     def _detections(self, frame: Detections) -> None:

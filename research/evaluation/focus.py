@@ -24,8 +24,8 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.plan.intents.bind import bound_scene, contains, inside
+from ego_agent.plan.intents.combine import Standing, standing
 from ego_agent.plan.intents.obey import plan_obeying
-from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.policies.coverage import Coverage
 from perception.fusion.base import Fusion
 from perception.fusion.registry import make_fusion

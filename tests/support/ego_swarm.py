@@ -31,7 +31,7 @@ TIMEOUT_S = 60.0
 T = TypeVar("T")
 
 
-class Heard(Generic[T]):
+class MessageLog(Generic[T]):
     """Messages in the order of arrival; `until` waits for one."""
 
     def __init__(self) -> None:
@@ -124,11 +124,11 @@ class Swarm:
         self.sessions.append(session)
         return session
 
-    def decisions(self, session: Session, ego: str) -> Heard[Decision]:
+    def decisions(self, session: Session, ego: str) -> MessageLog[Decision]:
         """The decisions of an ego from now on."""
         return hear(session, keyspace.decision("test", ego), Decision)
 
-    def detections(self, session: Session, ego: str) -> Heard[Detections]:
+    def detections(self, session: Session, ego: str) -> MessageLog[Detections]:
         """The fused frames of an ego from now on."""
         return hear(session, keyspace.detections("test", ego), Detections)
 
@@ -194,9 +194,9 @@ def swarm_of(world: Mapping[str, str], directory: Path) -> Iterator[Swarm]:
 M = TypeVar("M", bound=Message)
 
 
-def hear(session: Session, key: str, kind: type[M]) -> Heard[M]:
+def hear(session: Session, key: str, kind: type[M]) -> MessageLog[M]:
     """The messages on a key from now on."""
-    heard: Heard[M] = Heard()
+    heard: MessageLog[M] = MessageLog()
     session.subscribe(key, kind, heard.put)
     return heard
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from swarm import keyspace
 from swarm.messages import Decision, LinkState, NetState
 from swarm.session import Session
-from tests.support.ego_swarm import Heard
+from tests.support.ego_swarm import MessageLog
 
 EGO = "R1"
 
@@ -27,7 +27,7 @@ def cell(ego: str, available_bps: float, capacity_bps: float) -> LinkState:
 class Controller:
     """Speaks for the ego's cell, once a decision, as a network controller does once a second."""
 
-    def __init__(self, session: Session, decisions: Heard[Decision]) -> None:
+    def __init__(self, session: Session, decisions: MessageLog[Decision]) -> None:
         self._session = session
         self._decisions = decisions
         self._seq = 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ego_agent.knowledge.model import UnifiedScene, Weights
 from ego_agent.knowledge.objective import Objective
-from ego_agent.plan.intents.standing import Standing, Wished, name_of
+from ego_agent.plan.intents.combine import Standing, Wished, name_of
 from perception.memory.memory import Remembered
 from swarm.messages import Place
 from swarm.messages.intent import Weight

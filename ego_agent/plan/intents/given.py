@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from ego_agent.plan.intents.standing import Standing, has_ended, is_in_force, name_of, standing
+from ego_agent.plan.intents.combine import Standing, has_ended, is_in_force, name_of, standing
 from swarm.errors import DecisionError
 from swarm.files import write_whole
 from swarm.log import Logger

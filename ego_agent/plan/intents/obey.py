@@ -12,7 +12,7 @@ from ego_agent.plan.choices.hysteresis import held
 from ego_agent.plan.choices.options import Compared
 from ego_agent.plan.choices.validation import bounded
 from ego_agent.plan.decision import plan
-from ego_agent.plan.intents.standing import Standing, name_of
+from ego_agent.plan.intents.combine import Standing, name_of
 from ego_agent.plan.policies.base import Policy
 from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision

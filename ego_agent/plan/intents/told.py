@@ -8,7 +8,7 @@ import numpy as np
 
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.intents.bind import inside, placed
-from ego_agent.plan.intents.standing import Standing, Wished, name_of
+from ego_agent.plan.intents.combine import Standing, Wished, name_of
 from swarm.intent_words import in_words, sentence
 from swarm.messages import Decision, IntentInForce, IntentTold
 

@@ -18,7 +18,16 @@ from robot_agent.fit import MOVED_WORDS
 from swarm import keyspace
 from swarm.messages import SCHEMA_VERSION, Beacon, Decision, NetDemand
 from swarm.version import DISTRIBUTION, installed_version
-from tests.support.ego_swarm import TIMEOUT_S, Heard, Swarm, factory, hear, stop, swarm_of, until
+from tests.support.ego_swarm import (
+    TIMEOUT_S,
+    MessageLog,
+    Swarm,
+    factory,
+    hear,
+    stop,
+    swarm_of,
+    until,
+)
 
 EPOCH = "1700000000000000000"
 
@@ -76,12 +85,12 @@ class Joined:
 
 
 @pytest.fixture
-def decisions(swarm: Swarm) -> Heard[Decision]:
+def decisions(swarm: Swarm) -> MessageLog[Decision]:
     return swarm.decisions(swarm.session(), "R1")
 
 
 def test_a_robot_that_joins_lives_where_the_ego_does_and_is_chosen(
-    swarm: Swarm, decisions: Heard[Decision]
+    swarm: Swarm, decisions: MessageLog[Decision]
 ) -> None:
     joined = Joined(swarm, "--robot", "R2")
     decisions.until(lambda d: "R2" in d.participants)
@@ -90,7 +99,7 @@ def test_a_robot_that_joins_lives_where_the_ego_does_and_is_chosen(
 
 
 def test_a_robot_of_another_world_is_left_out_and_both_say_why(
-    swarm: Swarm, decisions: Heard[Decision]
+    swarm: Swarm, decisions: MessageLog[Decision]
 ) -> None:
     joined = Joined(swarm, "--robot", "R2", "--seed", "2")
     why = "it lives in another world: seed 2 (the ego's: 1)"
@@ -104,7 +113,7 @@ def test_a_robot_of_another_world_is_left_out_and_both_say_why(
 
 @pytest.mark.slow
 def test_a_clock_that_is_off_is_told_and_the_robot_is_chosen_all_the_same(
-    swarm: Swarm, decisions: Heard[Decision]
+    swarm: Swarm, decisions: MessageLog[Decision]
 ) -> None:
     joined = Joined(swarm, "--robot", "R2", CLOCK_OFFSET_S="5")
     told = "its clock is 5.0 s ahead of the ego's (frames still fit)"
@@ -114,7 +123,7 @@ def test_a_clock_that_is_off_is_told_and_the_robot_is_chosen_all_the_same(
 
 @pytest.mark.slow
 def test_another_version_of_the_package_is_told_and_the_robot_is_chosen_all_the_same(
-    swarm: Swarm, decisions: Heard[Decision], tmp_path: Path
+    swarm: Swarm, decisions: MessageLog[Decision], tmp_path: Path
 ) -> None:
     about = tmp_path / "packages" / f"{DISTRIBUTION.replace('-', '_')}-9.9.dist-info" / "METADATA"
     about.parent.mkdir(parents=True)
@@ -126,7 +135,7 @@ def test_another_version_of_the_package_is_told_and_the_robot_is_chosen_all_the_
 
 
 def test_a_robot_of_another_version_of_the_messages_is_left_out_and_the_others_go_on(
-    swarm: Swarm, decisions: Heard[Decision]
+    swarm: Swarm, decisions: MessageLog[Decision]
 ) -> None:
     joined = Joined(swarm, "--robot", "R2")
     session = swarm.session()
@@ -150,7 +159,9 @@ def test_a_robot_of_another_version_of_the_messages_is_left_out_and_the_others_g
 
 
 @pytest.mark.slow
-def test_of_two_robots_with_one_id_both_are_told(swarm: Swarm, decisions: Heard[Decision]) -> None:
+def test_of_two_robots_with_one_id_both_are_told(
+    swarm: Swarm, decisions: MessageLog[Decision]
+) -> None:
     joined = [Joined(swarm, "--robot", "R2") for _ in range(2)]
     decisions.until(lambda d: d.excluded.get("R2") == "two processes use its id")
     for one in joined:
@@ -159,7 +170,7 @@ def test_of_two_robots_with_one_id_both_are_told(swarm: Swarm, decisions: Heard[
 
 @pytest.mark.slow
 def test_a_robot_whose_ego_was_started_anew_elsewhere_ends_to_be_started_again(
-    swarm: Swarm, decisions: Heard[Decision]
+    swarm: Swarm, decisions: MessageLog[Decision]
 ) -> None:
     joined = Joined(swarm, "--robot", "R2")
     decisions.until(lambda d: "R2" in d.participants)

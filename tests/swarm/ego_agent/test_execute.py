@@ -31,7 +31,7 @@ from tests.support.ego_hall import (  # noqa: F401
     honest,
     observation,
 )
-from tests.support.ego_swarm import Heard, Swarm, until
+from tests.support.ego_swarm import MessageLog, Swarm, until
 from tests.support.message_samples import SAMPLES
 from worlds.base import Scan
 
@@ -322,7 +322,7 @@ def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
     swarm: Swarm, ego: Ego, hall: Hall, robot: RobotStarter
 ) -> None:
     robot("R2", honest(hall, "R2"))
-    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    heard: MessageLog[Detections] = swarm.detections(swarm.session(), "R1")
     ego.loop.follow(decision("R2"))
     ego.loop.start()
     seen = [heard.until(lambda d: d.participants == ("R1", "R2")) for _ in range(5)]
@@ -348,7 +348,7 @@ def test_who_is_assigned_a_lower_rate_is_asked_in_its_turn(
 ) -> None:
     robot("R2", honest(hall, "R2"))
     robot("R3", honest(hall, "R3"))
-    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    heard: MessageLog[Detections] = swarm.detections(swarm.session(), "R1")
     rare = Assignment(robot="R3", algorithm="early", rate_hz=2.0)
     carried_out = msgspec.structs.replace(decision("R2", "R3"), assignments=(rare,))
     ego.loop.follow(carried_out)

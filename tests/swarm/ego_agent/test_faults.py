@@ -28,7 +28,7 @@ from swarm.messages import Beacon, Decision, Detections, SceneDescription, encod
 from swarm.session import Session
 from swarm.zenoh_config import CONTROL_BYTES
 from tests.support.ego_swarm import (
-    Heard,
+    MessageLog,
     Swarm,
     factory,
     hear,
@@ -77,7 +77,7 @@ def alone(decision: Decision) -> bool:
     return decision.participants == (EGO,)
 
 
-def assert_unbroken(decisions: Heard[Decision]) -> None:
+def assert_unbroken(decisions: MessageLog[Decision]) -> None:
     """A valid decision in every cycle, none left out."""
     cycles = [d.cycle for d in decisions.all]
     assert cycles == list(range(cycles[0], cycles[0] + len(cycles)))
@@ -164,7 +164,7 @@ def test_a_robot_whose_clock_is_off_takes_part_with_matching_frames(
     swarm: Swarm, session: Session, offset_s: int
 ) -> None:
     frames = swarm.detections(session, EGO)
-    seen: Heard[Beacon] = hear(session, keyspace.beacon("test", OTHER), Beacon)
+    seen: MessageLog[Beacon] = hear(session, keyspace.beacon("test", OTHER), Beacon)
     swarm.robot(OTHER, clock_offset_s=str(offset_s))
     swarm.ego(**EGO_ENV)
     # Whatever is of another moment is not fused but missing, as "skew".

@@ -40,7 +40,7 @@ from tests.support.ego_hall import (  # noqa: F401
     decision,
     observation,
 )
-from tests.support.ego_swarm import Heard, Swarm
+from tests.support.ego_swarm import MessageLog, Swarm
 from worlds.base import Scan
 from worlds.factory.world import FactoryWorld
 
@@ -149,7 +149,7 @@ def test_detections_say_what_each_has_sent(
 ) -> None:
     for name in ("R2", "R3"):
         robot(name, honest(ego, world, forms, name))
-    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    heard: MessageLog[Detections] = swarm.detections(swarm.session(), "R1")
     ego.loop.follow(decided := mixed(late_hz=5.0))
     ego.loop.start()
     both = heard.until(lambda d: d.participants == ("R1", "R2", "R3"))
@@ -211,7 +211,7 @@ def test_who_ignores_its_rate_is_heard_in_its_turn_only(
     session = swarm.session()
     robot("R2", honest(ego, world, forms, "R2"))
     robot("R3", talkative)
-    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    heard: MessageLog[Detections] = swarm.detections(swarm.session(), "R1")
     ego.loop.follow(decided := mixed(late_hz=2.0))
     ego.loop.start()
     try:
@@ -257,7 +257,7 @@ def test_who_stops_for_three_seconds_is_lived_without_and_taken_back(
 
     robot("R2", answer)
     robot("R3", honest(ego, world, forms, "R3"))
-    heard: Heard[Detections] = swarm.detections(swarm.session(), "R1")
+    heard: MessageLog[Detections] = swarm.detections(swarm.session(), "R1")
     ego.loop.follow(msgspec.structs.replace(mixed(), deadline_s=0.5))
     ego.loop.start()
     try:

@@ -27,7 +27,7 @@ from tests.support.ego_hall import (  # noqa: F401
     decision,
     honest,
 )
-from tests.support.ego_swarm import Heard, Swarm, until
+from tests.support.ego_swarm import MessageLog, Swarm, until
 
 WAIT_S = 60.0
 
@@ -41,7 +41,7 @@ def running(ego: Ego) -> Iterator[Ego]:
 
 
 @pytest.fixture
-def heard(swarm: Swarm) -> Heard[Detections]:
+def heard(swarm: Swarm) -> MessageLog[Detections]:
     return swarm.detections(swarm.session(), "R1")
 
 
@@ -83,7 +83,7 @@ def test_a_frame_that_is_skipped_is_skipped_before_anybody_is_asked(
     running: Ego,
     hall: Hall,
     robot: RobotStarter,
-    heard: Heard[Detections],
+    heard: MessageLog[Detections],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     hold = Hold(monkeypatch)
@@ -112,7 +112,7 @@ def test_a_frame_that_is_skipped_is_skipped_before_anybody_is_asked(
 
 
 def test_frames_are_fused_in_their_order_though_answers_come_in_another(
-    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+    running: Ego, hall: Hall, robot: RobotStarter, heard: MessageLog[Detections]
 ) -> None:
     lock, order = threading.Lock(), []
     overtaken = threading.Event()
@@ -142,7 +142,7 @@ def test_a_robot_that_is_ten_times_slower_takes_nothing_from_the_others(
     running: Ego,
     hall: Hall,
     robot: RobotStarter,
-    heard: Heard[Detections],
+    heard: MessageLog[Detections],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # However long ten frames take here, the slow robot is not given up.
@@ -180,7 +180,7 @@ def test_a_robot_that_is_ten_times_slower_takes_nothing_from_the_others(
 
 
 def test_a_robot_that_is_late_is_not_asked_again_before_it_has_answered(
-    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+    running: Ego, hall: Hall, robot: RobotStarter, heard: MessageLog[Detections]
 ) -> None:
     go = threading.Event()
     asked: list[int] = []
@@ -201,7 +201,7 @@ def test_a_robot_that_is_late_is_not_asked_again_before_it_has_answered(
 
 
 def test_the_loop_stops_after_the_frames_that_were_asked_for(
-    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+    running: Ego, hall: Hall, robot: RobotStarter, heard: MessageLog[Detections]
 ) -> None:
     go = threading.Event()
     asked: list[int] = []
@@ -227,7 +227,7 @@ def test_the_loop_stops_after_the_frames_that_were_asked_for(
 
 
 def test_the_loop_stops_though_a_robot_never_answers(
-    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+    running: Ego, hall: Hall, robot: RobotStarter, heard: MessageLog[Detections]
 ) -> None:
     go, asked = threading.Event(), threading.Event()
 
@@ -247,7 +247,7 @@ def test_the_loop_stops_though_a_robot_never_answers(
 
 
 def test_a_slower_pace_does_not_go_back_to_an_earlier_frame(
-    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+    running: Ego, hall: Hall, robot: RobotStarter, heard: MessageLog[Detections]
 ) -> None:
     robot("R2", honest(hall, "R2"))
     every, fourth = decision("R2"), msgspec.structs.replace(decision("R2"), rate_hz=2.5)
@@ -265,7 +265,7 @@ def test_a_slower_pace_does_not_go_back_to_an_earlier_frame(
 
 
 def test_detections_tell_how_old_they_are(
-    running: Ego, hall: Hall, robot: RobotStarter, heard: Heard[Detections]
+    running: Ego, hall: Hall, robot: RobotStarter, heard: MessageLog[Detections]
 ) -> None:
     robot("R2", honest(hall, "R2"))
     running.loop.start()

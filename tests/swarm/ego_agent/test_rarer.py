@@ -12,7 +12,7 @@ from perception.detector.weight_files import has_weights
 from swarm import keyspace
 from swarm.arrays import unpack_finite
 from swarm.messages import Decision, Detections, NetDemand
-from tests.support.ego_swarm import Heard, Swarm, factory, hear, swarm_of
+from tests.support.ego_swarm import MessageLog, Swarm, factory, hear, swarm_of
 from tests.support.net_controller import Controller
 
 pytestmark = pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
@@ -29,8 +29,8 @@ def swarm(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 def test_each_frame_asks_whoever_is_due_and_tells_of_what_others_showed(swarm: Swarm) -> None:
     session = swarm.session()
-    decisions: Heard[Decision] = swarm.decisions(session, "R1")
-    frames: Heard[Detections] = swarm.detections(session, "R1")
+    decisions: MessageLog[Decision] = swarm.decisions(session, "R1")
+    frames: MessageLog[Detections] = swarm.detections(session, "R1")
     # A processor dear enough that nobody is asked ten times a second.
     swarm.ego(
         compute_weight="0.25", comm_range_m="500", q_min="0.3", algorithms="early", learn="false"
@@ -66,8 +66,8 @@ def test_a_narrower_link_leads_to_rarer_and_smaller_contributions_and_memory_goe
     swarm: Swarm,
 ) -> None:
     session = swarm.session()
-    decisions: Heard[Decision] = swarm.decisions(session, "R1")
-    frames: Heard[Detections] = swarm.detections(session, "R1")
+    decisions: MessageLog[Decision] = swarm.decisions(session, "R1")
+    frames: MessageLog[Detections] = swarm.detections(session, "R1")
     demands = hear(session, keyspace.net_demand("test"), NetDemand)
     # Bytes cost nothing while the link carries them.
     swarm.ego(
@@ -107,7 +107,7 @@ def bits_s(decision: Decision) -> float:
     return 8.0 * decision.cost_bytes * decision.rate_hz
 
 
-def the_decision(decisions: Heard[Decision], cycle: int) -> Decision:
+def the_decision(decisions: MessageLog[Decision], cycle: int) -> Decision:
     """That of a cycle; a frame of it may be heard first."""
     for one in list(decisions.all):
         if one.cycle == cycle:

@@ -13,8 +13,8 @@ from ego_agent.knowledge.model import Candidate, UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.intents.bind import Known, bound_objective, bound_scene, inside
+from ego_agent.plan.intents.combine import Standing, standing
 from ego_agent.plan.intents.obey import plan_obeying
-from ego_agent.plan.intents.standing import Standing, standing
 from ego_agent.plan.intents.told import told
 from ego_agent.plan.policies.registry import make_policy, policy_names
 from swarm.messages import Decision, Focus, Intent, IntentInForce, Place, decode, encode

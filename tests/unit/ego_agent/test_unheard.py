@@ -12,7 +12,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import RobotView
 from ego_agent.plan.decision import alone
 from ego_agent.plan.intents.bind import bound_objective
-from ego_agent.plan.intents.standing import Standing, standing
+from ego_agent.plan.intents.combine import Standing, standing
 from ego_agent.plan.unheard import FIRST_S, FORGET_S, LAST_S, UnheardProber
 from swarm.messages import Intent, IntentInForce, Probe
 from tests.support.ego_scenes import snapshot, view

@@ -28,7 +28,7 @@ BEACON = next(one for one in SAMPLES if isinstance(one, Beacon))
 
 @pytest.mark.peer
 def test_what_an_ego_found_leaves_as_datagrams(shared_router: RouterProcess) -> None:
-    pytest.importorskip("asn1tools")
+    pytest.importorskip("asn1tools", reason="asn1tools is missing: run make setup")
     if not modules.are_there():
         pytest.skip("ETSI's modules are missing: coadapt cpm modules")
     swarm, stop, said = "etsi", threading.Event(), threading.Event()

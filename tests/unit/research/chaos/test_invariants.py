@@ -8,7 +8,17 @@ from typing import Any
 import msgspec
 import pytest
 
-from research.chaos.history import LET_IN, Cycle, Fault, Frame, Heard, History, Memory, Played, Seen
+from research.chaos.history import (
+    LET_IN,
+    Cycle,
+    DecisionArrival,
+    Fault,
+    Frame,
+    History,
+    Memory,
+    Played,
+    Seen,
+)
 from research.chaos.invariants import Broken, broken, during, gaps, hijacked
 from research.chaos.recovery import recovery
 
@@ -59,7 +69,7 @@ def history(cycles: Sequence[Cycle] | None = None, **more: Any) -> History:
         "robots": ROBOTS,
         "cycles": tuple(lines),
         "decisions": tuple(
-            Heard(at_s=c.at_s, cycle=c.cycle, decided_ns=c.started_ns) for c in lines
+            DecisionArrival(at_s=c.at_s, cycle=c.cycle, decided_ns=c.started_ns) for c in lines
         ),
         "frames": tuple(frame(float(number)) for number in range(30)),
         "foreign_bytes": 4_999,
@@ -132,7 +142,7 @@ def test_a_hole_in_the_journal_is_found() -> None:
 
 
 def test_a_decision_without_a_line_is_found_but_for_that_of_a_killed_ego() -> None:
-    extra = Heard(at_s=14.9, cycle=15, decided_ns=5)
+    extra = DecisionArrival(at_s=14.9, cycle=15, decided_ns=5)
     heard = (*history().decisions, extra)
     assert rules(history(decisions=heard)) == {"journal without a hole"}
     killed = played("kill-ego", 15.0, 15.0, up_s=15.5, ego_down=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from ego_agent.plan.intents.standing import has_ended, is_in_force, standing
+from ego_agent.plan.intents.combine import has_ended, is_in_force, standing
 from swarm.messages import Focus, Intent, IntentInForce
 
 

@@ -1,4 +1,4 @@
-"""What has been heard of a running swarm, and what follows of it for who looks at it."""
+"""The latest state of a running swarm, as its messages tell it, for who looks at it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SILENT_S = 2.0
 
 
 @dataclass(slots=True)
-class Heard:
+class LatestState:
     """What has come so far. Times are of `time.monotonic`, in seconds."""
 
     spec: SwarmSpec
