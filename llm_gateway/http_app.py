@@ -16,7 +16,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from llm_gateway.http_chat import Asked, read_request, unknown_model, write_answer
+from llm_gateway.http_chat import ParsedChat, read_request, unknown_model, write_answer
 from llm_gateway.http_errors import HttpError, of_gateway
 from llm_gateway.http_gate import Gate
 from llm_gateway.http_messages import Model, Models
@@ -167,7 +167,7 @@ async def _read(request: Request) -> bytes:
     return bytes(raw)
 
 
-async def _streamed(request: Request, gateway: Completer, asked: Asked) -> Response:
+async def _streamed(request: Request, gateway: Completer, asked: ParsedChat) -> Response:
     """The answer as server-sent events; until its first words there may still be an error."""
     stream = AnswerStream(
         lambda hear: gateway.complete(asked.job, hear),

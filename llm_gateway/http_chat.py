@@ -34,7 +34,7 @@ ANY_OBJECT = '{"type":"object"}'
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ParsedChat:
     """A request, read."""
 
     job: Job
@@ -43,7 +43,7 @@ class Asked:
     """A stream's last chunk tells the tokens."""
 
 
-def read_request(raw: bytes, headers: Mapping[str, str], address: str, model: str) -> Asked:
+def read_request(raw: bytes, headers: Mapping[str, str], address: str, model: str) -> ParsedChat:
     """What a request asks for; `address` is whose it is where no client is named.
 
     Raises HttpError.
@@ -87,7 +87,7 @@ def read_request(raw: bytes, headers: Mapping[str, str], address: str, model: st
         role=ROLE,
     )
     usage = chat.stream_options is not None and bool(chat.stream_options.include_usage)
-    return Asked(job, bool(chat.stream), usage)
+    return ParsedChat(job, bool(chat.stream), usage)
 
 
 def unknown_model(name: str, model: str) -> HttpError:

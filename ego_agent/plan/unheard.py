@@ -25,7 +25,7 @@ FORGET_S = 120.0
 
 
 @dataclass(slots=True)
-class _Asked:
+class _LastProbe:
     at_s: float
     wait_s: float
 
@@ -34,7 +34,7 @@ class UnheardProber:
     """Says in each cycle which robot to ask, if any. Times are `time.monotonic()` seconds."""
 
     def __init__(self) -> None:
-        self._asked: dict[str, _Asked] = {}
+        self._asked: dict[str, _LastProbe] = {}
 
     def take(
         self,
@@ -67,7 +67,7 @@ class UnheardProber:
         _, robot, probe = min(able, key=lambda one: one[:2])
         before = self._asked.get(robot)
         wait_s = FIRST_S if before is None else min(LAST_S, 2.0 * before.wait_s)
-        self._asked[robot] = _Asked(now_s, wait_s)
+        self._asked[robot] = _LastProbe(now_s, wait_s)
         return probe
 
     def _is_due(self, robot: str, now_s: float) -> bool:

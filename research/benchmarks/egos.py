@@ -31,7 +31,7 @@ from research.benchmarks.live import live_swarm, why_not
 from research.benchmarks.report import write_report
 from research.evaluation.airtime import Station, group_s, jain, station_of
 from research.evaluation.bootstrap import bootstrap_mean
-from research.evaluation.egos import Asked, Egos, Floor, Seen
+from research.evaluation.egos import Egos, Floor, Seen, WindowRequest
 from research.evaluation.workers import each
 from robot_agent.sharing import PROMISE_S
 from swarm import keyspace
@@ -112,7 +112,10 @@ def answer_bytes(payload: int) -> int:
 
 
 def airtime(
-    asked: Mapping[str, Asked], seen: Mapping[str, Seen], rate: Rates, group_bps: float | None
+    asked: Mapping[str, WindowRequest],
+    seen: Mapping[str, Seen],
+    rate: Rates,
+    group_bps: float | None,
 ) -> Frame:
     """Both ways of one frame; `group_bps` None: the access point sends each listener its copy."""
     ask, reply = request_bytes(), answer_bytes(0)

@@ -1,6 +1,6 @@
 """Namespaces of a run's own: nothing that it does reaches the machine, and nothing of it is left.
 
-Inside, the swarm's doors on 127.0.0.1 are nobody else's, small file systems can be mounted, and
+Inside, the swarm's ports on 127.0.0.1 are nobody else's, small file systems can be mounted, and
 every process ends with the first one.
 """
 

@@ -35,7 +35,7 @@ IOU = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class WindowRequest:
     """What one ego asks for in a window."""
 
     participants: tuple[str, ...]
@@ -111,7 +111,7 @@ class Egos:
             name: RememberingFusion(make_fusion(name, self.world.detector)) for name in ALGORITHMS
         }
 
-    def decisions(self, each_bps: float) -> dict[str, Asked]:
+    def decisions(self, each_bps: float) -> dict[str, WindowRequest]:
         """What each ego decides, with so much of the cell."""
         found = {}
         for ego in self.world.robots:
@@ -123,7 +123,7 @@ class Egos:
             policy = make_policy("coverage", ALGORITHMS)
             decision = plan(seen, scene, policy, self.knowledge, None, 1, EPOCH_NS)
             others = tuple(robot for robot in decision.participants if robot != ego)
-            found[ego] = Asked(
+            found[ego] = WindowRequest(
                 others,
                 decision.algorithm,
                 decision.cost_bytes,
@@ -131,18 +131,21 @@ class Egos:
             )
         return found
 
-    def everybody(self, algorithm: str) -> dict[str, Asked]:
+    def everybody(self, algorithm: str) -> dict[str, WindowRequest]:
         """Every ego asks all others, whatever that takes."""
         robots = self.world.robots
         return {
-            ego: Asked(tuple(r for r in robots if r != ego), algorithm, 0, True) for ego in robots
+            ego: WindowRequest(tuple(r for r in robots if r != ego), algorithm, 0, True)
+            for ego in robots
         }
 
-    def frame(self, frame: int, asked: Mapping[str, Asked]) -> dict[str, Seen]:
+    def frame(self, frame: int, asked: Mapping[str, WindowRequest]) -> dict[str, Seen]:
         """Each ego's frame, fused both ways."""
         return {ego: self._seen(frame, ego, one, asked) for ego, one in asked.items()}
 
-    def _seen(self, frame: int, ego: str, one: Asked, asked: Mapping[str, Asked]) -> Seen:
+    def _seen(
+        self, frame: int, ego: str, one: WindowRequest, asked: Mapping[str, WindowRequest]
+    ) -> Seen:
         world, reader = self.world, one.algorithm
         if not one.participants:
             fused = fuse_frame(world, frame, ego, (), SINGLE)
@@ -169,7 +172,7 @@ class Egos:
         )
 
     def _form(
-        self, frame: int, robot: str, algorithm: str, asked: Mapping[str, Asked]
+        self, frame: int, robot: str, algorithm: str, asked: Mapping[str, WindowRequest]
     ) -> PublishedOnce:
         """What a robot publishes for those who want it in this algorithm."""
         egos = [

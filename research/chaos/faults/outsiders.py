@@ -97,7 +97,7 @@ def _before(name: str) -> Begin:
 
 
 def _doors(stage: Stage, fault: Fault) -> End:
-    """Half a request at every HTTP door, many times."""
+    """Half a request at every HTTP server, many times."""
     spec = stage.spec
     stack = ExitStack()
     held = refused = 0

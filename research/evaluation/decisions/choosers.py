@@ -154,7 +154,7 @@ def _every(scorer: Scorer) -> list[Score]:
     return found
 
 
-class Asked(Protocol):
+class AskableModel(Protocol):
     """A language model, as `research.evaluation.policies.advice.Model`."""
 
     name: str
@@ -167,7 +167,7 @@ class Asked(Protocol):
 class ByModel:
     """Asks a language model with the short prompt, its answer bound by the schema, or free."""
 
-    def __init__(self, model: Asked, name: str = "", *, bound: bool = True) -> None:
+    def __init__(self, model: AskableModel, name: str = "", *, bound: bool = True) -> None:
         self.name = (name or model.name) + ("" if bound else " (free)")
         self._model, self._bound = model, bound
         self._schemas = Schemas()

@@ -102,7 +102,7 @@ def test_directions(x: float, y: float, words: str) -> None:
 
 
 def test_an_ego_asks_with_the_prompt_that_it_is_set_to() -> None:
-    class Asked:
+    class Advisor:
         pending = False
         prompts: list[LlmPrompt] = []  # noqa: RUF012
 
@@ -117,7 +117,7 @@ def test_an_ego_asks_with_the_prompt_that_it_is_set_to() -> None:
 
     found, known = floor(6, knowledge(), 20e6), knowledge()
     for style in STYLES:
-        asked = Asked()
+        asked = Advisor()
         policy = Llm(asked)  # type: ignore[arg-type]
         policy.prepare(EgoSettings(llm_prompt=style, llm_judge="coverage"))
         policy.propose(found, known, None)
