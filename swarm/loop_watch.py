@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TextIO
 
 from swarm.log import Logger
 
@@ -59,6 +60,7 @@ class LoopWatch:
         self._log = log
         self._hang_s = HANG_S if hang_s is None else hang_s
         self._loops: list[_Loop] = []
+        self._last_words = _unblocked_stderr()
         threading.Thread(target=self._watch, name="watch", daemon=True).start()
 
     def loop(self, name: str, allowed_s: float = 0.0) -> Turned:
@@ -75,7 +77,7 @@ class LoopWatch:
     def _watch(self) -> None:
         while True:
             # Ends the process also where a loop keeps Python's lock, so that no thread runs.
-            faulthandler.dump_traceback_later(self._hang_s, exit=True)
+            faulthandler.dump_traceback_later(self._hang_s, file=self._last_words, exit=True)
             time.sleep(min(LOOK_S, self._hang_s / 4))
             now = time.monotonic()
             for loop in tuple(self._loops):
@@ -92,6 +94,19 @@ class LoopWatch:
         words.start()
         words.join(SAY_S)
         os._exit(HUNG)
+
+
+def _unblocked_stderr() -> int | TextIO:
+    """Standard error so that a write to it never waits, where it is a pipe or a terminal.
+
+    A traceback that waits for a full pipe would keep the process, and whoever sets the next
+    timeout waits for that traceback with Python's lock in hand.
+    """
+    with suppress(OSError, ValueError):
+        # Opened anew: O_NONBLOCK on a copy would hold for all who share it.
+        flags = os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOCTTY
+        return os.open(f"/proc/self/fd/{sys.stderr.fileno()}", flags)
+    return sys.stderr
 
 
 async def keep_turning(turned: Turned) -> None:
