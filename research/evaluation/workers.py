@@ -38,8 +38,10 @@ def each(
                 "a process ended before its work was done (out of memory?); what is finished is "
                 "kept: run it again, with fewer --workers"
             ) from error
-        finally:
+        except BaseException:
+            # Whoever stops does not wait for what is still at work.
             pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _prepare(detector: str) -> None:
