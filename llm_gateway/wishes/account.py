@@ -18,9 +18,24 @@ def settle(text: Text, reading: Reading) -> Reading:
         told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
         if told and mention.kind == "share" and _is_told(text, mention):
             continue
+        if told and "first" in reading.roles and _is_compared(text, mention):
+            continue
         if role == "doubt" or told:
             unclear.append(_question(text, mention))
     return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
+
+
+_UP_TO = {"before", "till", "until", "by", "til"}
+"""Before "then" they say nothing that the time itself does not."""
+
+
+def _refers(text: Text, at: int) -> bool:
+    """Whether "then", at word `at`, only points to a time that is said: "before then", or last."""
+    ends = at + 1 == len(text.words) or text.words[at + 1].text in {".", "!", ";"}
+    following = [word.text for word in text.words[at + 1 : at + 3]]
+    ends |= bool({*following} & {"rest", "others", "anderen"})
+    robot = any(m.kind == "robot" and m.last == at for m in text.mentions)
+    return text.words[max(at - 1, 0)].text in _UP_TO or (ends and not robot)
 
 
 def _question(text: Text, mention: Mention) -> str:
@@ -39,6 +54,13 @@ def _unread(text: Text) -> list[str]:
     for at, word in enumerate(text.words):
         if at in inside:
             continue
+        if word.text in {"hours", "days", "weeks"} and text.words[max(at - 1, 0)].text == "for":
+            continue  # "at it for hours" tells no time.
+        if word.text in {"then", "dann"} and _refers(text, at):
+            continue
+        glued = at + 1 < len(text.words) and text.words[at + 1].start == word.end
+        if word.text.isdigit() and glued and text.words[at + 1].text.isalpha():
+            continue  # "5G"
         later = timed and word.text in {"then", "dann", "danach", "afterwards", "anschliessend"}
         until = word.text == "bis" and text.words[min(at + 1, len(text.words) - 1)].text not in {
             "auf",
@@ -47,6 +69,20 @@ def _unread(text: Text) -> list[str]:
         if word.text in LEFT or word.text.isdigit() or until or later:
             found.append(text.said(at, min(at + 4, len(text.words))))
     return found
+
+
+_ARTICLES = {"the", "den", "die", "der", "dem", "das"}
+_THAN = (["als"], ["than"], ["statt"], ["over"])
+
+
+def _is_compared(text: Text, mention: Mention) -> bool:
+    """Whether it only is what something else is preferred to: "rather R2 than R3"."""
+    for other in text.mentions:
+        before = [word.text for word in text.words[max(0, other.first - 3) : other.first]]
+        cue = [word for word in before if word not in _ARTICLES][-1:]
+        if other.kind == "robot" and other.names == mention.names and cue in _THAN:
+            return True
+    return False
 
 
 def _is_told(text: Text, mention: Mention) -> bool:

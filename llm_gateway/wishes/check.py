@@ -1,49 +1,45 @@
 """Holds what a model says of a wish against what its words say.
 
-Nothing hard counts on the model's word alone: words must say it. Where both say different things,
-or the model sees no wish at all, the swarm asks. Weights only weigh: beside a wish that words say,
-the model's word for another is enough.
+What words plainly say stands: on a thousand wishes that people wrote, a model's veto prevented
+nothing and asked back what was plain. Nothing hard counts on the model's word alone; where words
+only suggest it, the model may confirm it. Weights of places and classes only weigh: beside a wish
+that words say, the model's word that another counts more is enough; that one counts less it is
+wrong about as often as not.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
 
-_SOFT = {"place", "class", "network", "compute"}
+_SOFT = {"place", "class"}
 
 
 def agreed(text: Text, plain: Reading, said: Reading) -> Reading:
-    """What the rules' reading and the model's have in common, with their differences in doubt."""
+    """The rules' reading, with what the model's adds to it."""
     doubted = plain.verdict == "nothing" and plain.unclear
     if doubted or (said.verdict == "nothing" and not _wishes(plain)):
-        none: Role = "none"
-        roles = tuple(none for _ in plain.roles)
-        return replace(plain, roles=roles, verdict="nothing", unclear=_whole(text))
+        roles = tuple[Role, ...]("none" for _ in plain.roles)
+        whole = (text.wish.strip()[:200],)
+        return replace(plain, roles=roles, verdict="nothing", unclear=whole)
     fills = _wishes(plain)
+    suspected = plain.suspected or (None,) * len(plain.roles)
     roles = tuple(
-        _agreed(mention, rule, model, fills=fills)
-        for mention, rule, model in zip(text.mentions, plain.roles, said.roles, strict=True)
+        _agreed(rule, model, likely, fills=fills and mention.kind in _SOFT)
+        for mention, rule, model, likely in zip(
+            text.mentions, plain.roles, said.roles, suspected, strict=True
+        )
     )
-    unclear = (*plain.unclear, *_whole(text)) if said.verdict == "nothing" else plain.unclear
-    return replace(plain, roles=roles, unclear=unclear)
+    return replace(plain, roles=roles)
 
 
-def _agreed(mention: Mention, rule: Role, model: Role, *, fills: bool) -> Role:
-    if model in (rule, "none") or mention.kind == "time":
-        # Code alone knows times; and a model misses more than it finds.
-        return rule
-    if rule == "none" and mention.kind in _SOFT and fills:
+def _agreed(rule: Role, model: Role, likely: Role | None, *, fills: bool) -> Role:
+    if rule == "doubt" and model == likely:
         return model
-    return "doubt"
+    return model if rule == "none" and model == "high" and fills else rule
 
 
 def _wishes(reading: Reading) -> bool:
-    return any(role not in ("none", "doubt", "when") for role in reading.roles)
-
-
-def _whole(text: Text) -> tuple[str, ...]:
-    return (text.wish.strip()[:200],)
+    return reading.nobody or any(role not in ("none", "doubt", "when") for role in reading.roles)

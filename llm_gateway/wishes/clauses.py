@@ -15,16 +15,25 @@ _BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "
            "because", "while", "sondern", "so", "denn", "weil", "though", "although", "as",
            "damit", "whereas", "also", "adn", "udn", "since",
            "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
-_PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however"}
+_PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however",
+              "dafuer"}  # fmt: skip
 """Behind a name alone they go on with its clause: "R2 aber nicht"."""
+_SHORTENED = {"min", "max", "mind", "ca", "approx"}
+"""Behind them a full stop ends no sentence."""
 _ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _CAPITALS = {
     "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
     "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
 }  # fmt: skip
 _WHOLE = (
-    (r"(?:\b(?:use|take|nimm|ask) )?\b(?:all|every\w*|any\w*|alle[sn]?)(?: of)?(?: the)?"
-     r"(?: others?| robots?| roboter| ones?| anderen)? (?:but|except|besides|apart|excluding|"
+    (r"\b(?:leave|keep|lass\w*) (?:it|them|das|es)"
+     r" (?:like that|that way|at that|as it is|as is|so)\b", "SO"),
+    (r"\b(?:(?:during|in|for|over) (?:that|this)(?: time)?|in that time|meanwhile|in der zeit|"
+     r"waehrenddessen|so lange|solange|derweil|before then|bis dahin|till then|"
+     r"until then)\b(?! as)",
+     "THEN"),
+    (r"(?:\b(?:use|take|nimm|ask) )?\b(?:all|every\w*|any\w*|alle[sn]?)(?: of)?(?: the| them)?"
+     r"(?: others?| robots?| roboter| ones?| anderen)? (?:but|bar|except|besides|apart|excluding|"
      r"ausser|bis auf)"
      r"(?: for| from)?", "ALLBUT"),
     (r"\b(?:nobody|no ?one|none|nothing|no robot)(?: else| other)? (?:but|except|than|besides|"
@@ -72,7 +81,7 @@ def clauses(text: Text) -> list[Clause]:
             numbers.append(number)
             at = mention.last
             continue
-        ends = word in _ENDS
+        ends = word in _ENDS and not (word == "." and pieces[-1:] and pieces[-1] in _SHORTENED)
         if ends or (word in _BREAKS and not _belongs(text, at, pieces)):
             if pieces:
                 clause = _whole(" ".join(pieces))
@@ -85,7 +94,7 @@ def clauses(text: Text) -> list[Clause]:
                 opens = True
             opener = "" if ends else word if opener in {"", ","} else opener
             pieces, numbers, begin = [], [], at + 1
-        elif word != ",":
+        elif word != "," and word not in _ENDS:
             pieces.append(_spelt(word))
         at += 1
     asked = {clause.sentence for clause in found if clause.asked}
@@ -114,6 +123,12 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     if word == "but":
         return bool(re.search(r"\b(?:all|every\w*|any\w*|nobody|no ?one|none|nothing|ones|robots?|"
                               r"others?|else)$", before))  # fmt: skip
+    if (
+        word == "und"
+        and pieces[-1:] == ["a"]
+        and text.words[min(at + 1, len(text.words) - 1)].text == "o"
+    ):
+        return True  # "das A und O"
     if word == "-" and 0 < at < len(text.words) - 1:
         touches = text.words[at - 1].end == text.words[at].start
         return touches or text.words[at].end == text.words[at + 1].start
@@ -124,7 +139,10 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     if word == "so":
         following = text.words[at + 1].text if at + 1 < len(text.words) else ""
         measured = {"much", "many", "far", "long", "viel", "viele", "wenig", "lange", "oft", "gut"}
-        return pieces[-1:] in (["not"], ["nicht"], ["dont"]) or following in measured
+        return (
+            pieces[-1:] in (["not"], ["nicht"], ["dont"], ["ned"], ["net"], ["nich"], ["nid"])
+            or following in measured
+        )
     if word == "since":
         return any(mention.first <= at < mention.last for mention in text.mentions)
     return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}

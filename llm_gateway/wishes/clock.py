@@ -8,6 +8,7 @@ An hour from 1 to 12 that says neither half of the day is the next time that a c
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -36,11 +37,16 @@ _THIS = {"this", "diesen", "dieser", "diesem"}
 _NOISE = {"at", "um", "the", "in", "am", "on", "this", "diesen", "dieser", "diesem",
           "ca", "circa", "about", "around", "etwa",
           "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
-          "punkt", "next"}  # fmt: skip
+          "punkt", "next", "like", "so"}  # fmt: skip
 _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
              "stunde", "minuten", "robots", "roboter", "days", "tage", "tagen"}  # fmt: skip
 """Behind a number they say that it is no hour."""
 _UHR = {"uhr", "oclock", "h"}
+_MILITARY = re.compile(r"(?:[01]\d|2[0-4])[0-5]\d")
+"""Hour and minute without a sign: 0600, 1730."""
+_MINUTES = {"fifteen": 15, "thirty": 30}
+"""Behind an hour in words: "six thirty"."""
+_AFTER = _NO_HOURS | _UHR
 _HALVES = {"am": 0, "pm": 12, "a.m": 0, "p.m": 12}
 
 
@@ -60,6 +66,8 @@ class Point:
     date: date | None = None
     impossible: bool = False
     """Past, or no time that a clock shows."""
+    uhr: bool = False
+    """Whether "Uhr" stands behind the hour, which then is one of 24 on another day."""
     half: str = ""
     """Of the day, as it was said: "am" or "pm"."""
 
@@ -79,6 +87,12 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
         else:
             break
     return None if end == at else (found, end)
+
+
+def names_day(words: Sequence[Word], at: int) -> bool:
+    """Whether word `at` is a day's: "tomorrow"."""
+    text = _text(words, at)
+    return text in _DAYS or any(text in names for names in _WEEKDAYS)
 
 
 def _text(words: Sequence[Word], at: int) -> str:
@@ -159,7 +173,8 @@ def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | N
         half = ""
     if hour > 24 or minute > 59 or (hour == 24 and minute):
         return replace(found, hour=0, impossible=True), end
-    return replace(found, hour=hour, minute=minute, exact=exact, half=half), end
+    uhr = any(word.text == "uhr" for word in words[at:end])
+    return replace(found, hour=hour, minute=minute, exact=exact, half=half, uhr=uhr), end
 
 
 def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
@@ -170,6 +185,15 @@ def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
     hour = whole(_text(words, at + 1))
     if text in {"halb", "halber"} and hour is not None and 1 <= hour <= 12:
         return _back(hour, 30, at + 2)
+    if (
+        text == "half"
+        and hour is not None
+        and 1 <= hour <= 12
+        and _text(words, at + 2) not in _AFTER
+    ):
+        return hour, 30, False, at + 2  # British: half six is half past six.
+    if text == "viertel" and hour is not None and 1 <= hour <= 12:
+        return (hour - 2) % 12 + 1, 15, False, at + 2  # In the south: a quarter on the way to it.
     if text == "dreiviertel" and hour is not None and 1 <= hour <= 12:
         return _back(hour, 15, at + 2)
     minutes = {"half": 30, "quarter": 15, "viertel": 15}.get(text, whole(text))
@@ -206,15 +230,22 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
         tail = tail.removesuffix(":00") if tail.count(":") == 1 else tail
         if head.isdigit() and len(tail) == 2 and tail.isdigit() and len(head) <= 2:
             hour, minute = int(head), int(tail)
+            if sign == "." and minute > 59:
+                return None
             exact = head.startswith("0") or hour > 12
             break
     else:
+        if _MILITARY.fullmatch(text):
+            behind = end + (_text(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
+            return int(text[:2]), int(text[2:]), True, behind
         number = whole(text)
         if _text(words, end) in _NO_HOURS:
             return None
         if number is None or len(text) > 12 or (text.isdigit() and len(text) > 2):
             return None
         hour, exact = number, text.isdigit() and (text.startswith("0") or number > 12)
+        if text.isalpha() and _text(words, end) in _MINUTES and 1 <= hour <= 12:
+            minute, end = _MINUTES[_text(words, end)], end + 1
     if _text(words, end) in _UHR:
         end += 1
         more = whole(_text(words, end))

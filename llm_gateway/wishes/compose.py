@@ -51,7 +51,7 @@ def compose(text: Text, reading: Reading, now: datetime) -> Intent:
     intent = Intent(
         exclude=tuple(out),
         prefer=tuple(first),
-        only=tuple(only) or None,
+        only=() if reading.nobody else tuple(only) or None,
         focus=focus,
         classes=classes,
         q_min=numbers["quality"],

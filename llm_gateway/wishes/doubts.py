@@ -38,9 +38,9 @@ def of_range(start: Point, until: Point, now: datetime) -> str:
     end = None if said is None else resolve(_any_day(until), now, said)
     if said is None or end is None or said > now:
         return ""
-    runs = now < end
-    if not runs and not _doubtful(start, said, now):
+    if not _doubtful(start, said, now) and (_on_a_face(start) or now >= end):
         return ""
+    runs = now < end
     later = said + _HALF
     options = [f"until {end:%H:%M}"] if runs else []
     if _on_a_face(start) and later > now:

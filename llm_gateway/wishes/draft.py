@@ -11,17 +11,25 @@ from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.voids import void
 
 STRONG = re.compile(
-    r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte|auge|"
-    r"wichtig\w*|aufpassen|pass auf|keep an eye|look after|ignor\w*|prefer\w*|priority)\b"
+    r"\b(?:watch|eyes?|focus\w*|attention|matters?|important|concentrate|monitor|achte[nt]?|auge|"
+    r"wichtig\w*|aufpassen|pass auf|keep an eye|look after|ignor\w*|prefer\w*|priority|weight|"
+    r"gewicht\w*)\b"
 )
 """Cues that are never mere talk."""
-THERE = re.compile(r"\b(?:where|wo|there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b")
+POINTS = re.compile(
+    r"(?:and |und |so )?(?:thats?|this|they|theyre|these|those|its?|das|dat|des|dies)\b"
+    r"(?: (?:is|are|ist|sind|san|comes?|what|where|am|the|one|to|das|dann|place))+\b"
+)
+"""Begins to say something of what was just named."""
+THERE = re.compile(
+    r"\b(?:dorthin|where|wo|there|da|dort|here|hier|it|them|dort|daran|darauf|drauf)\b"
+)
 """Points to something that is named elsewhere."""
 FILLERS = frozenset(
     """please bitte danke thanks thx though halt mal eher rather dont doesnt wont arent much so
     wirklich really PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei
     in im on an am a around beim about is are do does ist sind auf of especially besonders cant
-    cannot isnt arent ned by um""".split()  # noqa: SIM905
+    cannot isnt arent either ned by um well as hingegen and""".split()  # noqa: SIM905
 )
 """Words beside which something named has the role of the clause before it."""
 
@@ -39,10 +47,14 @@ class Draft:
     unclear: list[str] = field(default_factory=list)
     doubted: list[int] = field(default_factory=list)
     """Robots that may be out, by words that are not plain."""
+    suspected: dict[int, Role] = field(default_factory=dict)
+    """What likely is meant of robots by words that are not plain."""
     wasted: list[int] = field(default_factory=list)
     """Resources of which a report says that they are short."""
     handled: set[int] = field(default_factory=set)
     """Clauses that speak of all the others."""
+    nobody: bool = False
+    """Whether a clause wishes that no robot at all is asked."""
     crossed: set[int] = field(default_factory=set)
     """Clauses that go on with the opposite of the one before, and share its verb."""
 

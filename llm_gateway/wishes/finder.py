@@ -40,6 +40,10 @@ _NO_NAMES = frozenset(
     stunden""".split()  # noqa: SIM905
 )
 """Behind a number they say that it is no robot's."""
+_GREETINGS = {"hello", "hi", "hey", "dear", "hallo", "liebe", "liebes", "geehrte", "geehrter",
+              "geehrten", "moin", "servus", "thanks",
+              "danke"}  # fmt: skip
+"""Whom they greet is nobody whom the detector finds."""
 _INFLECTED = {"achte", "neune", "sechse", "siebene", "fuenfe"}
 """Rather a verb or an hour than a name's number."""
 _NUMBERED = re.compile(r"\d+")
@@ -52,9 +56,12 @@ class Finder:
         self._words = cut
         self._robots = {key(name): name for name in site.robots}
         self._numbers = {
-            digits[0]: name for name in site.robots if len(digits := _NUMBERED.findall(name)) == 1
+            digits[0].lstrip("0"): name
+            for name in site.robots
+            if len(digits := _NUMBERED.findall(name)) == 1
         }
-        self._prefixes = {k[0] for k in self._robots if len(k) == 2 and k[0].isalpha()}
+        heads = {k[0] for k in self._robots if len(k) == 2 and k[0].isalpha()}
+        self._prefixes = heads | {head + "s" for head in heads if len(head) > 1}
         self._places = {
             key(said): name for name in site.places for said in site.words.get(name, ())
         } | {key(name): name for name in site.places}
@@ -161,11 +168,14 @@ class Finder:
         """Bare numbers that go on with a list: "R2, R4 and 7"."""
         names, last = list(mention.names), mention.last
         while self._text(last) in LIST:
-            robot = self._numbers.get(self._text(last + 1))
-            if robot is None or self._text(last + 2) in _NO_NAMES or self._text(last + 1) == "0":
+            here = last
+            while self._text(here) in LIST:
+                here += 1
+            robot = self._numbers.get(self._text(here).lstrip("0"))
+            if robot is None or self._text(here + 1) in _NO_NAMES:
                 break
             names.append(robot)
-            last += 2
+            last = here + 1
         return Mention("robot", mention.first, last, tuple(dict.fromkeys(names)))
 
     def _robot_alone(self, at: int) -> Mention | None:
@@ -207,6 +217,8 @@ class Finder:
 
     def _class(self, at: int) -> Mention | None:
         hits = {}
+        if self._text(at - 1) in _GREETINGS:
+            return None
         for name, label in self._classes.items():
             end = self._named(name, at, also=False)
             if end is None and self._text(at) in lexicon.CLASSES.get(" ".join(name), "").split():
@@ -224,18 +236,30 @@ class Finder:
 
     def _plain(self, at: int) -> Mention | None:
         text = self._text(at)
+        if text == "net" and self._text(at - 1) not in {"the", "our", "this", "that", "your", "on"}:
+            return None  # "Nicht" in the south.
         if text in lexicon.NETWORK or alike(text, "bandwidth") or alike(text, "bandbreite"):
             return Mention("network", at, at + 1)
         if text in lexicon.COMPUTE:
             return Mention("compute", at, at + 1)
+        return self._policy(at)
+
+    def _policy(self, at: int) -> Mention | None:
         near = {self._text(n) for n in range(at - 5, at + 6)}
-        if near & lexicon.POLICY_WORDS:
-            for policy, names in lexicon.POLICIES.items():
-                for name in names:
-                    parts = name.split()
-                    if [self._text(at + n) for n in range(len(parts))] == parts:
-                        return Mention("policy", at, at + len(parts), (policy,))
-        return None
+        beside = {self._text(at - 1), self._text(at + 1)}
+        known = lexicon.PLAIN_POLICIES
+        if near & lexicon.POLICY_WORDS or beside & lexicon.TAKE:
+            known = known | lexicon.POLICIES
+        hits = {
+            end: policy
+            for policy, names in known.items()
+            for name in names
+            if (end := self._named(name.split(), at, also=False)) is not None
+        }
+        if not hits or self._text(max(hits)) in {"of", "at", "in", "on", "near"}:
+            # "better coverage of the docks" names no policy.
+            return None
+        return Mention("policy", at, max(hits), (hits[max(hits)],))
 
     def _stranger(self, at: int) -> Mention | None:
         """A name as the site's, of something that it does not have: R9, aisle 9."""

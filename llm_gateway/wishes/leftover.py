@@ -8,12 +8,23 @@ from llm_gateway.wishes import lexicon
 from llm_gateway.wishes.clauses import Clause
 from llm_gateway.wishes.cues import robots
 from llm_gateway.wishes.draft import STRONG, THERE, Draft
+from llm_gateway.wishes.plain import strange, unknown_thing
 from llm_gateway.wishes.roles import robot_role, weight_role
 
 _ARTICLE = re.compile(
     r"^(?:the|a|an|den|die|das|dem|der|on the|at the|auf die|zum|zur)(?: [a-z]+){1,2}$"
 )
-_OTHERS = re.compile(r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same)$|t$")
+_ACTS = re.compile(
+    r"^(?:\w+ ){0,2}(?:turn|bump|dial|weigh|leave|skip|ignore|exclude|lass\w*|ask|use|fragt?|"
+    r"nimm|nehmt|"
+    r"gewicht\w*|spart? aus)\b|\b(?:up|down|high|low|hoch|runter)$"
+)
+"""Does something to what it names."""
+_CLOSING = re.compile(r"(?:gruess\w*|regards|cheers|lg|mfg|vg)$")
+_TOO = re.compile(r"(?:and |und )?([a-z]{4,}) (?:too|also|auch|as well)")
+_OTHERS = re.compile(
+    r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same|needs|wants|has|runs|comes)$|t$"
+)
 """Ends what begins like an article and is none, or names nothing that a site has."""
 
 
@@ -21,6 +32,9 @@ def doubt_leftover(draft: Draft, clause: Clause) -> None:
     """Doubts what a clause wishes of something that nobody knows."""
     if draft.clauses.index(clause) in draft.handled:
         return
+    at = draft.clauses.index(clause)
+    if at and _CLOSING.search(draft.clauses[at - 1].text):
+        return  # Who writes.
     named = draft.of(clause, "robot", "place", "class", "unknown", "policy")
     everybody = set(clause.text.split()) & lexicon.EVERYBODY
     acts = robots.OUT.search(clause.text) or robots.UNUSED.search(clause.text)
@@ -33,10 +47,25 @@ def doubt_leftover(draft: Draft, clause: Clause) -> None:
     ):
         draft.doubt(clause)
     elif lonely and STRONG.search(clause.text) and not THERE.search(clause.text):
-        if not _bound(draft, clause):
+        if not _bound(draft, clause) or unknown_thing(clause.text):
             draft.doubt(clause)
-    elif _is_stranger(clause) or (
-        lonely and re.search(r"\b(?:policy|strategy|strategie)\b", clause.text)
+    elif (
+        (
+            lonely
+            and (
+                (
+                    (_ACTS.search(clause.text) or weight_role(clause.text))
+                    and unknown_thing(clause.text)
+                )
+                or (_TOO.fullmatch(clause.text) and strange(clause.text))
+            )
+        )
+        or _is_stranger(clause)
+        or (
+            lonely
+            and "policy" not in draft.roles
+            and re.search(r"\b(?:policy|strategy|strategie)\b", clause.text)
+        )
     ):
         draft.doubt(clause)
 

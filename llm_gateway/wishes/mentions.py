@@ -75,7 +75,7 @@ def _joined(cut: Sequence[Word], found: Sequence[Mention]) -> Iterator[Mention]:
 
 def _glued(between: Sequence[str], kind: Kind) -> bool:
     """Whether only list signs stand between two names."""
-    fillers = lexicon.ROBOT_WORDS if kind == "robot" else _ARTICLES
+    fillers = lexicon.ROBOT_WORDS | _ARTICLES if kind == "robot" else _ARTICLES
     return set(between) <= LIST | fillers and (bool(set(between) & LIST) or not between)
 
 

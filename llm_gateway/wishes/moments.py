@@ -42,7 +42,8 @@ def _hours(point: Point) -> list[int]:
     """The hours of 24 that a point may mean."""
     if point.hour is None:
         return [PARTS[point.part]]
-    if point.exact or point.hour > 12 or point.hour == 0:
+    on_another_day = point.days or point.weekday is not None or point.date is not None
+    if point.exact or point.hour > 12 or point.hour == 0 or (point.uhr and on_another_day):
         return [point.hour]
     early, late = point.hour % 12, point.hour % 12 + 12
     match point.part:

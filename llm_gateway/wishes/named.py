@@ -5,13 +5,20 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses import Clause
-from llm_gateway.wishes.cues import common, resources, speech
+from llm_gateway.wishes.cues import common, resources, robots, speech
 from llm_gateway.wishes.draft import FILLERS, Draft
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.roles import certain, negated, robot_role, share_role, weight_role
 
 _TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "ebenso", "TIME"})
+_NO_NO = re.compile(r"no ROBOT(?: no ROBOT)+(?: TIME)?(?: please)?")
+_SAME = re.compile(
+    r"(?:the )?same (?:goes |thing |holds |applies )?(?:for|with|to) ROBOT(?: too)?|"
+    r"(?:das|da)?(?:selbe|gleiche)s? (?:gilt )?(?:auch )?(?:fuer|mit) (?:(?:den|die|das) )?ROBOT|"
+    r"(?:genauso|ebenso) (?:(?:der|die|das|den) )?ROBOT"
+)
+_ALSO = re.compile(r"\b(?:also|too|auch|ebenfalls|ebenso|likewise|as well)\b")
 _OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
 
 
@@ -28,13 +35,25 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
     numbers = draft.of(clause, "robot")
     if not numbers:
         return
+    if len(numbers) == 2 and robots.RATHER.search(clause.text):
+        draft.set(numbers[:1], "first")
+        return
+    if _NO_NO.fullmatch(clause.text):
+        draft.set(numbers, "out")
+        return
     role = robot_role(clause.text)
-    if role is None and at and set(clause.text.split()) <= _TOO:
+    if role is None and at and robots.NEXT.fullmatch(clause.text):
+        before = {draft.roles[n] for n in draft.of(draft.clauses[at - 1], "robot")}
+        role = "first" if before == {"first"} else None
+    same = set(clause.text.split()) <= _TOO or _SAME.fullmatch(clause.text)
+    if role is None and at and same:
         before = {draft.roles[n] for n in draft.of(draft.clauses[at - 1], "robot")}
         role = before.pop() if len(before) == 1 else None
     if role in ("out", "only") and not certain(clause.text, role):
         # What is said plainly of "it" beside this may still leave it out.
         draft.doubted += numbers
+        if len(numbers) == 1:
+            draft.suspected[numbers[0]] = role
         role = None if role == "out" else "doubt"
     if _crosses(draft, at, clause):
         draft.crossed |= {at, at + 1}
@@ -55,11 +74,26 @@ def _weights(draft: Draft, at: int, clause: Clause) -> None:
     numbers = draft.of(clause, "place", "class")
     if not numbers:
         return
+    if len(numbers) > 1 and _each_weight(draft, clause, numbers):
+        return
     role = weight_role(clause.text)
     near = draft.clauses[at - 1] if at else None
-    if role is None and near is not None and near.sentence == clause.sentence:
+    if near is not None and near.sentence != clause.sentence and not _ALSO.search(clause.text):
+        near = None
+    if role is None and near is not None:
         role = _inherited(draft, clause, near)
     draft.set(numbers, role)
+
+
+def _each_weight(draft: Draft, clause: Clause, numbers: list[int]) -> bool:
+    """ "pallets less people more": whether each thing has a cue of its own behind it."""
+    _, *pieces = re.split(r"\b(?:PLACE|CLASS)\b", clause.text)
+    roles = [weight_role(f"CLASS {piece}") if piece.strip() else None for piece in pieces]
+    if len(roles) != len(numbers) or set(roles) != {"high", "low"}:
+        return False
+    for number, role in zip(numbers, roles, strict=True):
+        draft.roles[number] = role
+    return True
 
 
 def _inherited(draft: Draft, clause: Clause, before: Clause) -> Role | None:
@@ -76,7 +110,9 @@ def _inherited(draft: Draft, clause: Clause, before: Clause) -> Role | None:
     other: Role = "low" if role == "high" else "high"
     if common.NOT.search(clause.text):
         return other if bare else None
-    if re.search(r"(?:PLACE|CLASS) (?:do|does|can|are|is|schon|doch)$", clause.text):
+    if re.search(
+        r"(?:PLACE|CLASS) (?:\w+ ){0,2}(?:do|does|can|are|is|schon|doch|very much)$", clause.text
+    ):
         return other if common.NOT.search(before.text) else role
     return role if bare else None
 
@@ -85,17 +121,35 @@ def _shares(draft: Draft, at: int, clause: Clause) -> None:
     numbers = draft.of(clause, "share")
     if not numbers:
         return
-    role = share_role(clause.text)
     if len(numbers) > 1:
-        role = "doubt"
+        _several_shares(draft, clause, numbers)
+        return
+    role = share_role(clause.text)
     bounded = resources.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
-    if role == "doubt" and bounded and at and len(numbers) == 1:
-        before = draft.clauses[at - 1]
-        if "NET" in before.text.split() and not draft.of(before, "share"):
-            role = "link"
-    for number in numbers:
-        share = draft.text.mentions[number].share
-        draft.roles[number] = role if share is not None and share.possible else "doubt"
+    free = resources.FREE.search(clause.text)
+    if role == "doubt" and (bounded or free) and at:
+        near = draft.clauses[max(0, at - 3) : at]
+        if any("NET" in c.text.split() for c in near) and not any(
+            draft.of(c, "share") for c in near
+        ):
+            role = "free" if free else "link"
+    _bound_share(draft, numbers[0], role)
+
+
+def _several_shares(draft: Draft, clause: Clause, numbers: list[int]) -> None:
+    """ "quality of 85 percent with at most half the link": each by the words around it."""
+    *pieces, rest = clause.text.split("SHARE")
+    pieces[-1] += f" {rest}"
+    roles = [share_role(f"{piece} SHARE") for piece in pieces]
+    if len(roles) != len(numbers) or len(set(roles)) != len(roles) or "doubt" in roles:
+        roles = ["doubt"] * len(numbers)
+    for number, role in zip(numbers, roles, strict=True):
+        _bound_share(draft, number, role)
+
+
+def _bound_share(draft: Draft, number: int, role: Role) -> None:
+    share = draft.text.mentions[number].share
+    draft.roles[number] = role if share is not None and share.possible else "doubt"
 
 
 def _resources(draft: Draft, clause: Clause) -> None:
@@ -119,7 +173,9 @@ def _others(draft: Draft, clause: Clause) -> None:
     for number in clause.mentions:
         mention = draft.text.mentions[number]
         if mention.kind == "policy":
-            draft.roles[number] = "doubt" if negated(clause.text) else "policy"
+            other = "policy" in draft.roles
+            said: Role = "none" if other else "doubt"
+            draft.roles[number] = said if negated(clause.text) else "policy"
         elif mention.kind == "time":
             draft.roles[number] = _time_role(mention, clause.text)
         elif mention.kind == "unknown":

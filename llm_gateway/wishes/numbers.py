@@ -30,7 +30,7 @@ _ONE = {"a", "an", "one", "the", "ein", "eine", "einen", "einem", "einer", "der"
 _PARTS = {
     "half": 2, "halves": 2, "halfs": 2, "haelfte": 2, "halbe": 2, "halben": 2, "halb": 2,
     "halber": 2, "halbes": 2, "third": 3, "thirds": 3, "drittel": 3, "quarter": 4, "quarters": 4,
-    "viertel": 4, "fifth": 5, "fifths": 5, "fuenftel": 5, "tenth": 10, "zehntel": 10,
+    "viertel": 4, "fifth": 5, "fifths": 5, "fuenftel": 5, "tenth": 10, "tenths": 10, "zehntel": 10,
 }  # fmt: skip
 _PERCENT = {"%", "percent", "pct", "prozent", "perc", "percents", "procent"}
 
@@ -67,9 +67,25 @@ def whole(text: str) -> int | None:
 
 def decimal(text: str) -> float | None:
     """The number that digits stand for, with a point or a comma."""
-    if not re.fullmatch(r"\d{1,9}([.,]\d{1,9})?", text):
+    if not re.fullmatch(r"\d{1,9}([.,]\d{1,9})?|\.\d{1,9}", text):
         return None
     return float(text.replace(",", "."))
+
+
+def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
+    """A number in digits or words from word `at` on, and the word behind it: "forty-five"."""
+    text = _text(words, at)
+    value = decimal(text)
+    if value is None and (number := whole(text)) is not None:
+        value = float(number)
+    if value is None:
+        return None
+    end = at + 1
+    dash = 1 if _text(words, end) == "-" else 0
+    ones = whole(_text(words, end + dash))
+    if text in _TENS and ones is not None and ones < 10 and _text(words, end + dash).isalpha():
+        return value + ones, end + dash + 1
+    return value, end
 
 
 def share_at(words: Sequence[Word], at: int) -> Share | None:
@@ -91,16 +107,10 @@ def _minus(words: Sequence[Word], at: int) -> int:
 
 def _percent(words: Sequence[Word], at: int) -> Share | None:
     """ "90 percent", "ninety five per cent", "85%"."""
-    text = words[at].text
-    value = decimal(text)
-    if value is None and (number := whole(text)) is not None:
-        value = float(number)
-    if value is None:
+    found = counted(words, at)
+    if found is None:
         return None
-    end = at + 1
-    ones = whole(_text(words, end))
-    if text in _TENS and ones is not None and ones < 10 and not _text(words, end).isdigit():
-        value, end = value + ones, end + 1
+    value, end = found
     if _text(words, end) == "-":
         end += 1
     if _text(words, end) == "per" and _text(words, end + 1) in {"cent", "cents"}:
@@ -133,7 +143,7 @@ def _fraction(words: Sequence[Word], at: int) -> Share | None:
 def _bare(words: Sequence[Word], at: int) -> Share | None:
     """ "0.8"; whole numbers alone are no part of anything."""
     text = words[at].text
-    if not re.fullmatch(r"[01][.,]\d{1,4}", text):
+    if not re.fullmatch(r"[01]?[.,]\d{1,4}", text):
         return None
     return Share(at, at + 1, _minus(words, at) * (decimal(text) or 0.0))
 

@@ -12,7 +12,12 @@ from functools import lru_cache
 from llm_gateway.wishes.cues.spelling import KNOWN, PATTERNS, SPELLING
 
 _PLAIN = frozenset(
-    """sit sits sitting faellt faellst fallen weitermachen weiter machen arbeiten auskommen u ur ya
+    """darfste sollste ersuchen bitten spot place area part corner stelle ort bereich ecke gegend
+    koennts habts
+    seids wollts
+    sollts yall sir maam love guys bittschoen lassts tuts nehmts fragts lassens nehmens lass'ts
+    grosses isch immer erschte THEN roster rota pool sit sits sitting faellt faellst fallen
+    weitermachen weiter machen arbeiten auskommen u ur ya
     em s m limits limit order bounds reach hands fingers answer answers speak talk join
     contribute respond reply cooperate feel feels well mine ours yours further till til line
     side sight mind planen plane plant machs gehts machts hats ists ma mer net bissl
@@ -69,6 +74,12 @@ _WHY = re.compile(
     r"(?! (?:\w+ ){0,2}(?:while|bit|moment|shift|weile|zeit|schicht|now)\b)(?: [a-z]+){1,4}"
 )
 """Tells a reason, or for what a robot is needed elsewhere."""
+_THING = re.compile(
+    r"^(?:and |und )?(?=([a-z]{4,})(?: [a-z]+){0,2} (?:is|are|gets?|matters?|counts?|goes|go|geht|"
+    r"gehen|ist|sind|haben|hat)\b)|"
+    r"(?:\b(?:bitte|please|the|our|to|at|on|in|near|around|den|die|das|der|dem|"
+    r"im|am|beim|bei|zum|zur|auf|uns\w*) )(?=([a-z]{3,})\b)"
+)
 _BARE = frozenset(
     """ROBOT TIME not no nicht nix nichts kein keine keinen keiner keinesfalls mit with the den der
     die please bitte thanks danke aber doch jedoch bloss blos nur ja but und and auf fall
@@ -84,6 +95,11 @@ def strange(text: str, *, ailing: bool = False) -> bool:
     """
     left = [word for word in _WHY.sub(" ", text).split() if not _known(word)]
     return not (ailing and set(left) <= _DEFECTS) if left else False
+
+
+def unknown_thing(text: str) -> bool:
+    """Whether a clause speaks of something by a word that no list knows: "the helicopters"."""
+    return any(not _known(found[1] or found[2]) for found in _THING.finditer(text))
 
 
 def bare(text: str) -> bool:

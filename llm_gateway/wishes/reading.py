@@ -38,3 +38,8 @@ class Reading:
     verdict: Verdict = "all"
     unclear: tuple[str, ...] = ()
     """Words of the wish that these roles leave out."""
+    suspected: tuple[Role | None, ...] = ()
+    """What is likely meant by words that are not plain, where their role is `doubt`: a second
+    witness may say the same. Empty: nothing."""
+    nobody: bool = False
+    """Whether no robot at all is to be asked."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from llm_gateway.wishes.clauses import Clause
 from llm_gateway.wishes.cues import common, resources, robots
-from llm_gateway.wishes.draft import FILLERS, THERE, Draft
+from llm_gateway.wishes.cues.robots import SUFFICES
+from llm_gateway.wishes.draft import FILLERS, POINTS, THERE, Draft
 from llm_gateway.wishes.plain import strange
 from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.roles import others_role, robot_role, weight_role
@@ -12,6 +13,14 @@ from llm_gateway.wishes.roles import others_role, robot_role, weight_role
 
 def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     """Gives what a clause says of "it" to what was named before it, or right behind."""
+    if robots.REST.match(clause.text) and not _moved(clause.text):
+        draft.handled.add(at)
+        return
+    points = POINTS.match(clause.text) and not clause.mentions
+    weighs = points and weight_role(clause.text) == "high"
+    if weighs and _give(draft, at, "high", "place", "class"):
+        draft.handled.add(at)
+        return
     if (role := others_role(clause.text)) is not None and not draft.of(
         clause, "robot", "share", "network", "compute", "policy"
     ):
@@ -19,24 +28,20 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         if not _give(draft, at, role, "robot"):
             draft.doubt(clause)
         return
-    both = common.BOTH.search(clause.text) and not draft.of(clause, "robot")
+    weighed = draft.of(clause, "place", "class")
+    both = common.BOTH.search(clause.text) and not draft.of(clause, "robot") and not weighed
     if both and (role := robot_role(clause.text, alone=True)) is not None:
         for near in draft.clauses[max(0, at - 4) : at]:
             draft.set([n for n in draft.of(near, "robot") if draft.roles[n] is None], role)
     others = any(draft.text.mentions[n].kind != "time" for n in clause.mentions)
     named = draft.of(clause, "robot", "share", "network", "compute")
-    if not others or (common.PRONOUN.search(clause.text) and not named):
-        role = robot_role(clause.text, alone=True)
-        if (
-            role == "out"
-            and robots.OTHERS.search(clause.text)
-            and not common.PRONOUN.search(clause.text)
-        ):
-            # It is the others who are out.
-            role = "doubt"
+    pointed = common.PRONOUN.search(common.BOTH.sub(" ", clause.text) if weighed else clause.text)
+    if not others or (pointed and not named):
+        role = _pointed_role(draft, clause, pointed=bool(pointed))
         ailing = role == "out"
         sure = role not in ("out", "only") or not strange(clause.text, ailing=ailing)
-        if role is not None and not (sure and _give(draft, at, role, "robot")):
+        told = role == "only" and not sure and "out" in draft.roles
+        if role is not None and not told and not (sure and _give(draft, at, role, "robot")):
             draft.doubt(clause)
     if not draft.of(clause, "place", "class") and not draft.of(clause, "robot", "unknown"):
         weight = weight_role(clause.text)
@@ -57,6 +62,27 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         bare = set(clause.text.split()) <= FILLERS and after.sentence == clause.sentence
         if bare and len(roles) == 1 and not draft.void[at + 1] and weight_role(after.text):
             draft.set(numbers, roles.pop())
+
+
+def _pointed_role(draft: Draft, clause: Clause, *, pointed: bool) -> Role | None:
+    """What a clause says of robots that are named beside it."""
+    role = robot_role(clause.text, alone=True)
+    robotless = not any(m.kind in ("robot", "unknown") for m in draft.text.mentions)
+    weighs = weight_role(clause.text) is not None and not robots.FIRST.search(clause.text)
+    if robotless and (role == "doubt" or weighs):
+        return None
+    if role == "only" and clause.mentions and not pointed and SUFFICES.search(clause.text):
+        return None  # "Until noon is enough": it is the time that suffices.
+    others = robots.OTHERS.search(clause.text) and not common.PRONOUN.search(clause.text)
+    # It is the others who are out.
+    return "doubt" if role == "out" and others else role
+
+
+def _moved(text: str) -> bool:
+    """Whether a clause does something with the robots of which it speaks."""
+    cues = (robots.OUT, robots.UNUSED, robots.IDLE, robots.BACKUP, robots.FIRST, common.NOT)
+    plain = robots.REST.sub(" ", text, count=1)
+    return any(cue.search(plain) for cue in cues)
 
 
 def _give(draft: Draft, at: int, role: Role, *kinds: str) -> bool:

@@ -10,9 +10,14 @@ from llm_gateway.wishes.plain import bare, strange
 from llm_gateway.wishes.reading import Role
 
 _NOBODY_ELSE = re.compile(
-    r"\b(?:ausser|except|besides|apart from|bis auf) ROBOT\b.*"
+    r"\b(?:ausser|except|besides|apart from|bis auf) (?:(?:der|dem|den|die|the) )?ROBOT\b.*"
     r"\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
 )
+_ALL_OUT_BUT = re.compile(
+    r"^(?:please |bitte )?(?:exclude|skip|ignore|drop|leave out|bench|disregard|ignoriert?|"
+    r"schliesst?) ALLBUT (?:\w+ )?ROBOT\b"
+)
+_NO_LONGER = re.compile(r"\b(nicht|nich|ned|net|nid|not|no|nie) (?:mehr|more|any ?more|longer)\b")
 _COMPARED = re.compile(r"\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b")
 _PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
 _NOT_AT_ALL = re.compile(
@@ -37,6 +42,13 @@ SHORT = 4
 """Words of a clause that says one thing only."""
 
 
+def nobody(text: str) -> bool:
+    """Whether a clause wishes that no robot at all is asked."""
+    if "ROBOT" in text or robots.OTHERS.search(text) or re.search(r"[A-Z]{3}BUT|\bUNKNOWN\b", text):
+        return False
+    return bool(robots.NOBODY.search(text)) and not robots.SOMEBODY.search(text)
+
+
 def bounds(text: str) -> str:
     """A clause without "no more than", which negates nothing and takes nothing back."""
     return re.sub(
@@ -57,6 +69,10 @@ def negated(text: str) -> bool:
 
 def robot_role(text: str, *, alone: bool = False) -> Role | None:
     """What a clause says of the robot that it names; `alone`: it names none."""
+    if robots.BUT_NOT.search(text):
+        return "out"
+    if _ALL_OUT_BUT.search(text):
+        return "only"
     if robots.CONTRAST.search(text):
         return "doubt"
     if _turned(text):
@@ -81,7 +97,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         hits.add("only")
     if first:
         hits.add("first")
-    if alone and hits == {"first"} and not unused and not _PREFERS.search(text):
+    if alone and hits == {"first"} and not unused and not _PREFERS.search(plain):
         return None
     if not hits and not alone:
         if robots.JUST.search(text):
@@ -137,6 +153,7 @@ def others_role(text: str) -> Role | None:
 
 def weight_role(text: str) -> Role | None:
     """What a clause says of the place or the class that it names."""
+    text = _NO_LONGER.sub(r"\1", text)
     if _COMPARED.search(text) or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):
         return "doubt"
     low = bool(weights.LOW.search(text))
@@ -159,16 +176,19 @@ def share_role(text: str) -> Role:
     network = "NET" in words
     least, most = resources.AT_LEAST.search(text), resources.AT_MOST.search(text)
     falls = re.search(r"\b(?:below|under|unter)\b", text) and not re.search(
-        r"\b(?:not?|never|nie|nicht|dont|doesnt|mustnt|cant|cannot|shouldnt|ned)\b", text
+        r"\b(?:not?|nothing|nichts|never|nie|nicht|dont|doesnt|mustnt|cant|cannot|shouldnt|ned)\b",
+        text,
     )
     if words & lexicon.BATTERY:
         return "none"
     if quality and not network:
         return "doubt" if (most and not least) or falls else "quality"
     if network and not quality:
+        if resources.FREE.search(text):
+            return "doubt" if most and not least else "free"
         if least and not re.search(r"\b(?:under|unter|below|ueber|above|or less)\b", text):
             return "doubt"
-        return "free" if resources.FREE.search(text) else "link"
-    if not network and least and not most and not falls:
+        return "link"
+    if not network and least and not most and not falls and not resources.FREE.search(text):
         return "quality"
     return "doubt"

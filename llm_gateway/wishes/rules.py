@@ -12,6 +12,7 @@ from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.named import read_named
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 from llm_gateway.wishes.referred import read_referred
+from llm_gateway.wishes.roles import nobody
 from llm_gateway.wishes.voids import foreign, tells
 
 
@@ -22,12 +23,15 @@ def read(text: Text) -> Reading:
         return Reading(nothing, "nothing", (text.wish.strip(),))
     draft = Draft.of_text(text)
     for at, clause in enumerate(draft.clauses):
+        if not draft.void[at] and nobody(clause.text):
+            draft.nobody = True
+            draft.handled.add(at)
         if not draft.void[at]:
             read_named(draft, at, clause)
         elif not tells(draft.clauses, clause) and (clause.mentions or STRONG.search(clause.text)):
             draft.doubt(clause)
     for at, clause in enumerate(draft.clauses):
-        if not draft.void[at]:
+        if not draft.void[at] and at not in draft.handled:
             read_referred(draft, at, clause)
             doubt_leftover(draft, clause)
     _repeat(draft)
@@ -35,11 +39,16 @@ def read(text: Text) -> Reading:
         if tells(draft.clauses, clause):
             doubt_told(draft, clause)
     roles = tuple[Role, ...](role or "none" for role in draft.roles)
-    wished = any(role not in ("none", "doubt", "when") for role in roles)
+    if draft.nobody and any(m.kind == "robot" for m in text.mentions):
+        # Who is named beside it may be an exception.
+        draft.nobody = False
+        draft.unclear.append(text.wish.strip())
+    wished = draft.nobody or any(role not in ("none", "doubt", "when") for role in roles)
     verdict: Verdict = "all" if wished else "nothing"
     if wished and (draft.unclear or "doubt" in roles):
         verdict = "part"
-    return Reading(roles, verdict, tuple(dict.fromkeys(draft.unclear)))
+    suspected = tuple(draft.suspected.get(n) for n in range(len(roles)))
+    return Reading(roles, verdict, tuple(dict.fromkeys(draft.unclear)), suspected, draft.nobody)
 
 
 def _repeat(draft: Draft) -> None:

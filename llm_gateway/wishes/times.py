@@ -11,10 +11,12 @@ from datetime import datetime, timedelta
 
 from llm_gateway.wishes import clock, doubts
 from llm_gateway.wishes.moments import resolve
-from llm_gateway.wishes.numbers import decimal, whole
+from llm_gateway.wishes.numbers import counted, whole
 from llm_gateway.wishes.words import Word
 
-_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through"}
+_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "upto", "ends",
+          "ending",
+          "endet"}  # fmt: skip
 _FROM = {"from", "starting", "beginning", "ab", "von", "as", "effective", "starts"}
 _SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergangenen"}
 """Before a length of time they say that it is over."""
@@ -22,6 +24,11 @@ _LATE = {"tonight", "night", "nacht", "evening", "abend", "abends"}
 """Once begun, they go on."""
 _REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per"}
 """Before it they say neither that it lasts so long nor from when on."""
+_WHO = {"crew", "shift", "team", "staff", "desk", "supervisor", "manager", "lead", "porter", "duty",
+        "schicht", "schichtleitung", "dienst", "mannschaft"}  # fmt: skip
+"""Beside a part of the day they tell who speaks, or of whom."""
+_EXACT = {"noon", "midday", "midnight", "mittag", "mitternacht"}
+_SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
 _TO = {"to", "until", "till", "til", "bis", "-", "–"}
 _UNITS = {
     "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
@@ -35,10 +42,15 @@ _OPEN = (
     ("until", "further", "notice"), ("bis", "auf", "weiteres"), ("from", "now", "on"),
     ("ab", "sofort"), ("ab", "jetzt"), ("for", "now"), ("right", "now"), ("effective",
     "immediately"),
-    ("as", "of", "now"), ("von", "jetzt", "an"), ("for", "the", "moment"), ("at", "the", "moment"),
+    ("as", "of", "now"), ("von", "jetzt", "an"), ("until", "i", "say", "otherwise"), ("till", "i",
+    "say", "otherwise"),
+    ("until", "i", "say", "so"), ("bis", "ich", "mich", "wieder", "melde"),
+    ("bis", "ich", "mich", "melde"), ("bis", "ich", "was", "anderes", "sage"),
+    ("for", "the", "moment"), ("at", "the", "moment"),
 )  # fmt: skip
 """Say nothing about a time."""
-_ONES = {"a", "an", "one", "ein", "eine", "einen", "einer", "einem", "the", "die", "der", "next",
+_ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", "einem", "the",
+         "die", "der", "next",
          "naechste", "naechsten", "naechster"}  # fmt: skip
 
 
@@ -70,6 +82,8 @@ def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
         or _from(words, at, now)
         or _until(words, at, now)
         or _lasting(words, at, now)
+        or _bare_span(words, at, now)
+        or _opening(words, at, now)
         or _loose(words, at, now)
     )
 
@@ -86,7 +100,11 @@ def _span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When 
     two = clock.point_at(words, one[1] + 1)
     if two is None:
         return None
-    return _ranged(first, two[1], _shared(one[0], two[0]), _shared(two[0], one[0]), now)
+    start, end = one[0], two[0]
+    overnight = start.exact and end.exact and (start.hour or 0) > (end.hour or 0)
+    if not (overnight or clock.names_day(words, one[1] + 1)):
+        start = _shared(start, end)
+    return _ranged(first, two[1], start, _shared(end, one[0]), now)
 
 
 def _ranged(first: int, last: int, begin: clock.Point, end: clock.Point, now: datetime) -> When:
@@ -188,9 +206,21 @@ def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
 
 
 def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    if _text(words, at) == "up" and _text(words, at + 1) == "to":
+        point = clock.point_at(words, at + 2)
+        if point is not None and _timed(words, at + 2, point):
+            return _ending(at, point[1], point[0], now)
     if _text(words, at) not in _UNTIL:
         return None
     point = clock.point_at(words, at + 1)
+    for here in range(at + 3, min(at + 5, len(words))):
+        # "until we close at ten".
+        if (
+            point is None
+            and _text(words, at + 1) in _SOMEBODY
+            and _text(words, here) in {"at", "um"}
+        ):
+            point = clock.point_at(words, here + 1)
     if point is None:
         return None
     return _ending(at, point[1], point[0], now)
@@ -199,17 +229,23 @@ def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
 def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """ "for three hours", "die nächsten 20 Minuten", "drei Stunden lang", "one hour"."""
     here = at
-    while _text(words, here) in {"for", "during", "fuer", "another", "about", "so", "the", "die",
+    while _text(words, here) in {"for", "coming", "kommenden", "kommende", "during", "fuer",
+    "another", "about", "so", "the", "die",
                                  "naechsten", "naechste", "next", "noch", "waehrend", "der",
                                  "circa", "ca", "etwa", "within", "dauer",
                                  "von", "duration", "of"}:  # fmt: skip
         here += 1
     long = _length(words, here)
-    next_one = _text(words, here - 1) in {"next", "naechste", "naechsten"} and here > at
+    next_one = (
+        _text(words, here - 1) in {"next", "naechste", "naechsten", "coming", "kommende"}
+        and here > at
+    )
     if long is None and next_one and _text(words, here) in _UNITS:
         long = timedelta(seconds=_UNITS[_text(words, here)]), here + 1
     if long is None:
         return None
+    if next_one and [word.text for word in words[long[1] : long[1] + 3]] == ["and", "a", "half"]:
+        long = long[0] * 1.5, long[1] + 3
     last = long[1] + (1 if _text(words, long[1]) in {"lang", "long"} else 0)
     if _text(words, last) in {"ago", "earlier"} or _text(words, at - 1) in _SINCE | _REPEATED:
         past = _text(words, at - 1) not in _REPEATED
@@ -218,10 +254,46 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
     return When(at, last, lasts=long[0])
 
 
+def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "22:00 bis 04:00", "7 am to noon": one end at least is plainly a clock's."""
+    one = clock.point_at(words, at)
+    if one is None or _text(words, one[1]) not in _TO or _text(words, at) in {"since", "seit"}:
+        return None
+    two = clock.point_at(words, one[1] + 1)
+    if two is None or not (_timed(words, at, one) or _timed(words, one[1] + 1, two)):
+        return None
+    if any(point.hour is None and point.part not in _EXACT for point in (one[0], two[0])):
+        return None
+    return _span(words, at, at, now)
+
+
+def _timed(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> bool:
+    """Whether words say that a number, or a part of the day, is an hour."""
+    said = [word.text for word in words[at : point[1]]]
+    marked = {"uhr", "oclock", "am", "pm", "hrs"} & {*said}
+    return bool(marked or point[0].half) or any(":" in text or text in _EXACT for text in said)
+
+
+def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "at midnight and keep it until six", "at 10:30 for two hours": it begins then."""
+    if _text(words, at) not in {"at", "um"}:
+        return None
+    point = clock.point_at(words, at + 1)
+    if point is None or (point[0].hour is None and point[0].part not in _EXACT):
+        return None
+    here = point[1]
+    while _text(words, here) in {"and", "und", ",", "keep", "it", "that", "them", "go", "then"}:
+        here += 1
+    lasts = _text(words, here) in {"for", "fuer"} and _lasting(words, here, now)
+    return _starting(at, point[1], point[0], now) if lasts or _until(words, here, now) else None
+
+
 def _loose(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """A time that stands alone says neither beginning nor end: "today", "at five", "um 17 Uhr"."""
     text = _text(words, at)
     if _text(words, at - 1) in {"good", "guten", "gute", "schoenen", "happy"}:
+        return None
+    if text in clock.PARTS and {_text(words, at - 1), _text(words, at + 1)} & _WHO:
         return None
     begin = at + 1 if text in {"at", "um", "am", "on", "by", "this", "gegen", "after", "nach",
                                "before", "vor"} else at  # fmt: skip
@@ -260,14 +332,12 @@ def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
         if found and [word.text for word in words[found[1] : found[1] + 3]] == ["and", "a", "half"]:
             return found[0] * 1.5, found[1] + 3
         return found
-    amount = decimal(text)
-    if amount is None and (spoken := whole(text)) is not None:
-        amount = float(spoken)
-    if amount is None:
+    said = counted(words, at)
+    if said is None:
         return None
-    if [word.text for word in words[at + 1 : at + 4]] == ["and", "a", "half"]:
-        return _times(amount + 0.5, words, at + 4)
-    end = at + 1
+    amount, end = said
+    if [word.text for word in words[end : end + 3]] == ["and", "a", "half"]:
+        return _times(amount + 0.5, words, end + 3)
     if _text(words, end) == "-":
         end += 1
     if _text(words, end) == "ganze":

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from llm_gateway.wishes.clauses import Clause
-from llm_gateway.wishes.cues import speech
+from llm_gateway.wishes.cues import robots, speech
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.roles import bounds
 
@@ -26,7 +26,7 @@ _SPEAKER = re.compile(
     r"\bROBOT (?:speaking|speaks|calling|spricht|am apparat|reporting|wants|requests?|asks|orders|"
     r"commands|suggests|recommends|insists|begs|confirms|writes|sends|informs|thinks|believes|"
     r"complains|moechte|bittet|fordert|empfiehlt|schlaegt vor|besteht|funkt|schickt|bestaetigt|"
-    r"teilt|meint|glaubt|befiehlt|here [,.:!;]|hier [,.:!;]|over [,.:!;])|"
+    r"teilt|meint|glaubt|befiehlt|meldet|reports?|here [,.:!;]|hier [,.:!;]|over [,.:!;])|"
     r"^(?:from |von )?ROBOT : (?:(?:the|der|die|robot|roboter) )*"
     r"(?:ROBOT|i|im|we|my|ich|wir|mein)\b"
 )
@@ -92,8 +92,11 @@ def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
         return True
     if speech.CONDITION.search(speech.NO_CONDITION.sub("", clause.text)):
         return not ("reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text))
-    named = any(text.mentions[n].kind != "time" for n in clause.mentions)
-    return bool(speech.AGAIN.search(bounds(clause.text))) and (named or not clause.mentions)
+    kinds = {text.mentions[n].kind for n in clause.mentions}
+    taken = speech.AGAIN.search(bounds(clause.text))
+    if taken and taken[0] in ("again", "wieder") and not robots.UNUSED.search(clause.text):
+        return False  # "is broken again".
+    return bool(taken) and (not kinds or "robot" in kinds)
 
 
 def _reaches(text: str) -> bool:

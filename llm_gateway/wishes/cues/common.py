@@ -11,6 +11,7 @@ def any_of(*patterns: str) -> re.Pattern[str]:
 
 
 NOT = any_of(
+    "weder", "noed", "nid", "aint",
     "havent", "hasnt", "hardly", "neva", "niemals mehr", "nimmer", "net", "nich", "nee", "nope",
     "nimma", "keinerlei", "keines", "keinesfalls", "auf gar keinen fall",
     "under no circumstances", "not at all", "in no case", "unter keinen umstaenden",
@@ -20,6 +21,10 @@ NOT = any_of(
     "nichts", "nix", "auf keinen fall", "didnt", "need ?nt",
 )  # fmt: skip
 PRONOUN = any_of(
+    "em", "(?:den|die) (?:also|bitte|mal|lasst|duerft|sollt|koennt|nicht|nich|ned|net|nid)",
+    "the pair of them",
+    "lasst? (?:den|die|das|sie)", "lassen sie (?:ihn|den|die|sie)", "those two", "those three",
+    "these three", "die zwei", "die zwoa", "die drei", "alle drei", "the three", "the lot",
     "both", "the pair", "the two", "beide", "beiden", "her", "that one", "diesen", "it", "them",
     "him", "they", "ihn", "ihm", "these", "those", "this one",
 )  # fmt: skip

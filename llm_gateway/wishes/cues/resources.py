@@ -12,20 +12,25 @@ AT_LEAST = any_of(
     "go under",
     "below", "under", "floor", "better than", "mindestens", "wenigstens", "minimum", "nicht unter",
     "zumindest", "ueber", "oder mehr", "oder besser", "nicht weniger", "nie unter", "unter",
-    "not sink below", "not get below", "not less", "least",
+    "not sink below", "not get below", "not less", "least", "mind", "nothing under",
+    "nothing below",
 )  # fmt: skip
 AT_MOST = any_of(
     "at most", "no more than", "not more than", "more than", "maximum", "max", "up to", "cap",
     "limit", "at maximum", "hoechstens", "maximal", "nicht mehr", "mehr als", "bis zu",
     r"beschraenk\w*",
-    r"begrenz\w*", "ceiling", "not exceed", "exceed", "ueberschreiten", "not above",
+    r"begrenz\w*", "ceiling", "not exceed", "exceed", "exceeding", "ueberschreiten", "not above",
+    "not over",
+    "stay below", "stay under", "keep below", "keep under", "tops", "hoechst",
 )  # fmt: skip
 FREE = any_of("free", "reserve", "reserved", "frei", "freihalten", r"reservier\w*", "freilassen",
-            "leave", "others", "andere", "anderen", "unused", "untouched", "spare")  # fmt: skip
+            "leave", "others", "andere", "anderen", "unused", "untouched", "spare",
+            "clear")  # fmt: skip
 """The part is that which is kept for others."""
 SAVE = any_of(
     "ease", "eases", "easing", "ease off", "ease up", "load off", "strain off", "pressure off",
-    "weight off", "off the", "back off", "dial down", "dial back", "scale back", "cut back",
+    "weight off", r"(?<!dropping )(?<!drop )off the", "back off", "dial down", "dial back",
+    "scale back", "cut back",
     "cut down", "hold back", "tone down", "turn down", "rein in", r"trim\w*", r"shrink\w*",
     r"restrain\w*", "restraint", r"modest\w*", r"moderate\w*", r"sparse\w*", "precious",
     "as little", "not so much", "not too much", "too much",

@@ -7,6 +7,11 @@ import re
 from llm_gateway.wishes.cues.common import any_of
 
 OUT = any_of(
+    "spared", "verschont", r"keep ROBOT free", r"halt\w* ROBOT frei", r"please leave$", "a miss",
+    "out of the pool", "outta the pool", "outta", "off limits",
+    "off the table",
+    "task", "off the roster", "off the rota", "ausplanen", "ausgeplant", "aus dem rennen",
+    "in ruh", "lass stecken", "aus dem spiel",
     r"ground\w*", "park", "parked", "parking", r"sideline\w*", r"shelve\w*", "sleep", "sleeps",
     "sleeping", "stand down", "stands down", "stand by", r"ditch\w*", "axe", r"unplug\w*",
     r"retire\w*", r"quarantine\w*", r"blacklist\w*", r"suspend\w*", r"withdraw\w*", "day off",
@@ -48,7 +53,9 @@ OUT = any_of(
     "rausnehmen", "auszulassen", "lahmlegen", "stilllegen", "beiseite", "fern", "ruhen",
 )  # fmt: skip
 UNUSED = any_of(
-    "plan on", "schedule", "scheduled", "assign", "deploy", "pick", "choose", "select", "rely on",
+    r"heranzu\w*", "anfunken", "angefunkt", "anpingen", "ping", "plan on", "schedule", "scheduled",
+    "assign", "deploy", "pick", "choose",
+    "select", "rely on",
     "einplanen", "eingeplant", "verplanen", r"beruecksichtig\w*", "einbinden", "eingebunden",
     "ansprechen", "angesprochen", r"heranzieh\w*", "herangezogen", r"hinzuzieh\w*", "zuziehen",
     r"beizieh\w*", r"auswaehl\w*", "waehlen", "waehl", "zaehlen auf", "verlassen", "bauen",
@@ -126,20 +133,67 @@ OVER_OTHERS = re.compile(
 CONTRAST = re.compile(
     r"\b(?:not|nicht) (?:the )?ROBOT (?:but|sondern)\b|\bsondern\b|\binstead of\b"
 )
+RATHER = re.compile(
+    r"\b(?:lieber|rather|prefer\w*|eher|sooner|bevorzug\w*)\b.*\bROBOT\b.*"
+    r"\b(?:als|than|over|statt) (?:(?:the|den|die|der|das) )?ROBOT\b|"
+    r"\bROBOT (?:rather than|lieber als|eher als) (?:(?:the|den|die|der|das) )?ROBOT\b"
+)
+"""The first of two is preferred to the second."""
+NEXT = re.compile(
+    r"(?:then |and |dann )?ROBOT (?:second|next|third|after that|als zweite[rs]|danach)"
+)
+"""Goes on with a list of preferences."""
+BUT_NOT = re.compile(
+    r"^(?:\w+ ){0,3}\b(?:nur|just|only|bloss|blos) (?:bitte |please )?(?:not|nicht|net|ned|nich) "
+    r"(?:(?:the|der|die|das|den) )?ROBOT$|^(?:just |only |nur |bloss )(?:(?:the|der|die|"
+    r"den) )?ROBOT "
+    r"(?:not|nicht|net|ned|nich)$"
+)
+"""An exception from all: "just not R3"."""
 OTHERS = any_of(
     r"(?:every|any) ?(?:one|body|thing|robot) else",
     r"(?:all |alle )?(?:the |die |den |der )?(?:rest|others?|other (?:ones|robots|bots)|remaining"
-    r"(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?", "alle andern",
+    r"(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?",
+    "alle andern", "(?<! )rest(?= as| if| when| only)",
 )  # fmt: skip
 """All robots but those that are named beside them."""
+REST = re.compile(r"(?:then |and |dann |und )?(?:(?:the|der|die|den) )?(?:rest|others|anderen)\b")
+"""Begins to speak of the others."""
 BACKUP = any_of(
     r"back ?ups?", "reserve", "fallback", "second", "secondary", "if needed", "if necessary",
-    "as needed", "when needed", "notfalls", "im notfall", "zur not", "ersatz", "danach",
+    "as needed", "as required", "when needed", "notfalls", "im notfall", "zur not", "ersatz",
+    "danach",
     "afterwards", "later", "spaeter", "zweite wahl", "second choice", "hinten an", "hintenan",
     "erst danach", "nachrangig", "last", "zuletzt", "in reserve", "in an emergency", "as a spare",
     "bei bedarf", "nachher", "erst dann", "next", "after that",
 )  # fmt: skip
 """Said of the others: who is named comes first."""
+_ASK = r"(?:ask|us(?:e|ing)|query|poll|call|contact|tak(?:e|ing)|involve|include|consult|task)\w*"
+_FRAG = (r"(?:(?:an|ab|be)?(?:ge)?frag|(?:be)?nutz|verwend|einsetz|eingesetzt|genommen|nehm|nimm|"
+         r"heranzieh|herangezogen|kontaktier|einbezieh|einbezogen|einplan|"
+         r"eingeplant)\w*")  # fmt: skip
+_NONE = (r"(?:no ?one|nobody|none(?: of (?:them|the \w+))?|(?:no|not a|not one)(?: single)?"
+         r" (?:robots?|bots?|units?|machines?))")  # fmt: skip
+_KEINEN = (r"(?:keine[nrm]?|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|von ihnen|"
+           r"roboter\w*|mehr))*")  # fmt: skip
+SUFFICES = any_of("reicht", "reichen", "genuegt", "genuegen", "is enough", "are enough", "suffices",
+                  "suffice", "will do")  # fmt: skip
+NOBODY = any_of(
+    r"(?:stop|quit|no) (?:ask|us|query|poll)ing (?:anyone|anybody|everyone|everybody|any \w+|all)",
+    rf"(?:dont|do not|never|mustnt|must not|shouldnt|should not|without)(?: \w+){{0,2}} {_ASK}"
+    r"(?: \w+)? any(?: (?:single|of (?:them|the|our|these|those)|robots?|bots?|units?))+",
+    rf"(?:dont|do not|never) (?:\w+ )?{_ASK} (?:anyone|anybody)",
+    rf"{_ASK} {_NONE}", rf"(?:requests?|questions|quer(?:y|ies)) (?:to|from|for) {_NONE}",
+    r"no (?:requests?|questions|queries) (?:to|for) any\w*(?: robots?| bots?| of them)?",
+    rf"{_NONE} (?:is to|are to|is|are|may|shall|should|must|gets?|to) (?:be )?{_ASK}",
+    rf"{_FRAG}(?: (?:bitte|jetzt|mir|ihr))* {_KEINEN}",
+    rf"{_KEINEN}(?: \w+){{0,3}} (?:zu )?{_FRAG}",
+)  # fmt: skip
+"""No robot at all is to be asked."""
+SOMEBODY = any_of("else", "but", "except", "besides", "other than", "apart", "sonst", "ausser",
+                  r"ander\w+", "bis auf", "als", "more than", "mehr als", "PLACE",
+                  "CLASS")  # fmt: skip
+"""Beside NOBODY they say that somebody is, or that it is said of a place only."""
 IDLE = any_of(
     "hands off", "stay put", "stay out", "stand by", "stand down", "idle", "quiet", "silent",
     "keep quiet", "wait", "sleep", "rest", "warten", "schlafen", "still", "sit out", "keep out",

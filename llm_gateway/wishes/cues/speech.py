@@ -8,10 +8,11 @@ from llm_gateway.wishes.cues.common import any_of
 
 QUESTION = re.compile(
     r"^(?:what(?! (?:matters|counts|is important|i (?:want|need)))|which|who|whom|whose|why|how|"
-    r"when|where|is|are|am i|does|did|has|have|should|shall|"
+    r"when|where|is|are|am i|does|did|has|have (?:you|we|they|i|any|all|the)|should|shall|"
     r"was|"
     r"were (?:you|they|there|those|these|ROBOT)|"
-    r"do (?:you|we|i|they)|can (?:i|we|r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
+    r"do (?:you|we|i|they)|can (?:i|we)(?! (?:have|get|please|just))|can (?:r|ROBOT)|"
+    r"could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
     r"wie|was(?! (?:zaehlt|wichtig))|warum|wer|wen|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|"
     r"sollen|sollte|ist|sind|"
     r"wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|koennen wir|bist|weisst)\b"
@@ -25,7 +26,10 @@ CONDITION = re.compile(
     r"\b(?:if|unless|falls|sobald|as soon as|wenn|in case|sofern|when|whenever|once)\b"
 )
 NO_CONDITION = re.compile(
-    r"\b(?:if (?:possible|you can|you could|you please|need be|you dont mind|you would|at all)|"
+    r"\b(?:whenever (?:youve|you have|there is|theres) (?:a |the )?choice|"
+    r"if (?:it makes no difference|you possibly can|its no trouble|that works|that helps)|"
+    r"if (?:possible|"
+    r"you can|you could|you please|need be|you dont mind|you would|at all)|"
     r"when(?:ever)? you can|(?:would|waere|wuerde) (?:\w+ ){0,3}(?:if|wenn)|wenn (?:moeglich|"
     r"es geht|ihr|du|geht|moeglich|ROBOT mitmach\w*)|"
     r"if you like|when possible)\b"
@@ -51,8 +55,9 @@ AGAIN = any_of("again", "back", "wieder", "undo", "cancel",
              "revert", "zurueck", "return")  # fmt: skip
 """Takes back rather than wishes."""
 FOREIGN = re.compile(
-    r"[\"“”„«»{}<>`|\\=]{1}(?!\s*(?:ROBOT|TIME|SHARE))|\b(?:system|assistant|user) ?:|\b(?:"
-    r"says?|said|sagt|sagte|reports?|meldet|nachricht|message|reads|steht|repeat|translate|"
+    r"[\"“”„«»{}<>`|\\]{1}(?!\s*(?:ROBOT|TIME|SHARE))|\b(?:system|assistant|user) ?:|\b(?:"
+    r"(?<!i )say|says|said(?! again)|sagt|sagte|nachricht|message|reads|(?:hier|da|dort) steht|"
+    r"steht :|repeat (?:after|this|the|what|your|everything|all)|translate|"
     r"uebersetz\w*|instructions?|instruktion\w*|prompt|anweisung\w*|you are (?:now|a|an)|du bist|"
     r"ab jetzt bist|pretend|role ?play|maintenance mode|your rules|all rules|deine regeln|"
     r"alle regeln|"

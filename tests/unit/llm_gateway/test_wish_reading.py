@@ -67,6 +67,27 @@ def test_the_wish_of_the_manual() -> None:
         ("R3's battery is at 20 percent, leave it alone", "exclude", ("R3",)),
         ("R4 ist kaputt, bitte nicht verwenden", "exclude", ("R4",)),
         ("nobody but R1", "only", ("R1",)),
+        ("exclude everyone but R3", "only", ("R3",)),
+        ("R1 first, R2 second, then the rest", "prefer", ("R1", "R2")),
+        ("lieber R2 fragen als R4", "prefer", ("R2",)),
+        ("jeder darf, nur net der R3", "exclude", ("R3",)),
+        ("boxes less people more", "classes", {"box": "low", "person": "high"}),
+        (
+            "die Stapler sind nicht so wichtig, die Leute dafür umso mehr",
+            "classes",
+            {"forklift": "low", "person": "high"},
+        ),
+        (
+            "docks down, crossing up",
+            "focus",
+            ({"place": "docks", "weight": "low"}, {"place": "crossing", "weight": "high"}),
+        ),
+        ("quality at .75 or better", "q_min", 0.75),
+        ("at least ninety-five percent quality", "q_min", 0.95),
+        ("lasst mindestens die Hälfte vom Netz frei", "link_share", 0.5),
+        ("static-late bitte", "policy", "static-late"),
+        ("let the language model decide", "policy", "llm"),
+        ("Zufallsauswahl, wir wollen vergleichen", "policy", "random"),
         ("nur R1 bis R3", "only", ("R1", "R2", "R3")),
         ("robots 2 and 5 first", "prefer", ("R2", "R5")),
         ("boxes don't matter, forklifts do", "classes", {"box": "low", "forklift": "high"}),
@@ -131,11 +152,55 @@ def test_a_model_sees_marks_and_answers_in_words() -> None:
     assert [message.role for message in other.asked[0].messages] == ["system", "user"]
 
 
-@pytest.mark.parametrize("role", ["only", "first"])
+@pytest.mark.parametrize("role", ["only", "first", "out"])
 def test_a_model_alone_makes_nothing_hard(role: str) -> None:
-    intent = understand("leave R3 alone", SITE, NOW, Said(role, "all"))
-    assert intent.is_empty()
+    intent = understand("R3 on its way, save bandwidth", SITE, NOW, Said(role, "save", "all"))
+    assert (intent.exclude, intent.only, intent.prefer) == ((), None, ())
     assert intent.unclear == ("R3",)
+
+
+@pytest.mark.parametrize("role", ["only", "first", "none"])
+def test_what_words_say_plainly_stands_beside_a_model_that_differs(role: str) -> None:
+    assert wished("leave R3 alone", Said(role, "all")) == {"exclude": ("R3",)}
+
+
+def test_a_model_may_confirm_what_words_only_suggest() -> None:
+    wish = "leave R3 alone whilst flummoxed"
+    assert wished(wish)["unclear"] == ("R3",)
+    assert wished(wish, Said("out", "all")) == {"exclude": ("R3",)}
+    assert wished(wish, Said("only", "all"))["unclear"] == ("R3",)
+    assert wished(wish, Said("none", "nothing"))["unclear"]
+
+
+def test_two_parts_are_each_read_by_the_words_around_them() -> None:
+    wish = "minimum quality 85 percent with bandwidth not exceeding 50 percent"
+    assert wished(wish) == {"q_min": 0.85, "link_share": 0.5}
+
+
+@pytest.mark.parametrize(
+    "wish",
+    ["do not ask any of the robots", "ask no robot at all", "Frag keinen. Wirklich keinen.",
+     "no requests to any robot please", "bitte keinen einzigen Roboter anfragen",
+     "stop asking anyone until I say otherwise"],
+)  # fmt: skip
+def test_nobody_at_all_may_be_asked(wish: str) -> None:
+    intent = understand(wish, SITE, NOW, None)
+    assert (intent.only, intent.exclude, intent.unclear) == ((), (), ())
+
+
+@pytest.mark.parametrize(
+    "wish",
+    ["ask nobody else", "frag keinen außer R3", "do not ask any robot but R3",
+     "ask no more than R3", "do not ask any robot at the docks", "should I ask no robot?",
+     "R3 says ask no robot"],
+)  # fmt: skip
+def test_nobody_at_all_is_meant_only_where_it_is_said(wish: str) -> None:
+    assert understand(wish, SITE, NOW, None).only != ()
+
+
+def test_a_part_of_the_link_is_no_wish_to_save_it() -> None:
+    wish = "the scanners share this network. Leave at least 60 percent of it for them"
+    assert wished(wish, Said("save", "quality", "all")) == {"link_share": 0.4}
 
 
 def test_nor_do_words_alone_against_the_model() -> None:
@@ -154,8 +219,8 @@ def test_a_model_weighs_what_no_cue_weighs_beside_a_plain_wish() -> None:
 
 
 def test_a_model_that_sees_no_wish_makes_the_swarm_ask() -> None:
-    found = wished("watch the docks", Said("high", "nothing"))
-    assert found["unclear"] == ("watch the docks",)
+    said = "the docks, you know"
+    assert wished(said, Said("high", "nothing")) == {"unclear": (said, "docks")}
 
 
 @pytest.mark.parametrize(
