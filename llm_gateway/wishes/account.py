@@ -50,13 +50,17 @@ def _unread(text: Text) -> list[str]:
     after something else."""
     inside = {at for m in text.mentions for at in range(m.first, m.last)}
     timed = any(m.when is not None and (m.when.until or m.when.lasts) for m in text.mentions)
+    ranged = any(m.when is not None and m.when.start and m.when.until for m in text.mentions)
     found = []
     for at, word in enumerate(text.words):
         if at in inside:
             continue
         if word.text in {"hours", "days", "weeks"} and text.words[max(at - 1, 0)].text == "for":
             continue  # "at it for hours" tells no time.
-        if word.text in {"then", "dann"} and _refers(text, at):
+        if word.text in {"then", "dann"} and (ranged or _refers(text, at)):
+            continue
+        last = text.words[max(at - 1, 0)].text in {"last", "past", "letzte", "letzter", "letzten"}
+        if word.text in {"week", "month", "woche", "monat"} and last:
             continue
         glued = at + 1 < len(text.words) and text.words[at + 1].start == word.end
         if word.text.isdigit() and glued and text.words[at + 1].text.isalpha():

@@ -139,10 +139,9 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     if word == "so":
         following = text.words[at + 1].text if at + 1 < len(text.words) else ""
         measured = {"much", "many", "far", "long", "viel", "viele", "wenig", "lange", "oft", "gut"}
-        return (
-            pieces[-1:] in (["not"], ["nicht"], ["dont"], ["ned"], ["net"], ["nich"], ["nid"])
-            or following in measured
-        )
+        no = {"not", "nicht", "dont", "ned", "net", "nich", "nid"}
+        behind = pieces[-2:] if pieces[-1:] == ["mehr"] else pieces[-1:]
+        return bool(no & {*behind}) or following in measured
     if word == "since":
         return any(mention.first <= at < mention.last for mention in text.mentions)
     return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}

@@ -246,20 +246,23 @@ class Finder:
 
     def _policy(self, at: int) -> Mention | None:
         near = {self._text(n) for n in range(at - 5, at + 6)}
-        beside = {self._text(at - 1), self._text(at + 1)}
-        known = lexicon.PLAIN_POLICIES
-        if near & lexicon.POLICY_WORDS or beside & lexicon.TAKE:
-            known = known | lexicon.POLICIES
+        taken = {self._text(n) for n in range(at - 3, at + 4)} & lexicon.TAKE
+        known = (*lexicon.PLAIN_POLICIES.items(), *lexicon.POLICIES.items())
         hits = {
-            end: policy
-            for policy, names in known.items()
+            end: (policy, name)
+            for policy, names in known
             for name in names
             if (end := self._named(name.split(), at, also=False)) is not None
         }
         if not hits or self._text(max(hits)) in {"of", "at", "in", "on", "near"}:
             # "better coverage of the docks" names no policy.
             return None
-        return Mention("policy", at, max(hits), (hits[max(hits)],))
+        policy, name = hits[max(hits)]
+        plain = name in lexicon.PLAIN_POLICIES.get(policy, ())
+        if plain or taken or near & lexicon.POLICY_WORDS:
+            return Mention("policy", at, max(hits), (policy,))
+        # "Coverage" is a plain word, too; what is meant by the others has to be asked.
+        return None if policy == "coverage" else Mention("unknown", at, max(hits))
 
     def _stranger(self, at: int) -> Mention | None:
         """A name as the site's, of something that it does not have: R9, aisle 9."""

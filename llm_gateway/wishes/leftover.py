@@ -17,7 +17,7 @@ _ARTICLE = re.compile(
 _ACTS = re.compile(
     r"^(?:\w+ ){0,2}(?:turn|bump|dial|weigh|leave|skip|ignore|exclude|lass\w*|ask|use|fragt?|"
     r"nimm|nehmt|"
-    r"gewicht\w*|spart? aus)\b|\b(?:up|down|high|low|hoch|runter)$"
+    r"gewicht\w*|spart? aus)\b|(?<!- )\b(?:up|down|high|low|hoch|runter)$"
 )
 """Does something to what it names."""
 _CLOSING = re.compile(r"(?:gruess\w*|regards|cheers|lg|mfg|vg)$")
@@ -74,7 +74,7 @@ def _bound(draft: Draft, clause: Clause) -> bool:
     """Whether what a clause says went to something beside it."""
     at = draft.clauses.index(clause)
     role = weight_role(clause.text) or robot_role(clause.text, alone=True)
-    near = draft.clauses[max(0, at - 1) : at + 2]
+    near = draft.clauses[max(0, at - 2) : at + 2]
     return any(draft.roles[n] == role for c in near for n in draft.of(c, "place", "class", "robot"))
 
 

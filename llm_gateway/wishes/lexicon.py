@@ -56,6 +56,10 @@ CLASSES = {
     "dolly": "dolly dollies rollwagen",
     "door": "door doors tuer tueren",
     "drone": "drone drones drohne drohnen",
+    "bale": "bale bales ballen",
+    "keg": "keg kegs fass faesser faessern",
+    "book cart": "buecherwagen buecherwaegen buecherwagerl buecherwagerln",
+    "light stand": "lampenstativ lampenstative lampenstativen stativ stative stativen",
     "drum": "drum drums fass faesser faessern",
     "handcart": "handcart handcarts sackkarre sackkarren handwagen",
     "sweeper": "sweeper sweepers kehrmaschine kehrmaschinen",
@@ -185,7 +189,7 @@ HEADS = {
 """By one word of a place's own name."""
 
 NETWORK = _set(
-    "wifi fi wlan uplink downlink lan lte mobilfunk internet ethernet backhaul throughput "
+    "wireless wifi fi wlan uplink downlink lan lte mobilfunk internet ethernet backhaul throughput "
     "durchsatz datenrate datenmenge datenvolumen datenverbindung datenleitung funknetz "
     "funkverbindung funkstrecke datennetz mesh leitungen verbindungen spectrum "
     "bandwidth bandwith bandwdith link links network net traffic channel radio airtime connection "
@@ -230,7 +234,10 @@ POLICY_WORDS = _set(
     "hand pick handle call fine ueberlass ueberlasst selection shots charge "
     "switch umschalten umstellen mode modus algorithm algorithmus"
 )
-TAKE = _set("use take run nimm nehmt nehmen benutze benutzen fahr fahren")
-"""Beside a policy's name they say that it decides."""
+TAKE = _set(
+    "use take run go let keep method nimm nehmt nehmen benutze benutzen fahr fahren stell stellt "
+    "stellen lass lasst methode modell"
+)
+"""Near a policy's name they say that it decides."""
 EVERYBODY = _set("all everyone everybody every each alle alles allen anyone anybody jeder")
 ROBOT_WORDS = _set("robot robots bot bots roboter robotern robots robi")

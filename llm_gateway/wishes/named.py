@@ -13,6 +13,8 @@ from llm_gateway.wishes.roles import certain, negated, robot_role, share_role, w
 
 _TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "ebenso", "TIME"})
 _NO_NO = re.compile(r"no ROBOT(?: no ROBOT)+(?: TIME)?(?: please)?")
+_NAMES = re.compile(r"\b(?:ROBOT|PLACE|CLASS|SHARE|POLICY|NET|CPU|UNKNOWN)\b")
+_NEITHER = re.compile(r"\b(?:auch (?:nicht|nich|ned|net|nid)|either|neither|nor)\b")
 _SAME = re.compile(
     r"(?:the )?same (?:goes |thing |holds |applies )?(?:for|with|to) ROBOT(?: too)?|"
     r"(?:das|da)?(?:selbe|gleiche)s? (?:gilt )?(?:auch )?(?:fuer|mit) (?:(?:den|die|das) )?ROBOT|"
@@ -47,7 +49,9 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
         role = "first" if before == {"first"} else None
     same = set(clause.text.split()) <= _TOO or _SAME.fullmatch(clause.text)
     if role is None and at and same:
-        before = {draft.roles[n] for n in draft.of(draft.clauses[at - 1], "robot")}
+        near = draft.clauses[max(0, at - 3) : at] if _SAME.fullmatch(clause.text) else []
+        named = [draft.of(c, "robot") for c in near or draft.clauses[at - 1 : at]]
+        before = {draft.roles[n] for n in next((n for n in reversed(named) if n), [])}
         role = before.pop() if len(before) == 1 else None
     if role in ("out", "only") and not certain(clause.text, role):
         # What is said plainly of "it" beside this may still leave it out.
@@ -109,7 +113,8 @@ def _inherited(draft: Draft, clause: Clause, before: Clause) -> Role | None:
         return None
     other: Role = "low" if role == "high" else "high"
     if common.NOT.search(clause.text):
-        return other if bare else None
+        same = _NEITHER.search(clause.text) and role == "low"
+        return (role if same else other) if bare else None
     if re.search(
         r"(?:PLACE|CLASS) (?:\w+ ){0,2}(?:do|does|can|are|is|schon|doch|very much)$", clause.text
     ):
@@ -186,4 +191,5 @@ def _time_role(mention: Mention, clause: str) -> Role:
     """A time that is over belongs to the report that names it, and is unclear elsewhere."""
     if mention.when is None or mention.when.clear:
         return "doubt" if mention.when is None else "when"
-    return "none" if mention.when.past and speech.TOLD.search(clause) else "doubt"
+    told = speech.TOLD.search(clause) or not _NAMES.search(clause)
+    return "none" if mention.when.past and told else "doubt"

@@ -6,7 +6,7 @@ from llm_gateway.wishes.clauses import Clause
 from llm_gateway.wishes.cues import common, resources, robots
 from llm_gateway.wishes.cues.robots import SUFFICES
 from llm_gateway.wishes.draft import FILLERS, POINTS, THERE, Draft
-from llm_gateway.wishes.plain import strange
+from llm_gateway.wishes.plain import strange, unknown_thing
 from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.roles import others_role, robot_role, weight_role
 
@@ -40,7 +40,7 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         role = _pointed_role(draft, clause, pointed=bool(pointed))
         ailing = role == "out"
         sure = role not in ("out", "only") or not strange(clause.text, ailing=ailing)
-        told = role == "only" and not sure and "out" in draft.roles
+        told = role == "only" and not sure and {"out", "first"} & {*draft.roles}
         if role is not None and not told and not (sure and _give(draft, at, role, "robot")):
             draft.doubt(clause)
     if not draft.of(clause, "place", "class") and not draft.of(clause, "robot", "unknown"):
@@ -68,7 +68,9 @@ def _pointed_role(draft: Draft, clause: Clause, *, pointed: bool) -> Role | None
     """What a clause says of robots that are named beside it."""
     role = robot_role(clause.text, alone=True)
     robotless = not any(m.kind in ("robot", "unknown") for m in draft.text.mentions)
-    weighs = weight_role(clause.text) is not None and not robots.FIRST.search(clause.text)
+    asks = robots.UNUSED.search(clause.text) or unknown_thing(clause.text)
+    first = robots.FIRST.search(clause.text) and asks
+    weighs = weight_role(clause.text) is not None and not first
     if robotless and (role == "doubt" or weighs):
         return None
     if role == "only" and clause.mentions and not pointed and SUFFICES.search(clause.text):

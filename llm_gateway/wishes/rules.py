@@ -38,6 +38,7 @@ def read(text: Text) -> Reading:
     for clause in draft.clauses:
         if tells(draft.clauses, clause):
             doubt_told(draft, clause)
+    _tell_times(draft)
     roles = tuple[Role, ...](role or "none" for role in draft.roles)
     if draft.nobody and any(m.kind == "robot" for m in text.mentions):
         # Who is named beside it may be an exception.
@@ -49,6 +50,20 @@ def read(text: Text) -> Reading:
         verdict = "part"
     suspected = tuple(draft.suspected.get(n) for n in range(len(roles)))
     return Reading(roles, verdict, tuple(dict.fromkeys(draft.unclear)), suspected, draft.nobody)
+
+
+def _tell_times(draft: Draft) -> None:
+    """ "Launch is at 3, so from 2 until 4 ...": beside a range, a time that a clause names alone
+    and that is neither a beginning nor an end is a report's."""
+    whens = [mention.when for mention in draft.text.mentions if mention.when is not None]
+    if not any(when.clear and when.start and (when.until or when.lasts) for when in whens):
+        return
+    for clause in draft.clauses:
+        for number in clause.mentions:
+            when = draft.text.mentions[number].when
+            loose = when is not None and not when.clear and not when.question
+            if loose and len(clause.mentions) == 1 and draft.roles[number] == "doubt":
+                draft.roles[number] = "none"
 
 
 def _repeat(draft: Draft) -> None:

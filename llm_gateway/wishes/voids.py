@@ -16,6 +16,8 @@ _GREETING = re.compile(
 )
 
 
+_SUPPOSES = re.compile(r"(?:if|unless|falls|sobald|wenn|as soon as|in case|sofern|once)\b")
+"""Opens a sentence of which all is supposed."""
 _CALLED = r"(?:(?:the|der|die|robot|roboter|unit|einheit|number|nummer) )*(?:ROBOT|UNKNOWN)\b"
 _SPEAKER = re.compile(
     r"\b(?:this(?: here)? is|here(?: is| speaks)|hier (?:spricht|ist|redet|meldet sich)|i am|im|"
@@ -87,6 +89,9 @@ def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     opening = next(c for c in clauses if c.sentence == clause.sentence)
     asks = speech.QUESTION.match(_GREETING.sub("", opening.text))
     if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
+        return True
+    supposed = speech.NO_CONDITION.sub("", _GREETING.sub("", opening.text))
+    if _SUPPOSES.match(supposed) and not _reaches(opening.text):
         return True
     if speech.PAST.search(_plain(clause)) or speech.DOUBTED.search(clause.text):
         return True

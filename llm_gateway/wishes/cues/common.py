@@ -11,7 +11,7 @@ def any_of(*patterns: str) -> re.Pattern[str]:
 
 
 NOT = any_of(
-    "weder", "noed", "nid", "aint",
+    "weder", "noed", "nid", "aint", "nae",
     "havent", "hasnt", "hardly", "neva", "niemals mehr", "nimmer", "net", "nich", "nee", "nope",
     "nimma", "keinerlei", "keines", "keinesfalls", "auf gar keinen fall",
     "under no circumstances", "not at all", "in no case", "unter keinen umstaenden",

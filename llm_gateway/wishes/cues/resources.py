@@ -19,11 +19,13 @@ AT_MOST = any_of(
     "at most", "no more than", "not more than", "more than", "maximum", "max", "up to", "cap",
     "limit", "at maximum", "hoechstens", "maximal", "nicht mehr", "mehr als", "bis zu",
     r"beschraenk\w*",
-    r"begrenz\w*", "ceiling", "not exceed", "exceed", "exceeding", "ueberschreiten", "not above",
+    r"begrenz\w*", "ceiling", r"restrict\w*", "SHARE only", "not exceed", "exceed", "exceeding",
+    "ueberschreiten", "not above",
     "not over",
     "stay below", "stay under", "keep below", "keep under", "tops", "hoechst",
 )  # fmt: skip
-FREE = any_of("free", "reserve", "reserved", "frei", "freihalten", r"reservier\w*", "freilassen",
+FREE = any_of(r"(?:ich|wir|i|we|they) (?:brauch\w*|needs?)", "free", "reserve", "reserved", "frei",
+              "freihalten", r"reservier\w*", "freilassen",
             "leave", "others", "andere", "anderen", "unused", "untouched", "spare",
             "clear")  # fmt: skip
 """The part is that which is kept for others."""

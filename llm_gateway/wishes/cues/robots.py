@@ -7,7 +7,8 @@ import re
 from llm_gateway.wishes.cues.common import any_of
 
 OUT = any_of(
-    "spared", "verschont", r"keep ROBOT free", r"halt\w* ROBOT frei", r"please leave$", "a miss",
+    "in frieden", "spared", "verschont", r"keep ROBOT free", r"halt\w* ROBOT frei",
+    r"please leave$", "a miss",
     "out of the pool", "outta the pool", "outta", "off limits",
     "off the table",
     "task", "off the roster", "off the rota", "ausplanen", "ausgeplant", "aus dem rennen",
@@ -140,7 +141,7 @@ RATHER = re.compile(
 )
 """The first of two is preferred to the second."""
 NEXT = re.compile(
-    r"(?:then |and |dann )?ROBOT (?:second|next|third|after that|als zweite[rs]|danach)"
+    r"(?:then |and |dann )?ROBOT (?:(?:the )?second|next|third|after that|als zweite[rs]|danach)"
 )
 """Goes on with a list of preferences."""
 BUT_NOT = re.compile(
@@ -169,16 +170,17 @@ BACKUP = any_of(
 )  # fmt: skip
 """Said of the others: who is named comes first."""
 _ASK = r"(?:ask|us(?:e|ing)|query|poll|call|contact|tak(?:e|ing)|involve|include|consult|task)\w*"
-_FRAG = (r"(?:(?:an|ab|be)?(?:ge)?frag|(?:be)?nutz|verwend|einsetz|eingesetzt|genommen|nehm|nimm|"
+_FRAG = (r"(?:(?:an|ab|be)?(?:g|ge)?frag|(?:be)?nutz|verwend|einsetz|eingesetzt|genommen|nehm|nimm|"
          r"heranzieh|herangezogen|kontaktier|einbezieh|einbezogen|einplan|"
          r"eingeplant)\w*")  # fmt: skip
 _NONE = (r"(?:no ?one|nobody|none(?: of (?:them|the \w+))?|(?:no|not a|not one)(?: single)?"
          r" (?:robots?|bots?|units?|machines?))")  # fmt: skip
-_KEINEN = (r"(?:keine[nrm]?|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|von ihnen|"
+_KEINEN = (r"(?:keine[nrm]?|koan\w*|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|von ihnen|"
            r"roboter\w*|mehr))*")  # fmt: skip
 SUFFICES = any_of("reicht", "reichen", "genuegt", "genuegen", "is enough", "are enough", "suffices",
                   "suffice", "will do")  # fmt: skip
 NOBODY = any_of(
+    r"^(?:please )?(?:no|zero) (?:robots?|bots?|units?)(?: at all)?(?: please)?(?: TIME)?$",
     r"(?:stop|quit|no) (?:ask|us|query|poll)ing (?:anyone|anybody|everyone|everybody|any \w+|all)",
     rf"(?:dont|do not|never|mustnt|must not|shouldnt|should not|without)(?: \w+){{0,2}} {_ASK}"
     r"(?: \w+)? any(?: (?:single|of (?:them|the|our|these|those)|robots?|bots?|units?))+",

@@ -7,7 +7,8 @@ from llm_gateway.wishes.cues.common import any_of
 HIGH = any_of(
     r"(?:PLACE|CLASS)(?: \w+)? up(?: please)?$", r"(?:PLACE|CLASS) (?:ganz )?hoch", "bump up",
     "turn up", r"turn (?:the )?(?:PLACE|CLASS) up", r"(?:weigh|weight)\w* .*\b(?:heavy|heavily|up)",
-    "before everything", "before all else", "vor allem anderen", "ganz vorne", "ganz oben",
+    r"kommts? (?:es )?an", "before everything", "before all else", "vor allem anderen",
+    "ganz vorne", "ganz oben",
     "nach oben", r"\w*augenmerk", "hoeher", "staerksten", "am meisten", "umso mehr", r"look\w* out",
     "precedence", "the big one", "big yes", "top weight", r"fuss(?:ed)? about", "a und o",
     "staerker", r"gefaehrlichste\w*", r"allerwichtigst\w*", "seen", r"(?:PLACE|CLASS) rauf$",
@@ -59,7 +60,7 @@ LOW = any_of(
     "matters? (?:very |but |only )?little",
     r"runter(?:setz|stuf|schraub|gewicht)\w*", r"herunter(?:setz|stuf|gewicht)\w*",
     "gliich", "gleichgueltig", "nicht so genau", "keine (?:grosse|besondere) aufmerksamkeit",
-    r"k(?:aum|eine) (?:(?:grosse |eine )?)rolle", "no big deal", "no biggie",
+    r"k(?:aum|eine) (?:(?:grosse |eine )?)rolle", "nae need", "no big deal", "no biggie",
     r"juck\w* (?:keinen|niemanden|mich nicht)",
     r"(?:PLACE|CLASS) runter$", "tiefe prioritaet", "geringe prioritaet", "niedriger",
     "niedriger gewichten",
