@@ -67,6 +67,7 @@ class Finder:
         } | {key(name): name for name in site.places}
         self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
         self._classes = {key(name): name for name in site.classes}
+        self._policies: set[str] = set()
 
     def at(self, at: int, now: datetime) -> Mention | None:
         """What is named from word `at` on."""
@@ -221,7 +222,8 @@ class Finder:
             return None
         for name, label in self._classes.items():
             end = self._named(name, at, also=False)
-            if end is None and self._text(at) in lexicon.CLASSES.get(" ".join(name), "").split():
+            others = lexicon.CLASSES.get(" ".join(name), "").split()
+            if end is None and {self._text(at), self._text(at).removesuffix("n")} & {*others}:
                 end = at + 1
             if end is not None:
                 hits[label] = end
@@ -259,7 +261,8 @@ class Finder:
             return None
         policy, name = hits[max(hits)]
         plain = name in lexicon.PLAIN_POLICIES.get(policy, ())
-        if plain or taken or near & lexicon.POLICY_WORDS:
+        if plain or taken or near & lexicon.POLICY_WORDS or policy in self._policies:
+            self._policies.add(policy)
             return Mention("policy", at, max(hits), (policy,))
         # "Coverage" is a plain word, too; what is meant by the others has to be asked.
         return None if policy == "coverage" else Mention("unknown", at, max(hits))

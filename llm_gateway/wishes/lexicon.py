@@ -47,7 +47,7 @@ CLASSES = {
     "container": "container containers containern",
     "conveyor": "conveyor conveyors foerderband foerderbaender band baender",
     "cow": "cow cows cattle kuh kuehe kuehen rind rinder rindern",
-    "crane": "crane cranes kran kraene kraenen",
+    "crane": "crane cranes kran krane kraene kraenen",
     "crate": "crate crates kiste kisten",
     "customer": "customer customers shopper shoppers kunde kunden kundin kundinnen kundschaft",
     "cyclist": "cyclist cyclists radfahrer radfahrern",
@@ -60,6 +60,10 @@ CLASSES = {
     "keg": "keg kegs fass faesser faessern",
     "book cart": "buecherwagen buecherwaegen buecherwagerl buecherwagerln",
     "light stand": "lampenstativ lampenstative lampenstativen stativ stative stativen",
+    "bogie": "bogie bogies drehgestell drehgestelle",
+    "ladle": "ladle ladles pfanne pfannen",
+    "piano": "piano pianos klavier klaviere fluegel",
+    "tractor": "tractor tractors traktor traktoren trecker",
     "drum": "drum drums fass faesser faessern",
     "handcart": "handcart handcarts sackkarre sackkarren handwagen",
     "sweeper": "sweeper sweepers kehrmaschine kehrmaschinen",
@@ -236,7 +240,7 @@ POLICY_WORDS = _set(
 )
 TAKE = _set(
     "use take run go let keep method nimm nehmt nehmen benutze benutzen fahr fahren stell stellt "
-    "stellen lass lasst methode modell"
+    "stellen lass lasst mach macht methode modell"
 )
 """Near a policy's name they say that it decides."""
 EVERYBODY = _set("all everyone everybody every each alle alles allen anyone anybody jeder")

@@ -13,7 +13,7 @@ from llm_gateway.wishes.roles import certain, negated, robot_role, share_role, w
 
 _TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "ebenso", "TIME"})
 _NO_NO = re.compile(r"no ROBOT(?: no ROBOT)+(?: TIME)?(?: please)?")
-_NAMES = re.compile(r"\b(?:ROBOT|PLACE|CLASS|SHARE|POLICY|NET|CPU|UNKNOWN)\b")
+_NAMES = re.compile(r"\b(?:ROBOT|PLACE|CLASS|SHARE|POLICY|UNKNOWN)\b")
 _NEITHER = re.compile(r"\b(?:auch (?:nicht|nich|ned|net|nid)|either|neither|nor)\b")
 _SAME = re.compile(
     r"(?:the )?same (?:goes |thing |holds |applies )?(?:for|with|to) ROBOT(?: too)?|"
@@ -53,6 +53,10 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
         named = [draft.of(c, "robot") for c in near or draft.clauses[at - 1 : at]]
         before = {draft.roles[n] for n in next((n for n in reversed(named) if n), [])}
         role = before.pop() if len(before) == 1 else None
+        after = draft.clauses[at - 1]
+        if not named[-1] and clause.opener in ("and", "und") and common.PRONOUN.search(after.text):
+            # "Skip him and R3".
+            role = robot_role(after.text, alone=True)
     if role in ("out", "only") and not certain(clause.text, role):
         # What is said plainly of "it" beside this may still leave it out.
         draft.doubted += numbers

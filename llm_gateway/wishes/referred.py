@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from llm_gateway.wishes.clauses import Clause
 from llm_gateway.wishes.cues import common, resources, robots
 from llm_gateway.wishes.cues.robots import SUFFICES
@@ -10,10 +12,17 @@ from llm_gateway.wishes.plain import strange, unknown_thing
 from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.roles import others_role, robot_role, weight_role
 
+_ONLY_FIRST = re.compile(r"(?:\w+ ){0,2}(?:only|just|nur|bloss|ask|use|fragt?|nimm|nehmt)\b")
+_OVER = {"out", "over", "over and out", "ende", "end"}
+"""Ends what is said by radio."""
+
 
 def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     """Gives what a clause says of "it" to what was named before it, or right behind."""
     if robots.REST.match(clause.text) and not _moved(clause.text):
+        draft.handled.add(at)
+        return
+    if clause.text in _OVER and at + 1 == len(draft.clauses):
         draft.handled.add(at)
         return
     points = POINTS.match(clause.text) and not clause.mentions
@@ -70,8 +79,10 @@ def _pointed_role(draft: Draft, clause: Clause, *, pointed: bool) -> Role | None
     robotless = not any(m.kind in ("robot", "unknown") for m in draft.text.mentions)
     asks = robots.UNUSED.search(clause.text) or unknown_thing(clause.text)
     first = robots.FIRST.search(clause.text) and asks
-    weighs = weight_role(clause.text) is not None and not first
-    if robotless and (role == "doubt" or weighs):
+    out = robots.OUT.search(clause.text) and not common.PRONOUN.search(clause.text)
+    weighs = weight_role(clause.text) is not None and not first and not out
+    told = role == "only" and not _ONLY_FIRST.match(clause.text)
+    if robotless and (role == "doubt" or weighs or told):
         return None
     if role == "only" and clause.mentions and not pointed and SUFFICES.search(clause.text):
         return None  # "Until noon is enough": it is the time that suffices.

@@ -6,6 +6,8 @@ It reads what its words plainly say and doubts the rest; where nothing says anyt
 
 from __future__ import annotations
 
+import re
+
 from llm_gateway.wishes.draft import STRONG, Draft
 from llm_gateway.wishes.leftover import doubt_leftover, doubt_told
 from llm_gateway.wishes.mentions import Text
@@ -52,18 +54,28 @@ def read(text: Text) -> Reading:
     return Reading(roles, verdict, tuple(dict.fromkeys(draft.unclear)), suspected, draft.nobody)
 
 
+_BOUNDS = re.compile(
+    r"\b(?:start|begin|stop|end|finish|wrap|clos|shut|over|done|leav|beginn|schluss|aufhoer|fertig|"
+    r"vorbei|feierabend|los|knock)\w*"
+)
+"""Tells a beginning or an end."""
+
+
 def _tell_times(draft: Draft) -> None:
-    """ "Launch is at 3, so from 2 until 4 ...": beside a range, a time that a clause names alone
-    and that is neither a beginning nor an end is a report's."""
+    """ "Launch is at 3, so watch the docks until 4": beside a beginning or an end, a time that a
+    clause names alone and that is neither is a report's."""
     whens = [mention.when for mention in draft.text.mentions if mention.when is not None]
-    if not any(when.clear and when.start and (when.until or when.lasts) for when in whens):
+    if not any(when.clear and (when.start or when.until) for when in whens):
         return
     for clause in draft.clauses:
-        for number in clause.mentions:
-            when = draft.text.mentions[number].when
-            loose = when is not None and not when.clear and not when.question
-            if loose and len(clause.mentions) == 1 and draft.roles[number] == "doubt":
-                draft.roles[number] = "none"
+        if len(clause.mentions) != 1 or _BOUNDS.search(clause.text):
+            continue
+        number = clause.mentions[0]
+        mention = draft.text.mentions[number]
+        loose = mention.when is not None and not mention.when.clear and not mention.when.question
+        at = draft.text.words[mention.first].text in ("at", "um")
+        if loose and at and draft.roles[number] == "doubt":
+            draft.roles[number] = "none"
 
 
 def _repeat(draft: Draft) -> None:

@@ -293,7 +293,11 @@ def _loose(words: Sequence[Word], at: int, now: datetime) -> When | None:
     text = _text(words, at)
     if _text(words, at - 1) in {"good", "guten", "gute", "schoenen", "happy"}:
         return None
-    if text in clock.PARTS and {_text(words, at - 1), _text(words, at + 1)} & _WHO:
+    first = at + (text in {"the", "this", "our", "die", "der"})
+    if (
+        _text(words, first) in clock.PARTS
+        and {_text(words, at - 1), _text(words, first + 1)} & _WHO
+    ):
         return None
     begin = at + 1 if text in {"at", "um", "am", "on", "by", "this", "gegen", "after", "nach",
                                "before", "vor"} else at  # fmt: skip

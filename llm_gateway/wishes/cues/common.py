@@ -21,7 +21,8 @@ NOT = any_of(
     "nichts", "nix", "auf keinen fall", "didnt", "need ?nt",
 )  # fmt: skip
 PRONOUN = any_of(
-    "em", "(?:den|die) (?:also|bitte|mal|lasst|duerft|sollt|koennt|nicht|nich|ned|net|nid)",
+    "em", "(?:den|die) (?:also|bitte|mal|lasst|duerft|sollt|koennt|brauchst|braucht|muesst|"
+    r"nicht|nich|ned|net|nid)",
     "the pair of them",
     "lasst? (?:den|die|das|sie)", "lassen sie (?:ihn|den|die|sie)", "those two", "those three",
     "these three", "die zwei", "die zwoa", "die drei", "alle drei", "the three", "the lot",

@@ -81,6 +81,7 @@ NOT_BUT_OUT = any_of(
 )  # fmt: skip
 """Negations that mean "out", rather than negate it."""
 ONLY = any_of(
+    "mehr nicht", "sonst nix",
     "just ROBOT", "purely", "merely", "nothing but", "and thats it", "and thats all", "sole",
     "alone may", "and no other", "and no others", "none of the others", r"und sonst keine[rn]?",
     r"und keine[rn]? sonst", "und kein anderer", "und keinen anderen", "blos", "allein ROBOT",
@@ -128,7 +129,7 @@ POSSIBLY = any_of(
 LAST = any_of("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
 OVER_OTHERS = re.compile(
     r"\b(?:over|before|ahead of|rather than|vor|lieber als) "
-    r"(?:(?:all|the|den|allen|everyone) ){0,2}"
+    r"(?:(?:all|any of|the|den|allen|everyone) ){0,2}"
     r"(?:rest|others?|anderen|else|uebrigen|everyone)\b"
 )
 CONTRAST = re.compile(
@@ -175,7 +176,8 @@ _FRAG = (r"(?:(?:an|ab|be)?(?:g|ge)?frag|(?:be)?nutz|verwend|einsetz|eingesetzt|
          r"eingeplant)\w*")  # fmt: skip
 _NONE = (r"(?:no ?one|nobody|none(?: of (?:them|the \w+))?|(?:no|not a|not one)(?: single)?"
          r" (?:robots?|bots?|units?|machines?))")  # fmt: skip
-_KEINEN = (r"(?:keine[nrm]?|koan\w*|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|von ihnen|"
+_KEINEN = (r"(?:kein|keine[nrm]?|koan\w*|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|"
+r"von ihnen|"
            r"roboter\w*|mehr))*")  # fmt: skip
 SUFFICES = any_of("reicht", "reichen", "genuegt", "genuegen", "is enough", "are enough", "suffices",
                   "suffice", "will do")  # fmt: skip
@@ -185,6 +187,7 @@ NOBODY = any_of(
     rf"(?:dont|do not|never|mustnt|must not|shouldnt|should not|without)(?: \w+){{0,2}} {_ASK}"
     r"(?: \w+)? any(?: (?:single|of (?:them|the|our|these|those)|robots?|bots?|units?))+",
     rf"(?:dont|do not|never) (?:\w+ )?{_ASK} (?:anyone|anybody)",
+    rf"no need to {_ASK} any(?: (?:single|of (?:them|the)|robots?|bots?|units?))*",
     rf"{_ASK} {_NONE}", rf"(?:requests?|questions|quer(?:y|ies)) (?:to|from|for) {_NONE}",
     r"no (?:requests?|questions|queries) (?:to|for) any\w*(?: robots?| bots?| of them)?",
     rf"{_NONE} (?:is to|are to|is|are|may|shall|should|must|gets?|to) (?:be )?{_ASK}",

@@ -27,7 +27,8 @@ CONDITION = re.compile(
 )
 NO_CONDITION = re.compile(
     r"\b(?:whenever (?:youve|you have|there is|theres) (?:a |the )?choice|"
-    r"if (?:it makes no difference|you possibly can|its no trouble|that works|that helps)|"
+    r"if (?:it makes no difference|you possibly can|youve (?:got )?(?:a|the) choice|"
+    r"its no trouble|that works|that helps)|"
     r"if (?:possible|"
     r"you can|you could|you please|need be|you dont mind|you would|at all)|"
     r"when(?:ever)? you can|(?:would|waere|wuerde) (?:\w+ ){0,3}(?:if|wenn)|wenn (?:moeglich|"
