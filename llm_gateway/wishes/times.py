@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 from llm_gateway.wishes import clock, doubts
+from llm_gateway.wishes.lengths import UNITS, length_at
 from llm_gateway.wishes.moments import resolve
-from llm_gateway.wishes.numbers import counted, whole
 from llm_gateway.wishes.words import Word
 
 _UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "upto", "ends",
@@ -30,14 +30,6 @@ _WHO = {"crew", "shift", "team", "staff", "desk", "supervisor", "manager", "lead
 _EXACT = {"noon", "midday", "midnight", "mittag", "mitternacht"}
 _SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
 _TO = {"to", "until", "till", "til", "bis", "-", "–"}
-_UNITS = {
-    "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
-    "minute": 60, "minutes": 60, "min": 60, "mins": 60, "minuten": 60,
-    "hour": 3600, "hours": 3600, "hr": 3600, "hrs": 3600, "h": 3600, "stunde": 3600,
-    "stunden": 3600, "std": 3600, "stuendchen": 3600, "viertelstunde": 900,
-    "dreiviertelstunde": 2700,
-    "day": 86400, "days": 86400, "tag": 86400, "tage": 86400, "tagen": 86400,
-}  # fmt: skip
 _OPEN = (
     ("until", "further", "notice"), ("bis", "auf", "weiteres"), ("from", "now", "on"),
     ("ab", "sofort"), ("ab", "jetzt"), ("for", "now"), ("right", "now"), ("effective",
@@ -49,9 +41,6 @@ _OPEN = (
     ("for", "the", "moment"), ("at", "the", "moment"),
 )  # fmt: skip
 """Say nothing about a time."""
-_ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", "einem", "the",
-         "die", "der", "next",
-         "naechste", "naechsten", "naechster"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +143,7 @@ def _between(words: Sequence[Word], at: int, now: datetime) -> When | None:
 def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """ "from five to seven", "ab 17 Uhr", "starting at three", "in ten minutes"."""
     text = _text(words, at)
-    if text == "in" and (long := _length(words, at + 1)) is not None:
+    if text == "in" and (long := length_at(words, at + 1)) is not None:
         return When(at, long[1], start=now + long[0])
     day = clock.point_at(words, at)
     if day is not None and day[0].hour is None:
@@ -235,13 +224,13 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
                                  "circa", "ca", "etwa", "within", "dauer",
                                  "von", "duration", "of"}:  # fmt: skip
         here += 1
-    long = _length(words, here)
+    long = length_at(words, here)
     next_one = (
         _text(words, here - 1) in {"next", "naechste", "naechsten", "coming", "kommende"}
         and here > at
     )
-    if long is None and next_one and _text(words, here) in _UNITS:
-        long = timedelta(seconds=_UNITS[_text(words, here)]), here + 1
+    if long is None and next_one and _text(words, here) in UNITS:
+        long = timedelta(seconds=UNITS[_text(words, here)]), here + 1
     if long is None:
         return None
     if next_one and [word.text for word in words[long[1] : long[1] + 3]] == ["and", "a", "half"]:
@@ -314,46 +303,6 @@ def _loose(words: Sequence[Word], at: int, now: datetime) -> When | None:
     past = point[0].impossible or (point[0].days == 0 and resolve(point[0], now, now) is None)
     over = past and point[0].part not in {"", *_LATE}
     return When(at, point[1], clear=False, past=over)
-
-
-def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
-    """A length of time, and the word behind it."""
-    text = _text(words, at)
-    if text in {"half", "halbe", "halben"}:
-        skip = 2 if _text(words, at + 1) in _ONES else 1
-        return _times(0.5, words, at + skip)
-    if text in _ONES and _text(words, at + 1) in {"half", "halbe", "halben"}:
-        return _times(0.5, words, at + 2)
-    quarter = 1 if text in _ONES else 0
-    if _text(words, at + quarter) == "quarter" and _text(words, at + quarter + 1) == "of":
-        return _times(0.25, words, at + quarter + 3)
-    if text in {"anderthalb", "eineinhalb"}:
-        return _times(1.5, words, at + 1)
-    if text.endswith("einhalb") and (number := whole(text.removesuffix("einhalb"))) is not None:
-        return _times(number + 0.5, words, at + 1)
-    if text in _ONES:
-        found = _times(1, words, at + 1)
-        if found and [word.text for word in words[found[1] : found[1] + 3]] == ["and", "a", "half"]:
-            return found[0] * 1.5, found[1] + 3
-        return found
-    said = counted(words, at)
-    if said is None:
-        return None
-    amount, end = said
-    if [word.text for word in words[end : end + 3]] == ["and", "a", "half"]:
-        return _times(amount + 0.5, words, end + 3)
-    if _text(words, end) == "-":
-        end += 1
-    if _text(words, end) == "ganze":
-        end += 1
-    return _times(amount, words, end)
-
-
-def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
-    seconds = _UNITS.get(_text(words, at))
-    if seconds is None or not 0 < amount <= 10_000:
-        return None
-    return timedelta(seconds=amount * seconds), at + 1
 
 
 LEFT = frozenset(

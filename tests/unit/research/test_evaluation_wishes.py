@@ -7,7 +7,8 @@ from collections import Counter
 import msgspec
 import pytest
 
-from research.evaluation.wishes.cases import Case, cases
+from llm_gateway.wishes import understand
+from research.evaluation.wishes.cases import WISHES, Case, cases
 from research.evaluation.wishes.score import at_most, score, summary
 from research.evaluation.wishes.ways import RandomReader, checked, unchecked
 from swarm.messages.intent import Focus, Intent, problems
@@ -29,6 +30,14 @@ def test_every_meant_intent_can_be_obeyed(written: list[Case]) -> None:
     for case in written:
         assert problems(case.meant, case.site, case.time) == (), case.id
         assert not case.meant.is_empty() or case.doubtful, case.id
+
+
+@pytest.mark.parametrize("name", ["wishes", "wishes-held-out", "wishes-learnt"])
+def test_words_alone_misread_nothing_hard_in_any_set(name: str) -> None:
+    asked = cases(WISHES.with_name(f"{name}.jsonl"))
+    scores = [score(case, understand(case.wish, case.site, case.time, None)) for case in asked]
+    assert [case.id for case, one in zip(asked, scores, strict=True) if one.unsafe] == []
+    assert sum(one.confident for one in scores) <= 0.01 * len(asked)
 
 
 def test_what_is_meant_is_exact_and_changes_are_not(written: list[Case]) -> None:

@@ -1,0 +1,65 @@
+"""Reads lengths of time: "three hours", "an hour and a half", "eine halbe Stunde"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import timedelta
+
+from llm_gateway.wishes.numbers import counted, whole
+from llm_gateway.wishes.words import Word
+
+UNITS = {
+    "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
+    "minute": 60, "minutes": 60, "min": 60, "mins": 60, "minuten": 60,
+    "hour": 3600, "hours": 3600, "hr": 3600, "hrs": 3600, "h": 3600, "stunde": 3600,
+    "stunden": 3600, "std": 3600, "stuendchen": 3600, "viertelstunde": 900,
+    "dreiviertelstunde": 2700,
+    "day": 86400, "days": 86400, "tag": 86400, "tage": 86400, "tagen": 86400,
+}  # fmt: skip
+_ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", "einem", "the",
+         "die", "der", "next",
+         "naechste", "naechsten", "naechster"}  # fmt: skip
+
+
+def length_at(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
+    """The length of time that is written from word `at` on, and the word behind it."""
+    text = _text(words, at)
+    if text in {"half", "halbe", "halben"}:
+        skip = 2 if _text(words, at + 1) in _ONES else 1
+        return _times(0.5, words, at + skip)
+    if text in _ONES and _text(words, at + 1) in {"half", "halbe", "halben"}:
+        return _times(0.5, words, at + 2)
+    quarter = 1 if text in _ONES else 0
+    if _text(words, at + quarter) == "quarter" and _text(words, at + quarter + 1) == "of":
+        return _times(0.25, words, at + quarter + 3)
+    if text in {"anderthalb", "eineinhalb"}:
+        return _times(1.5, words, at + 1)
+    if text.endswith("einhalb") and (number := whole(text.removesuffix("einhalb"))) is not None:
+        return _times(number + 0.5, words, at + 1)
+    if text in _ONES:
+        found = _times(1, words, at + 1)
+        if found and [word.text for word in words[found[1] : found[1] + 3]] == ["and", "a", "half"]:
+            return found[0] * 1.5, found[1] + 3
+        return found
+    said = counted(words, at)
+    if said is None:
+        return None
+    amount, end = said
+    if [word.text for word in words[end : end + 3]] == ["and", "a", "half"]:
+        return _times(amount + 0.5, words, end + 3)
+    if _text(words, end) == "-":
+        end += 1
+    if _text(words, end) == "ganze":
+        end += 1
+    return _times(amount, words, end)
+
+
+def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
+    seconds = UNITS.get(_text(words, at))
+    if seconds is None or not 0 < amount <= 10_000:
+        return None
+    return timedelta(seconds=amount * seconds), at + 1
+
+
+def _text(words: Sequence[Word], at: int) -> str:
+    return words[at].text if 0 <= at < len(words) else ""
