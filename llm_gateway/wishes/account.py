@@ -25,19 +25,6 @@ def settle(text: Text, reading: Reading) -> Reading:
     return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
 
 
-_UP_TO = {"before", "till", "until", "by", "til"}
-"""Before "then" they say nothing that the time itself does not."""
-
-
-def _refers(text: Text, at: int) -> bool:
-    """Whether "then", at word `at`, only points to a time that is said: "before then", or last."""
-    ends = at + 1 == len(text.words) or text.words[at + 1].text in {".", "!", ";"}
-    following = [word.text for word in text.words[at + 1 : at + 3]]
-    ends |= bool({*following} & {"rest", "others", "anderen"})
-    robot = any(m.kind == "robot" and m.last == at for m in text.mentions)
-    return text.words[max(at - 1, 0)].text in _UP_TO or (ends and not robot)
-
-
 def _question(text: Text, mention: Mention) -> str:
     """The words in doubt, and what to ask about them where code knows."""
     said = text.said(mention.first, mention.last)
@@ -53,18 +40,8 @@ def _unread(text: Text) -> list[str]:
     ranged = any(m.when is not None and m.when.start and m.when.until for m in text.mentions)
     found = []
     for at, word in enumerate(text.words):
-        if at in inside:
+        if at in inside or _is_talk(text, at) or (ranged and word.text in {"then", "dann"}):
             continue
-        if word.text in {"hours", "days", "weeks"} and text.words[max(at - 1, 0)].text == "for":
-            continue  # "at it for hours" tells no time.
-        if word.text in {"then", "dann"} and (ranged or _refers(text, at)):
-            continue
-        last = text.words[max(at - 1, 0)].text in {"last", "past", "letzte", "letzter", "letzten"}
-        if word.text in {"week", "month", "woche", "monat"} and last:
-            continue
-        glued = at + 1 < len(text.words) and text.words[at + 1].start == word.end
-        if word.text.isdigit() and glued and text.words[at + 1].text.isalpha():
-            continue  # "5G"
         later = timed and word.text in {"then", "dann", "danach", "afterwards", "anschliessend"}
         until = word.text == "bis" and text.words[min(at + 1, len(text.words) - 1)].text not in {
             "auf",
@@ -75,6 +52,34 @@ def _unread(text: Text) -> list[str]:
     return found
 
 
+_UP_TO = {"before", "till", "until", "by", "til"}
+"""Before "then" they say nothing that the time itself does not."""
+
+
+def _refers(text: Text, at: int) -> bool:
+    """Whether "then", at word `at`, only points to a time that is said: "before then", or last."""
+    ends = at + 1 == len(text.words) or text.words[at + 1].text in {".", "!", ";"}
+    following = [word.text for word in text.words[at + 1 : at + 3]]
+    ends |= bool({*following} & {"rest", "others", "anderen"})
+    robot = any(m.kind == "robot" and m.last == at for m in text.mentions)
+    return text.words[max(at - 1, 0)].text in _UP_TO or (ends and not robot)
+
+
+def _is_talk(text: Text, at: int) -> bool:
+    """Whether word `at` only looks as if it told a time or a number."""
+    word, before = text.words[at], text.words[max(at - 1, 0)].text
+    if word.text in {"hours", "days", "weeks"} and before == "for":
+        return True  # "At it for hours".
+    if word.text in {"week", "month", "woche", "monat"} and before in _LAST:
+        return True
+    if word.text in {"then", "dann"} and _refers(text, at):
+        return True
+    behind = text.words[at + 1] if at + 1 < len(text.words) else None
+    glued = behind is not None and behind.start == word.end and behind.text.isalpha()
+    return word.text.isdigit() and glued  # "5G".
+
+
+_LAST = {"last", "past", "letzte", "letzter", "letzten"}
 _ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _THAN = (["als"], ["than"], ["statt"], ["over"])
 

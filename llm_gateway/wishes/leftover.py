@@ -16,12 +16,13 @@ _ARTICLE = re.compile(
 )
 _ACTS = re.compile(
     r"^(?:\w+ ){0,2}(?:turn|bump|dial|weigh|leave|skip|ignore|exclude|lass\w*|ask|use|fragt?|"
-    r"nimm|nehmt|"
-    r"gewicht\w*|spart? aus)\b|(?<!- )\b(?:up|down|high|low|hoch|runter)$"
+    r"nimm|nehmt|gewicht\w*|spart? aus)\b|(?<!- )\b(?:up|down|high|low|hoch|runter)$"
 )
 """Does something to what it names."""
 _CLOSING = re.compile(r"(?:gruess\w*|regards|cheers|lg|mfg|vg)$")
+"""Behind it stands who writes."""
 _TOO = re.compile(r"(?:and |und )?([a-z]{4,}) (?:too|also|auch|as well)")
+_POLICY = re.compile(r"\b(?:policy|strategy|strategie)\b")
 _OTHERS = re.compile(
     r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same|needs|wants|has|runs|comes)$|t$"
 )
@@ -30,44 +31,29 @@ _OTHERS = re.compile(
 
 def doubt_leftover(draft: Draft, clause: Clause) -> None:
     """Doubts what a clause wishes of something that nobody knows."""
-    if draft.clauses.index(clause) in draft.handled:
-        return
     at = draft.clauses.index(clause)
-    if at and _CLOSING.search(draft.clauses[at - 1].text):
-        return  # Who writes.
+    writes = at and _CLOSING.search(draft.clauses[at - 1].text)
+    if at in draft.handled or writes:
+        return
     named = draft.of(clause, "robot", "place", "class", "unknown", "policy")
-    everybody = set(clause.text.split()) & lexicon.EVERYBODY
-    acts = robots.OUT.search(clause.text) or robots.UNUSED.search(clause.text)
     lonely = not named and not draft.of(clause, "network", "compute", "share")
-    if (
-        lonely
-        and everybody
-        and "out" not in draft.roles
-        and (acts or robots.ONLY.search(clause.text))
-    ):
+    if _is_stranger(clause) or (lonely and _wishes_unread(draft, clause)):
         draft.doubt(clause)
-    elif lonely and STRONG.search(clause.text) and not THERE.search(clause.text):
-        if not _bound(draft, clause) or unknown_thing(clause.text):
-            draft.doubt(clause)
-    elif (
-        (
-            lonely
-            and (
-                (
-                    (_ACTS.search(clause.text) or weight_role(clause.text))
-                    and unknown_thing(clause.text)
-                )
-                or (_TOO.fullmatch(clause.text) and strange(clause.text))
-            )
-        )
-        or _is_stranger(clause)
-        or (
-            lonely
-            and "policy" not in draft.roles
-            and re.search(r"\b(?:policy|strategy|strategie)\b", clause.text)
-        )
-    ):
-        draft.doubt(clause)
+
+
+def _wishes_unread(draft: Draft, clause: Clause) -> bool:
+    """Whether a clause that names nothing wishes something all the same."""
+    text = clause.text
+    acts = robots.OUT.search(text) or robots.UNUSED.search(text) or robots.ONLY.search(text)
+    if set(text.split()) & lexicon.EVERYBODY and "out" not in draft.roles and acts:
+        return True
+    if STRONG.search(text) and not THERE.search(text):
+        return not _bound(draft, clause) or unknown_thing(text)
+    if (_ACTS.search(text) or weight_role(text)) and unknown_thing(text):
+        return True
+    if _TOO.fullmatch(text) and strange(text):
+        return True
+    return "policy" not in draft.roles and bool(_POLICY.search(text))
 
 
 def _bound(draft: Draft, clause: Clause) -> bool:
