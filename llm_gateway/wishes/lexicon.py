@@ -239,7 +239,7 @@ POLICY_WORDS = _set(
     "switch umschalten umstellen mode modus algorithm algorithmus"
 )
 TAKE = _set(
-    "use take run go let keep method nimm nehmt nehmen benutze benutzen fahr fahren stell stellt "
+    "use take run go let method nimm nehmt nehmen benutze benutzen fahr fahren stell stellt "
     "stellen lass lasst mach macht methode modell"
 )
 """Near a policy's name they say that it decides."""

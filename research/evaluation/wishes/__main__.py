@@ -11,9 +11,9 @@ from pathlib import Path
 from llm_gateway.backends.llamacpp.client import LlamaCpp
 from llm_gateway.backends.llamacpp.models import ADAPTER, DEFAULT_MODEL, find_model
 from llm_gateway.wishes.readers import CONTEXT, embedded_reader, running
-from research.evaluation.wishes.cases import WISHES, Case, cases
 from research.evaluation.wishes.score import score, summary
 from research.evaluation.wishes.ways import RandomReader, Remembering, Way, checked, unchecked
+from research.training.wishes.cases import WISHES, Case, cases
 from swarm.errors import CoAdaptError
 from swarm.log import make_logger
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from research.evaluation.wishes.cases import Case
+from research.training.wishes.cases import Case
 from swarm.messages.intent import Intent
 
 HARD = ("exclude", "only", "q_min", "link_share", "policy", "start", "until")

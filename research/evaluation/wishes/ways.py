@@ -13,7 +13,7 @@ from llm_gateway.wishes import Reader, account, form, understand
 from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.mentions import find
 from llm_gateway.wishes.understand import prompt
-from research.evaluation.wishes.cases import Case
+from research.training.wishes.cases import Case
 from swarm.errors import GatewayError
 from swarm.messages.intent import Intent, Site
 

@@ -21,10 +21,12 @@ from llm_gateway.backends.llamacpp.native import Native
 from llm_gateway.backends.llamacpp.requantise import convert
 from research.training.decisions.examples import many
 from research.training.wishes.batches import Batch, Lesson, batches, lesson
-from research.training.wishes.export import export
+from research.training.wishes.cases import WISHES, cases
+from research.training.wishes.export import export, restore
 from research.training.wishes.llama import Llama, load
 from research.training.wishes.lora import adapt
 from research.training.wishes.samples import samples
+from research.training.wishes.written import written
 from swarm.messages import ChatMessage
 
 NAME = "CoAdapt wishes and decisions"
@@ -42,6 +44,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=80.0)
     parser.add_argument("--wishes", type=int, default=20_000)
     parser.add_argument("--decisions", type=int, default=25_600)
+    parser.add_argument(
+        "--passes", type=int, default=4, help="over the wishes that people wrote (default: 4)"
+    )
+    parser.add_argument("--start", type=Path, metavar="FILE", help="an adapter to go on from")
+    parser.add_argument("--rate", type=float, default=RATE, help="of learning, at its highest")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=2)
@@ -55,13 +62,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lessons = wish_lessons(native, args.seed, "train", args.wishes)
     checks = wish_lessons(native, args.seed, "validate", CHECKED)
     decided = decision_lessons(native, args.seed, args.decisions, args.threads)
-    lessons += decided
+    by_people = written_lessons(native)
+    lessons += decided + args.passes * by_people
     model = load(_readable(base, args.out)).to(args.device)
     trained = adapt(model)
+    if args.start is not None:
+        restore(model, args.start)
     card: dict[str, Any] = learn(model, trained, lessons, checks, args)
     card |= {
-        "base": base.name, "seed": args.seed, "wishes": len(lessons) - len(decided),
-        "decisions": len(decided), "parameters": sum(p.numel() for p in trained),
+        "base": base.name, "seed": args.seed, "wishes": args.wishes, "written": len(by_people),
+        "passes": args.passes, "decisions": len(decided),
+        "parameters": sum(p.numel() for p in trained),
     }  # fmt: skip
     export(model, args.out / "adapter.gguf", name=NAME)
     (args.out / "training.json").write_text(json.dumps(card, indent=1) + "\n")
@@ -84,6 +95,14 @@ def wish_lessons(native: Native, seed: int, split: Any, count: int) -> list[Less
     ]
 
 
+def written_lessons(native: Native) -> list[Lesson]:
+    """Wishes that people wrote, and from which the words were widened, as lessons."""
+    return [
+        lesson(native, (ChatMessage(role="user", content=s.prompt),), s.answer)
+        for s in written(cases(WISHES.with_name("wishes-learnt.jsonl")))
+    ]
+
+
 def decision_lessons(native: Native, seed: int, count: int, processes: int) -> list[Lesson]:
     """Decisions of `coverage`, asked for by the short prompt, as lessons."""
     system = ChatMessage(role="system", content=SYSTEM)
@@ -102,7 +121,7 @@ def learn(
 ) -> dict[str, float]:
     """One pass over the lessons, shorter where the time is up; returns the figures of the card."""
     chance = random.Random(args.seed)
-    optimizer = torch.optim.AdamW(trained, lr=RATE, weight_decay=0.0, betas=(0.9, 0.98))
+    optimizer = torch.optim.AdamW(trained, lr=args.rate, weight_decay=0.0, betas=(0.9, 0.98))
     planned = math.ceil(len(lessons) / BATCH)
     begun = time.monotonic()
     done = 0
@@ -115,7 +134,7 @@ def learn(
             break
         warm = min(1.0, (step + 1) / (WARM * planned))
         for group in optimizer.param_groups:
-            group["lr"] = RATE * warm * max(0.02, 0.5 * (1 + math.cos(math.pi * gone)))
+            group["lr"] = args.rate * warm * max(0.02, 0.5 * (1 + math.cos(math.pi * gone)))
         loss = loss_of(model, batch, args.device)
         torch.autograd.backward(loss)
         torch.nn.utils.clip_grad_norm_(trained, 1.0)

@@ -11,8 +11,8 @@ from llm_gateway.wishes import form, understand
 from llm_gateway.wishes.mentions import find
 from llm_gateway.wishes.readers import BackendReader, embedded_reader
 from llm_gateway.wishes.understand import prompt
-from research.evaluation.wishes.cases import cases
 from research.evaluation.wishes.score import score
+from research.training.wishes.cases import cases
 from swarm.messages.intent import Site
 
 pytestmark = pytest.mark.model

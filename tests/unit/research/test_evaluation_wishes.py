@@ -8,9 +8,9 @@ import msgspec
 import pytest
 
 from llm_gateway.wishes import understand
-from research.evaluation.wishes.cases import WISHES, Case, cases
 from research.evaluation.wishes.score import at_most, score, summary
 from research.evaluation.wishes.ways import RandomReader, checked, unchecked
+from research.training.wishes.cases import WISHES, Case, cases
 from swarm.messages.intent import Focus, Intent, problems
 
 

@@ -11,15 +11,20 @@ import numpy as np
 import pytest
 import torch
 
+from llm_gateway.wishes.account import settle
+from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.form import parse
 from llm_gateway.wishes.reading import ROLES
+from research.evaluation.wishes.score import score
 from research.training.wishes import gguf_file
 from research.training.wishes.batches import Lesson, batches
-from research.training.wishes.export import export
+from research.training.wishes.cases import WISHES, cases
+from research.training.wishes.export import export, restore
 from research.training.wishes.grammar import LANGUAGES, WEIGHTS, phrases, templates
 from research.training.wishes.llama import Llama, Shape
 from research.training.wishes.lora import adapt, adapted
 from research.training.wishes.samples import samples
+from research.training.wishes.written import written
 
 SMALL = Shape(
     blocks=2, width=32, heads=4, key_heads=2, hidden=48, vocabulary=40, rotary_base=1e4,
@@ -55,6 +60,35 @@ def test_answers_follow_the_form_and_use_every_role() -> None:
         verdicts[reading.verdict] += 1
     assert set(roles) == {role for allowed in ROLES.values() for role in allowed}
     assert min(verdicts.values()) > 30
+
+
+def test_wishes_of_people_are_read_and_answered_as_they_are_meant() -> None:
+    learnt = cases(WISHES.with_name("wishes-learnt.jsonl"))
+    found = list(written(learnt))
+    assert len(found) > 0.8 * len(learnt)
+    assert {s.reading.verdict for s in found} == {"all", "part", "nothing"}
+    for sample in found:
+        assert parse(sample.text, sample.answer).roles == sample.reading.roles
+    exact = [
+        score(case, compose(s.text, settle(s.text, s.reading), s.now)).wrong == ()
+        for case in learnt
+        for s in written([case])
+        if case.kind == "wish"
+    ]
+    assert sum(exact) > 0.9 * len(exact)
+
+
+def test_an_adapter_is_gone_on_from(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    first, second = Llama(SMALL), Llama(SMALL)
+    for parameter in adapt(first):
+        torch.nn.init.normal_(parameter)
+    adapt(second)
+    export(first, tmp_path / "a.gguf", name="test")
+    restore(second, tmp_path / "a.gguf")
+    for (_, one), (_, other) in zip(adapted(first), adapted(second), strict=True):
+        torch.testing.assert_close(one.a, other.a, atol=2e-3, rtol=2e-3)
+        torch.testing.assert_close(one.b, other.b, atol=2e-3, rtol=2e-3)
 
 
 def test_gguf_files_keep_what_is_written(tmp_path: Path) -> None:
