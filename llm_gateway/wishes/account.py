@@ -6,10 +6,17 @@ import re
 from dataclasses import replace
 
 from llm_gateway.wishes import lexicon
+from llm_gateway.wishes.clauses import ARTICLES
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading
 from llm_gateway.wishes.times import LEFT
+
+_UP_TO = {"before", "till", "until", "by", "til"}
+"""Before "then" they say nothing that the time itself does not."""
+_NUMBER = re.compile(r"[\d.,:]*\d[\d.,:]*")
+_LAST = {"last", "past", "letzte", "letzter", "letzten"}
+_THAN = (["als"], ["than"], ["statt"], ["over"])
 
 
 def settle(text: Text, reading: Reading) -> Reading:
@@ -53,10 +60,6 @@ def _unread(text: Text) -> list[str]:
     return found
 
 
-_UP_TO = {"before", "till", "until", "by", "til"}
-"""Before "then" they say nothing that the time itself does not."""
-
-
 def _refers(text: Text, at: int) -> bool:
     """Whether "then", at word `at`, only points to a time that is said: "before then", or last."""
     ends = at + 1 == len(text.words) or text.words[at + 1].text in {".", "!", ";"}
@@ -64,9 +67,6 @@ def _refers(text: Text, at: int) -> bool:
     ends |= bool({*following} & {"rest", "others", "anderen"})
     robot = any(m.kind == "robot" and m.last == at for m in text.mentions)
     return text.words[max(at - 1, 0)].text in _UP_TO or (ends and not robot)
-
-
-_NUMBER = re.compile(r"[\d.,:]*\d[\d.,:]*")
 
 
 def _is_talk(text: Text, at: int) -> bool:
@@ -83,16 +83,11 @@ def _is_talk(text: Text, at: int) -> bool:
     return word.text.isdigit() and glued  # "5G".
 
 
-_LAST = {"last", "past", "letzte", "letzter", "letzten"}
-_ARTICLES = {"the", "den", "die", "der", "dem", "das"}
-_THAN = (["als"], ["than"], ["statt"], ["over"])
-
-
 def _is_compared(text: Text, mention: Mention) -> bool:
     """Whether it only is what something else is preferred to: "rather R2 than R3"."""
     for other in text.mentions:
         before = [word.text for word in text.words[max(0, other.first - 3) : other.first]]
-        cue = [word for word in before if word not in _ARTICLES][-1:]
+        cue = [word for word in before if word not in ARTICLES][-1:]
         if other.kind == "robot" and other.names == mention.names and cue in _THAN:
             return True
     return False

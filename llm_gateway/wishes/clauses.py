@@ -20,7 +20,7 @@ _PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "tho
 """Behind a name alone they go on with its clause: "R2 aber nicht"."""
 _SHORTENED = {"min", "max", "mind", "ca", "approx"}
 """Behind them a full stop ends no sentence."""
-_ARTICLES = {"the", "den", "die", "der", "dem", "das"}
+ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _CAPITALS = {
     "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
     "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
@@ -117,7 +117,7 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     """Whether a word that parts clauses belongs to "all but", "as little", "low-priority"."""
     word = text.words[at].text
     before = " ".join(pieces[-3:])
-    alone = set(pieces) - _ARTICLES
+    alone = set(pieces) - ARTICLES
     if word in _PARTICLES and len(alone) == 1 and alone <= {"ROBOT", "PLACE", "CLASS"}:
         return all(mention.first != at + 1 for mention in text.mentions)
     if word == "but":

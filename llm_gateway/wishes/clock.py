@@ -3,7 +3,7 @@
 An hour from 1 to 12 that says neither half of the day is the next time that a clock face shows it:
 "until six" at 14:00 is 18:00, at 19:00 it is 06:00 of the next day. Hours above 12, a leading zero
 ("06:00") and "am" or "pm" leave no choice. On a named later day it is the first such hour from
-06:00 on. Parts of a day begin at fixed hours, see PARTS.
+06:00 on, or as it is written before "Uhr". Parts of a day begin at fixed hours, see PARTS.
 """
 
 from __future__ import annotations

@@ -13,11 +13,9 @@ from llm_gateway.wishes.cues.spelling import KNOWN, PATTERNS, SPELLING
 
 _PLAIN = frozenset(
     """darfste sollste ersuchen bitten spot place area part corner stelle ort bereich ecke gegend
-    koennts habts
-    seids wollts
-    sollts yall sir maam love guys bittschoen lassts tuts nehmts fragts lassens nehmens lass'ts
-    grosses isch immer erschte THEN roster rota pool sit sits sitting faellt faellst fallen
-    weitermachen weiter machen arbeiten auskommen u ur ya
+    koennts habts seids wollts sollts yall sir maam love guys bittschoen lassts tuts nehmts fragts
+    lassens nehmens grosses isch immer erschte roster rota pool sit sits sitting faellt faellst
+    fallen weitermachen weiter machen arbeiten auskommen u ur ya
     em s m limits limit order bounds reach hands fingers answer answers speak talk join
     contribute respond reply cooperate feel feels well mine ours yours further till til line
     side sight mind planen plane plant machs gehts machts hats ists ma mer net bissl
@@ -80,6 +78,7 @@ _THING = re.compile(
     r"(?:\b(?:bitte|please|the|our|to|at|on|in|near|around|den|die|das|der|dem|"
     r"im|am|beim|bei|zum|zur|auf|uns\w*) )(?=([a-z]{3,})\b)"
 )
+"""Names something: the word behind an article, or before "is"."""
 _BARE = frozenset(
     """ROBOT TIME not no nicht nix nichts kein keine keinen keiner keinesfalls mit with the den der
     die please bitte thanks danke aber doch jedoch bloss blos nur ja but und and auf fall

@@ -6,54 +6,47 @@ from llm_gateway.wishes.cues.common import any_of
 
 AT_LEAST = any_of(
     "no lower", "not lower", "or higher", "at least", "no less than", "not less than", "minimum",
-    "min", "minimal", "above", "or better",
-    "or more", "not drop below", "not fall below", "never below", "not below", "not under",
-    "never under", "never go under", "not go under", "drop below", "fall below", "go below",
-    "go under",
-    "below", "under", "floor", "better than", "mindestens", "wenigstens", "minimum", "nicht unter",
-    "zumindest", "ueber", "oder mehr", "oder besser", "nicht weniger", "nie unter", "unter",
-    "not sink below", "not get below", "not less", "least", "mind", "nothing under",
-    "nothing below",
+    "min", "minimal", "above", "or better", "or more", "not drop below", "not fall below",
+    "never below", "not below", "not under", "never under", "never go under", "not go under",
+    "drop below", "fall below", "go below", "go under", "below", "under", "floor", "better than",
+    "mindestens", "wenigstens", "minimum", "nicht unter", "zumindest", "ueber", "oder mehr",
+    "oder besser", "nicht weniger", "nie unter", "unter", "not sink below", "not get below",
+    "not less", "least", "mind", "nothing under", "nothing below",
 )  # fmt: skip
 AT_MOST = any_of(
     "at most", "no more than", "not more than", "more than", "maximum", "max", "up to", "cap",
     "limit", "at maximum", "hoechstens", "maximal", "nicht mehr", "mehr als", "bis zu",
-    r"beschraenk\w*",
-    r"begrenz\w*", "ceiling", r"restrict\w*", "SHARE only", "not exceed", "exceed", "exceeding",
-    "ueberschreiten", "not above",
-    "not over",
-    "stay below", "stay under", "keep below", "keep under", "tops", "hoechst",
+    r"beschraenk\w*", r"begrenz\w*", "ceiling", r"restrict\w*", "SHARE only", "not exceed",
+    "exceed", "exceeding", "ueberschreiten", "not above", "not over", "stay below", "stay under",
+    "keep below", "keep under", "tops", "hoechst",
 )  # fmt: skip
-FREE = any_of(r"(?:ich|wir|i|we|they) (?:brauch\w*|needs?)", "free", "reserve", "reserved", "frei",
-              "freihalten", r"reservier\w*", "freilassen",
-            "leave", "others", "andere", "anderen", "unused", "untouched", "spare",
-            "clear")  # fmt: skip
+FREE = any_of(
+    r"(?:ich|wir|i|we|they) (?:brauch\w*|needs?)", "free", "reserve", "reserved", "frei",
+    "freihalten", r"reservier\w*", "freilassen", "leave", "others", "andere", "anderen", "unused",
+    "untouched", "spare", "clear",
+)  # fmt: skip
 """The part is that which is kept for others."""
 SAVE = any_of(
     "ease", "eases", "easing", "ease off", "ease up", "load off", "strain off", "pressure off",
     "weight off", r"(?<!dropping )(?<!drop )off the", "back off", "dial down", "dial back",
-    "scale back", "cut back",
-    "cut down", "hold back", "tone down", "turn down", "rein in", r"trim\w*", r"shrink\w*",
-    r"restrain\w*", "restraint", r"modest\w*", r"moderate\w*", r"sparse\w*", "precious",
-    "as little", "not so much", "not too much", "too much",
-    "slim", "keep it small", "keep it low", "smaller", "fewer", "careful",
-    "carefully", "mindful", r"curb\w*", r"alleviat\w*", "unload", "offload", "lean",
-    "dont overdo", "budget", r"economical\w*", r"sparing\w*", r"gering\w*", "geringhalten",
-    r"minimier\w*", r"einschraenk\w*", r"schraenk\w*", "zurueckfahren", "runterfahren",
-    "herunterfahren", r"zurueckhalt\w*", "zurueckhaltend", "behutsam", "vorsichtig", "massvoll",
-    "sparflamme", "kuerzer treten", "schonung", "nicht so viel", "nicht zu viel",
-    "nicht soviel", "nicht zuviel", "so wenig", "moeglichst wenig", "ressourcenschonend",
-    "haushaltet", "sorgsam", "kostbar", "runterschrauben", "zurueckschrauben",
-    "drosseln", r"abspeck\w*", "saeubern", "klein halten", "kleinhalten",
-    "minimum", "minimal", "save", "saving", "saves", "spare", "sparing", r"econom\w*", "thrifty",
-    "thrift", r"conserv\w*",
-    r"reduc\w*", "lower", "less", "little", "easy", "cut", r"minimi[sz]e\w*", "low", "down",
-    "gentle",
-    "gently", "light", "lightly", "frugal", "tight", "stingy", "economise", "relieve", "sparingly",
-    r"spar", "spare", "sparen", "spart", "sparsam", "sparsamer", "einsparen", "schone", "schonen",
-    "schont", "schonend", "weniger", "wenig", "sachte", "niedrig", r"entlast\w*", "runter",
-    r"reduzier\w*", r"verringer\w*", "geizig", "haushalten", "knausrig", "senke", "senken",
-    r"drossel\w*",
+    "scale back", "cut back", "cut down", "hold back", "tone down", "turn down", "rein in",
+    r"trim\w*", r"shrink\w*", r"restrain\w*", "restraint", r"modest\w*", r"moderate\w*",
+    r"sparse\w*", "precious", "as little", "not so much", "not too much", "too much", "slim",
+    "keep it small", "keep it low", "smaller", "fewer", "careful", "carefully", "mindful",
+    r"curb\w*", r"alleviat\w*", "unload", "offload", "lean", "dont overdo", "budget",
+    r"economical\w*", r"sparing\w*", r"gering\w*", "geringhalten", r"minimier\w*",
+    r"einschraenk\w*", r"schraenk\w*", "zurueckfahren", "runterfahren", "herunterfahren",
+    r"zurueckhalt\w*", "zurueckhaltend", "behutsam", "vorsichtig", "massvoll", "sparflamme",
+    "kuerzer treten", "schonung", "nicht so viel", "nicht zu viel", "nicht soviel", "nicht zuviel",
+    "so wenig", "moeglichst wenig", "ressourcenschonend", "haushaltet", "sorgsam", "kostbar",
+    "runterschrauben", "zurueckschrauben", "drosseln", r"abspeck\w*", "saeubern", "klein halten",
+    "kleinhalten", "minimum", "minimal", "save", "saving", "saves", "spare", "sparing",
+    r"econom\w*", "thrifty", "thrift", r"conserv\w*", r"reduc\w*", "lower", "less", "little",
+    "easy", "cut", r"minimi[sz]e\w*", "low", "down", "gentle", "gently", "light", "lightly",
+    "frugal", "tight", "stingy", "economise", "relieve", "sparingly", r"spar", "spare", "sparen",
+    "spart", "sparsam", "sparsamer", "einsparen", "schone", "schonen", "schont", "schonend",
+    "weniger", "wenig", "sachte", "niedrig", r"entlast\w*", "runter", r"reduzier\w*",
+    r"verringer\w*", "geizig", "haushalten", "knausrig", "senke", "senken", r"drossel\w*",
     "throttle", "haushalte",
 )  # fmt: skip
 WASTE = any_of(
@@ -67,6 +60,8 @@ WASTE = any_of(
     r"wasting", r"verschwend\w*", r"vergeud\w*", "squander",
 )  # fmt: skip
 """With a negation: save."""
-STOP = any_of("stop", "quit", "cease", "lay off", "enough", "schluss", "aufhoeren", "no more",
-            "avoid", "less", "weniger", r"vermeid\w*")  # fmt: skip
+STOP = any_of(
+    "stop", "quit", "cease", "lay off", "enough", "schluss", "aufhoeren", "no more", "avoid",
+    "less", "weniger", r"vermeid\w*",
+)  # fmt: skip
 """With waste: save."""

@@ -8,71 +8,64 @@ from llm_gateway.wishes.cues.common import any_of
 
 OUT = any_of(
     "in frieden", "spared", "verschont", r"keep ROBOT free", r"halt\w* ROBOT frei",
-    r"please leave$", "a miss",
-    "out of the pool", "outta the pool", "outta", "off limits",
-    "off the table",
-    "task", "off the roster", "off the rota", "ausplanen", "ausgeplant", "aus dem rennen",
-    "in ruh", "lass stecken", "aus dem spiel",
-    r"ground\w*", "park", "parked", "parking", r"sideline\w*", r"shelve\w*", "sleep", "sleeps",
-    "sleeping", "stand down", "stands down", "stand by", r"ditch\w*", "axe", r"unplug\w*",
-    r"retire\w*", r"quarantine\w*", r"blacklist\w*", r"suspend\w*", r"withdraw\w*", "day off",
-    "cut out", "rule out", "count out", "take out", "opt out", "make do without", "do without",
-    "get by without", "go without", "manage without", "unavailable", "not available", "inactive",
-    "deactivated", "disabled", "lock out", "locked out", "leave behind", r"stays? home",
-    "at home", "knock off", "scrap", "turn off", "switch off", "standby", r"park\w*t", "geparkt",
-    "parken", "abmelden", "abgemeldet", r"aussortier\w*", "rauswerfen", "rauswirf", "wirf raus",
-    r"rausschmeiss\w*", r"schmeiss\w* raus", r"kick\w*", "wegfallen", "entfaellt",
-    r"ausklammer\w*", r"klammer\w* aus", "abziehen", "abgezogen", "aussetzen", "setzt aus",
-    "aussetzt", "pausiert", "schlafen", "schlaeft", r"kaltstell\w*", "kaltgestellt",
-    r"blockier\w*", r"stillleg\w*", "stillgelegt", r"deaktivier\w*", "ausgeschaltet",
-    "ausschalten", r"schalt\w* ab", "abgeschaltet", "abstellen", "abgestellt", r"abzieh\w*",
-    "herausnehmen", "rausgenommen", "herausgenommen", "weggelassen", "ausgelassen",
-    "ausgeschlossen", "ausgenommen", "ausgespart", "aussparen", "fernbleiben", "wegbleiben",
-    "wegbleibt", "raushalten", "nicht verfuegbar", "ausser dienst", "off duty", "out of service",
-    "out of action", "ausser betrieb", "im urlaub", "haende weg", "fern halten", "liegen lassen",
-    "links liegen", "stehen lassen", "stehenlassen", "zu hause", "nix von", "nichts wissen",
-    "absehen", "verzichten", "verzichtet",
-    r"skip\w*", r"ignor\w*", r"exclud\w*", "drop", "dropping", "omit", "bench", "disable",
-    "deactivate", "avoid", "remove", "without", "except", "besides", "excluding", "out", "off",
-    "aside", "ALLBUT", "rest", "pause", "a break", "forget", "forget about", "spare",
-    r"stop \w*", "in peace", r"(?:leave|leaving|lev|leaf|let) .*\b(?:alone|be|rest|sleep)",
+    r"please leave$", "a miss", "out of the pool", "outta the pool", "outta", "off limits",
+    "off the table", "task", "off the roster", "off the rota", "ausplanen", "ausgeplant",
+    "aus dem rennen", "in ruh", "lass stecken", "aus dem spiel", r"ground\w*", "park", "parked",
+    "parking", r"sideline\w*", r"shelve\w*", "sleep", "sleeps", "sleeping", "stand down",
+    "stands down", "stand by", r"ditch\w*", "axe", r"unplug\w*", r"retire\w*", r"quarantine\w*",
+    r"blacklist\w*", r"suspend\w*", r"withdraw\w*", "day off", "cut out", "rule out", "count out",
+    "take out", "opt out", "make do without", "do without", "get by without", "go without",
+    "manage without", "unavailable", "not available", "inactive", "deactivated", "disabled",
+    "lock out", "locked out", "leave behind", r"stays? home", "at home", "knock off", "scrap",
+    "turn off", "switch off", "standby", r"park\w*t", "geparkt", "parken", "abmelden",
+    "abgemeldet", r"aussortier\w*", "rauswerfen", "rauswirf", "wirf raus", r"rausschmeiss\w*",
+    r"schmeiss\w* raus", r"kick\w*", "wegfallen", "entfaellt", r"ausklammer\w*", r"klammer\w* aus",
+    "abziehen", "abgezogen", "aussetzen", "setzt aus", "aussetzt", "pausiert", "schlafen",
+    "schlaeft", r"kaltstell\w*", "kaltgestellt", r"blockier\w*", r"stillleg\w*", "stillgelegt",
+    r"deaktivier\w*", "ausgeschaltet", "ausschalten", r"schalt\w* ab", "abgeschaltet", "abstellen",
+    "abgestellt", r"abzieh\w*", "herausnehmen", "rausgenommen", "herausgenommen", "weggelassen",
+    "ausgelassen", "ausgeschlossen", "ausgenommen", "ausgespart", "aussparen", "fernbleiben",
+    "wegbleiben", "wegbleibt", "raushalten", "nicht verfuegbar", "ausser dienst", "off duty",
+    "out of service", "out of action", "ausser betrieb", "im urlaub", "haende weg", "fern halten",
+    "liegen lassen", "links liegen", "stehen lassen", "stehenlassen", "zu hause", "nix von",
+    "nichts wissen", "absehen", "verzichten", "verzichtet", r"skip\w*", r"ignor\w*", r"exclud\w*",
+    "drop", "dropping", "omit", "bench", "disable", "deactivate", "avoid", "remove", "without",
+    "except", "besides", "excluding", "out", "off", "aside", "ALLBUT", "rest", "pause", "a break",
+    "forget", "forget about", "spare", r"stop \w*", "in peace",
+    r"(?:leave|leaving|lev|leaf|let) .*\b(?:alone|be|rest|sleep)",
     r"(?:leave|leaving|lev|leaf) (?:it|them|him|her)", "let it", "let them", "let him",
-    "leave ROBOT", "leave it", "alone",
-    r"left (?:alone|out|in peace|off|aside)", "ruhe gelassen", "nothing from", "nichts von",
-    "zufrieden", "ruhe", "mit ausnahme", "with the exception",
-    "exception", "disregard",
-    r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off", "taboo",
-    "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
-    r"verschon\w*",
-    "sit out", "out of bounds", "banned", "verboten", "gesperrt", "stay home", "daheim", "zuhause",
-    "nicht dabei", r"entbehr\w*", "forbidden", "opt out", "hinauslassen", "pass over",
-    r"scheid\w* aus",
-    "ohne", "ausser", "auslassen", "auslass", "lass aus", "weglassen", "weg", "raus", "aus",
-    "rauslassen", r"ausschliess\w*", r"schliess\w* .*", "ausnehmen", r"ignorier\w*", r"verzicht\w*",
-    r"uebergeh\w*", r"pausier\w*", "pausen", r"abschalt\w*", r"sperr\w*", "in ruhe", "aussen vor",
-    "draussen", "nichts hoeren", "vergiss", "vergessen", "meide", "vermeide", r"streich\w*",
-    "rausnehmen", "auszulassen", "lahmlegen", "stilllegen", "beiseite", "fern", "ruhen",
+    "leave ROBOT", "leave it", "alone", r"left (?:alone|out|in peace|off|aside)", "ruhe gelassen",
+    "nothing from", "nichts von", "zufrieden", "ruhe", "mit ausnahme", "with the exception",
+    "exception", "disregard", r"(?:keep|stay) (?:\w+ )?away", "steer clear", "hold off", "lay off",
+    "taboo", "tabu", "no go", r"finger (?:weg|von)", "raushalten", "heraushalten", "fernhalten",
+    r"verschon\w*", "sit out", "out of bounds", "banned", "verboten", "gesperrt", "stay home",
+    "daheim", "zuhause", "nicht dabei", r"entbehr\w*", "forbidden", "opt out", "hinauslassen",
+    "pass over", r"scheid\w* aus", "ohne", "ausser", "auslassen", "auslass", "lass aus",
+    "weglassen", "weg", "raus", "aus", "rauslassen", r"ausschliess\w*", r"schliess\w* .*",
+    "ausnehmen", r"ignorier\w*", r"verzicht\w*", r"uebergeh\w*", r"pausier\w*", "pausen",
+    r"abschalt\w*", r"sperr\w*", "in ruhe", "aussen vor", "draussen", "nichts hoeren", "vergiss",
+    "vergessen", "meide", "vermeide", r"streich\w*", "rausnehmen", "auszulassen", "lahmlegen",
+    "stilllegen", "beiseite", "fern", "ruhen",
 )  # fmt: skip
 UNUSED = any_of(
     r"heranzu\w*", "anfunken", "angefunkt", "anpingen", "ping", "plan on", "schedule", "scheduled",
-    "assign", "deploy", "pick", "choose",
-    "select", "rely on",
-    "einplanen", "eingeplant", "verplanen", r"beruecksichtig\w*", "einbinden", "eingebunden",
-    "ansprechen", "angesprochen", r"heranzieh\w*", "herangezogen", r"hinzuzieh\w*", "zuziehen",
-    r"beizieh\w*", r"auswaehl\w*", "waehlen", "waehl", "zaehlen auf", "verlassen", "bauen",
-    "setzen", "hoeren", "rufen", "anrufen", r"kontaktier\w*", "abfragen", "befragen",
-    r"behellig\w*", "einspannen", r"beanspruch\w*", "mitwirken", "mitspielen", r"mitzieh\w*",
-    "ran", "dran", "drannehmen", "schicken", "losschicken", "zum einsatz",
-    r"us(?:e|ed|ing)", "ask", "asked", "asking", "bother", "touch", "take", "include", "call",
-    "query", "disturb", "count on", "consult", "consulted", "poll", "want", "need", "depend",
-    "listen", "trust", "employ", "bothered", "disturbed", "let", "go", "fragt", r"bemueh\w*",
-    "heranziehen", "hinzuziehen", "nutzen", "nutz", "nutze", "belaestigen", "ranlassen", "dabei",
-    "query", "disturb", "involve", "request", "requests", "part", "participate", "rely", "contact",
-    "gefragt", "gestoert", "benutzt", "genommen", "verwendet", "eingesetzt", "angefragt",
-    "einbezogen", "bothered", "queried", "contacted", "benutzen", "benutz", "benutze",
-    "verwenden", "verwende", "nehmen", "nimm", "fragen", "frag",
-    "frage", "mitmachen", "einsetzen", "stoeren", "stoer", "mitnehmen", "anfragen", "brauchen",
-    "brauch", "brauche", "brauchma", "einbeziehen", "beteiligen", "teilnehmen", "anfassen",
+    "assign", "deploy", "pick", "choose", "select", "rely on", "einplanen", "eingeplant",
+    "verplanen", r"beruecksichtig\w*", "einbinden", "eingebunden", "ansprechen", "angesprochen",
+    r"heranzieh\w*", "herangezogen", r"hinzuzieh\w*", "zuziehen", r"beizieh\w*", r"auswaehl\w*",
+    "waehlen", "waehl", "zaehlen auf", "verlassen", "bauen", "setzen", "hoeren", "rufen",
+    "anrufen", r"kontaktier\w*", "abfragen", "befragen", r"behellig\w*", "einspannen",
+    r"beanspruch\w*", "mitwirken", "mitspielen", r"mitzieh\w*", "ran", "dran", "drannehmen",
+    "schicken", "losschicken", "zum einsatz", r"us(?:e|ed|ing)", "ask", "asked", "asking",
+    "bother", "touch", "take", "include", "call", "query", "disturb", "count on", "consult",
+    "consulted", "poll", "want", "need", "depend", "listen", "trust", "employ", "bothered",
+    "disturbed", "let", "go", "fragt", r"bemueh\w*", "heranziehen", "hinzuziehen", "nutzen",
+    "nutz", "nutze", "belaestigen", "ranlassen", "dabei", "query", "disturb", "involve", "request",
+    "requests", "part", "participate", "rely", "contact", "gefragt", "gestoert", "benutzt",
+    "genommen", "verwendet", "eingesetzt", "angefragt", "einbezogen", "bothered", "queried",
+    "contacted", "benutzen", "benutz", "benutze", "verwenden", "verwende", "nehmen", "nimm",
+    "fragen", "frag", "frage", "mitmachen", "einsetzen", "stoeren", "stoer", "mitnehmen",
+    "anfragen", "brauchen", "brauch", "brauche", "brauchma", "einbeziehen", "beteiligen",
+    "teilnehmen", "anfassen",
 )  # fmt: skip
 """What is done with a robot; with a negation, it is left out."""
 NOT_BUT_OUT = any_of(
@@ -81,22 +74,25 @@ NOT_BUT_OUT = any_of(
 )  # fmt: skip
 """Negations that mean "out", rather than negate it."""
 ONLY = any_of(
-    "mehr nicht", "sonst nix",
-    "just ROBOT", "purely", "merely", "nothing but", "and thats it", "and thats all", "sole",
-    "alone may", "and no other", "and no others", "none of the others", r"und sonst keine[rn]?",
-    r"und keine[rn]? sonst", "und kein anderer", "und keinen anderen", "blos", "allein ROBOT",
-    "nix anderes", "niemanden sonst", "kein anderer", "keine andere", "und fertig", "und basta",
-    "bloss ROBOT", "einzig und allein", r"beschraenk\w* .*\bauf ROBOT",
+    "mehr nicht", "sonst nix", "just ROBOT", "purely", "merely", "nothing but", "and thats it",
+    "and thats all", "sole", "alone may", "and no other", "and no others", "none of the others",
+    r"und sonst keine[rn]?", r"und keine[rn]? sonst", "und kein anderer", "und keinen anderen",
+    "blos", "allein ROBOT", "nix anderes", "niemanden sonst", "kein anderer", "keine andere",
+    "und fertig", "und basta", "bloss ROBOT", "einzig und allein", r"beschraenk\w* .*\bauf ROBOT",
     "only", r"(?:limit|restrict|confine|reduce)\w* .*\bto ROBOT", "stick with", "stick to",
-    "keep to", "solely", "exclusively", "exclusive",
-    "NOBODYBUT", "nobody else", "no one else",
+    "keep to", "solely", "exclusively", "exclusive", "NOBODYBUT", "nobody else", "no one else",
     "none else", "noone else", "nothing else", "no other", "no others", "restrict", "nur",
     "ausschliesslich", "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner",
     "sonst keinen", "niemand sonst", "reicht", "reichen", "genuegt", "genuegen", "is enough",
     "are enough", "suffices", "suffice", "niemand anderes", "allein", "und sonst",
     "die anderen brauch", "limit yourself to ROBOT", "keine anderen", "keinen anderen",
 )  # fmt: skip
-JUST = any_of("just", "bloss", "purely", "merely")
+JUST = any_of(
+    "just",
+    "bloss",
+    "purely",
+    "merely",
+)
 FIRST = any_of(
     "first choice", "first pick", "top choice", "favourite", "favorite", "preferably",
     "over the others", "over all others", "over the rest", "before anybody", "vor den anderen",
@@ -105,12 +101,10 @@ FIRST = any_of(
     "first", r"prefer\w*", "rather", "priority", "prioriti[sz]e", r"favou?r\w*", "before everyone",
     "before everybody", "before the others", "before the rest", "before all", "before anyone",
     "start with", "at the top", "top of", "ideally", "begin with", "as first", "ahead of",
-    "zuerst", r"bevorzug\w*",
-    "vorrang", "vorzug", "am liebsten", "lieber", "erste wahl", "vorzugsweise",
-    "als erstes", "als ersten", "vor allen", r"priorisier\w*", "primarily",
-    "zunaechst",
-    "erster", "als erster", "wann immer moeglich", "go ahead of",
-    "allen voran", "erste",
+    "zuerst", r"bevorzug\w*", "vorrang", "vorzug", "am liebsten", "lieber", "erste wahl",
+    "vorzugsweise", "als erstes", "als ersten", "vor allen", r"priorisier\w*", "primarily",
+    "zunaechst", "erster", "als erster", "wann immer moeglich", "go ahead of", "allen voran",
+    "erste",
 )  # fmt: skip
 POSSIBLY = any_of(
     "lean on", "lean more on", "go to", "goto", "go for", "turn to", r"where(?:ver)? you can",
@@ -120,13 +114,20 @@ POSSIBLY = any_of(
     "so oft wie moeglich", "erstmal", "hauptsaechlich", "vornehmlich", "in erster linie",
     "default to", "best bet", "if it works", "if it is possible", "if at all possible",
     "wenns geht", "wenns klappt", "wenns passt", "wenn es klappt", "wenn es passt",
-    "sofern moeglich", "nach moeglichkeit", "where you can", "where possible",
-    "wherever possible",
-"if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
-                "whenever possible", "whenever you can", "wann immer moeglich",
-                "falls moeglich")  # fmt: skip
+    "sofern moeglich", "nach moeglichkeit", "where you can", "where possible", "wherever possible",
+    "if possible", "if you can", "wenn moeglich", "moeglichst", "wenn es geht",
+    "whenever possible", "whenever you can", "wann immer moeglich", "falls moeglich",
+)  # fmt: skip
 """A preference of what is named, or politeness beside another cue."""
-LAST = any_of("last", "lastly", "zuletzt", "als letztes", "als letzter", "worst", "least")
+LAST = any_of(
+    "last",
+    "lastly",
+    "zuletzt",
+    "als letztes",
+    "als letzter",
+    "worst",
+    "least",
+)
 OVER_OTHERS = re.compile(
     r"\b(?:over|before|ahead of|rather than|vor|lieber als) "
     r"(?:(?:all|any of|the|den|allen|everyone) ){0,2}"
@@ -164,10 +165,9 @@ REST = re.compile(r"(?:then |and |dann |und )?(?:(?:the|der|die|den) )?(?:rest|o
 BACKUP = any_of(
     r"back ?ups?", "reserve", "fallback", "second", "secondary", "if needed", "if necessary",
     "as needed", "as required", "when needed", "notfalls", "im notfall", "zur not", "ersatz",
-    "danach",
-    "afterwards", "later", "spaeter", "zweite wahl", "second choice", "hinten an", "hintenan",
-    "erst danach", "nachrangig", "last", "zuletzt", "in reserve", "in an emergency", "as a spare",
-    "bei bedarf", "nachher", "erst dann", "next", "after that",
+    "danach", "afterwards", "later", "spaeter", "zweite wahl", "second choice", "hinten an",
+    "hintenan", "erst danach", "nachrangig", "last", "zuletzt", "in reserve", "in an emergency",
+    "as a spare", "bei bedarf", "nachher", "erst dann", "next", "after that",
 )  # fmt: skip
 """Said of the others: who is named comes first."""
 _ASK = r"(?:ask|us(?:e|ing)|query|poll|call|contact|tak(?:e|ing)|involve|include|consult|task)\w*"
@@ -179,8 +179,10 @@ _NONE = (r"(?:no ?one|nobody|none(?: of (?:them|the \w+))?|(?:no|not a|not one)(
 _KEINEN = (r"(?:kein|keine[nrm]?|koan\w*|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|"
 r"von ihnen|"
            r"roboter\w*|mehr))*")  # fmt: skip
-SUFFICES = any_of("reicht", "reichen", "genuegt", "genuegen", "is enough", "are enough", "suffices",
-                  "suffice", "will do")  # fmt: skip
+SUFFICES = any_of(
+    "reicht", "reichen", "genuegt", "genuegen", "is enough", "are enough", "suffices", "suffice",
+    "will do",
+)  # fmt: skip
 NOBODY = any_of(
     r"^(?:please )?(?:no|zero) (?:robots?|bots?|units?)(?: at all)?(?: please)?(?: TIME)?$",
     r"(?:stop|quit|no) (?:ask|us|query|poll)ing (?:anyone|anybody|everyone|everybody|any \w+|all)",
@@ -195,9 +197,10 @@ NOBODY = any_of(
     rf"{_KEINEN}(?: \w+){{0,3}} (?:zu )?{_FRAG}",
 )  # fmt: skip
 """No robot at all is to be asked."""
-SOMEBODY = any_of("else", "but", "except", "besides", "other than", "apart", "sonst", "ausser",
-                  r"ander\w+", "bis auf", "als", "more than", "mehr als", "PLACE",
-                  "CLASS")  # fmt: skip
+SOMEBODY = any_of(
+    "else", "but", "except", "besides", "other than", "apart", "sonst", "ausser", r"ander\w+",
+    "bis auf", "als", "more than", "mehr als", "PLACE", "CLASS",
+)  # fmt: skip
 """Beside NOBODY they say that somebody is, or that it is said of a place only."""
 IDLE = any_of(
     "hands off", "stay put", "stay out", "stand by", "stand down", "idle", "quiet", "silent",

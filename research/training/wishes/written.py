@@ -70,8 +70,11 @@ def _of_robots(names: set[str], meant: Intent) -> Role | None:
 
 def _of_share(mention: Mention, meant: Intent) -> Role:
     value = 0.0 if mention.share is None else mention.share.value
-    for role, said in (("quality", meant.q_min), ("link", meant.link_share)):
-        if said is not None and abs(said - value) <= _CLOSE:
-            return "quality" if role == "quality" else "link"
-    free = meant.link_share is not None and abs(1 - meant.link_share - value) <= _CLOSE
-    return "free" if free else "none"
+    link = meant.link_share
+    said: dict[Role, float | None] = {
+        "quality": meant.q_min, "link": link, "free": None if link is None else 1 - link,
+    }  # fmt: skip
+    for role, part in said.items():
+        if part is not None and abs(part - value) <= _CLOSE:
+            return role
+    return "none"
