@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from ego_agent.knowledge.objective import Headroom, Objective, Weight
-from ego_agent.knowledge.pace import RARER_HZ, SLOWER_HZ
+from ego_agent.knowledge.pace import PLACES_HZ, RARER_HZ, SLOWER_HZ
 from ego_agent.monitor.robot_table import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
@@ -67,6 +67,9 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     rarer: bool = True
     """Whether each robot may be asked for another algorithm, and less often than frames are fused,
     where `memory` carries on what they showed."""
+    between: bool = True
+    """Whether robots that are asked for points less often than that are asked in between for those
+    of the places of what is remembered."""
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
@@ -101,6 +104,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
             deadline_s=self.deadline_s,
             slower_hz=SLOWER_HZ if self.learn else (),
             rarer_hz=RARER_HZ if self.rarer and self.memory else (),
+            places_hz=PLACES_HZ if self.rarer and self.memory and self.between else 0.0,
             comm_range_m=self.comm_range_m or usual_range_m,
             headroom=self.headroom,
         )

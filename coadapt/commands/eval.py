@@ -296,6 +296,9 @@ def run_live(args: argparse.Namespace) -> int:
     from research.evaluation.live.run import live_suite
     from research.evaluation.live.run import run_live as run_all
 
+    # A frame of which robots showed places only has no offline twin: what was asked about is not
+    # published.
+    os.environ.setdefault("COADAPT_BETWEEN", "false")
     compute = read_compute(args.compute) if args.compute else None
     run_all(live_suite(), args.policies, args.seconds, args.runtime, args.output, compute)
     return 0

@@ -125,6 +125,11 @@ def _check_text(result: dict[str, Any]) -> list[str]:
             f"  not compared: {result['other_times']} frames in which a robot answered with its "
             "scan before or after the recorded one"
         )
+    if result["about_places"]:
+        lines.append(
+            f"  not compared: {result['about_places']} frames in which a robot was asked about "
+            "the places of what was remembered"
+        )
     lines += [
         f"  frame {one['frame']}, {one['algorithm']}: {one['why']}" for one in different[:SHOWN]
     ]

@@ -18,7 +18,7 @@ from deploy.runtime import ProcessStatus
 from deploy.state import State
 from deploy.view import EgoRow, SwarmView
 from swarm.errors import DeployError, TransportError
-from swarm.messages import AdviceReport, IntentTold
+from swarm.messages import AdviceReport, Assignment, IntentTold
 
 WINDOW_S = 1.2
 REDRAW_S = 1.0
@@ -187,7 +187,12 @@ def _wish(intent: IntentTold) -> str:
 
 def _assigned(view: SwarmView) -> str:
     """Who sends what, and how often."""
-    return ", ".join(f"{one.robot} {one.algorithm} {one.rate_hz:g} Hz" for one in view.assignments)
+
+    def rates(one: Assignment) -> str:
+        places = f" (places: {one.places_hz:g} Hz)" if one.places_hz else ""
+        return f"{one.rate_hz:g} Hz{places}"
+
+    return ", ".join(f"{one.robot} {one.algorithm} {rates(one)}" for one in view.assignments)
 
 
 def _egos(egos: Sequence[EgoRow]) -> list[str]:

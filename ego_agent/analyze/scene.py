@@ -114,6 +114,7 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             capacity_bps=member.capacity_bps,
             answers=learnt.of(member.robot, member.sizes) if knowledge.learns else {},
             shared=member.shared,
+            focused=knowledge.focused_sizes(member.robot, snapshot.now_ns),
         )
         for member, row in zip(everyone, evidence, strict=True)
     )

@@ -240,7 +240,7 @@ class Asker:
             silent_s = min(now - self._answered_at, self._monitor.silent_s())
             if done.waiting and not done.probe and silent_s >= SILENT_S:
                 self._link.silence(now)
-            for robot in done.waiting:
+            for robot in done.waiting - done.focused(done.waiting):
                 self._lessons.silence(done, robot)
             done.close(now)
 
@@ -299,7 +299,9 @@ class Asker:
         if isinstance(arrival.outcome, Answer):
             self._answered_at = arrival.at
             wrong = self._check.answer(ask.robot, ask.request, arrival.outcome.message)
-        if not ask.request.listens:
+        focused = done.questions[ask.robot].focused
+        # What answers about places take tells nothing of whole ones.
+        if not ask.request.listens and not focused:
             self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at, wrong)
         self._settle(ask)
         if ask.request.shares and isinstance(arrival.outcome, Answer):
@@ -328,7 +330,7 @@ class Asker:
         if wrong is None:
             self._monitor.note_answer(seen)
             size, at_ns = len(seen.payload), self._clock.now_ns()
-            self.knowledge.record_payload(ask.robot, algorithm, size, at_ns)
+            self.knowledge.record_payload(ask.robot, algorithm, size, at_ns, focused=focused)
         if late and wrong is None and ask.robot in done.missing and not done.probe:
             # Its frame is fused, but memory can still take it up.
             done.take_late(contribution(done, ask.request.capture_ns, seen))

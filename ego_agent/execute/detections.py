@@ -45,6 +45,7 @@ def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -
         forms=_forms(frame, result),
         ages_ms=_ages_ms(result),
         corrections=_corrections(result),
+        focused=tuple(sorted(result.round.focused(result.participants[1:]))),
     )
 
 

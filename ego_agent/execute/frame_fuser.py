@@ -12,13 +12,13 @@ from ego_agent.execute.pipeline import AskedFrame
 from ego_agent.execute.sense import OwnFrame
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.monitor.known import KnownRobots
-from perception.fusion.aligner import Held
+from perception.fusion.aligner import Held as HeldPoses
 from perception.fusion.base import Contribution, Fusion
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
 from perception.memory.memory import Frame, Remembered, View
-from perception.memory.remembering import remember
+from perception.memory.remembering import held, remember
 from perception.memory.reprocessing import ReprocessingMemory
 from perception.types import Boxes
 from swarm.errors import PerceptionError
@@ -61,6 +61,15 @@ class FrameResult:
         return {robot: why.kind for robot, why in self.missing.items()}
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """All that may be there, told or not, but for known robots."""
+
+    time_s: float
+    """Capture of the frame by which it is known, on the ego's clock."""
+    tracks: Remembered
+
+
 @dataclass(slots=True)
 class _Fused:
     """One of the last frames, and what was fused in it."""
@@ -97,6 +106,8 @@ class FrameFuser:
         self._recent: deque[_Fused] = deque(maxlen=RECENT)
         self.remembered: Remembered | None = None
         """What was there at the newest frame; None without a memory. Any thread may read."""
+        self.held: Held | None = None
+        """The same with what is too unlikely to be told. Any thread may read."""
 
     def fuse(self, frame: AskedFrame, taken_at: float) -> FrameResult:
         """Takes up what arrives until the frame's round is closed, and fuses it; `taken_at`: when
@@ -176,10 +187,10 @@ class FrameFuser:
     def _amend(self, fused: _Fused, more: list[Contribution]) -> int:
         frame, own = fused.frame, fused.frame.own
         gathering = frame.fusion.begin(own.points, own.world_from_sensor)
-        held: dict[str, Matrix] = {}
+        corrected: dict[str, Matrix] = {}
         for one in (*self._recent, fused):
-            held |= one.corrections
-        gathering.remembered = Held(held, own.world_from_sensor)
+            corrected |= one.corrections
+        gathering.remembered = HeldPoses(corrected, own.world_from_sensor)
         taken: list[Contribution] = []
         for contribution in (*fused.used, *more):
             try:
@@ -224,25 +235,28 @@ class FrameFuser:
         """What memory makes of a frame's boxes, which `helpers` have shown beside the ego."""
         if self._memory is None:
             return None
+        focused = frame.round.focused(helpers)
+        shown = Frame(
+            frame.own.capture_ns * 1e-9,
+            found,
+            helpers,
+            # Nothing beside the places that were asked about is known to be free.
+            {robot: view for robot, view in views.items() if robot not in focused},
+            frame.own.world_from_sensor,
+            focused=focused,
+        )
         try:
-            return remember(
-                self._memory,
-                Frame(
-                    frame.own.capture_ns * 1e-9,
-                    found,
-                    helpers,
-                    views,
-                    frame.own.world_from_sensor,
-                ),
-                self._detector,
-                judged_as,
-                known,
+            told = remember(self._memory, shown, self._detector, judged_as, known)
+            self.held = (
+                None if told is None else Held(self._memory.time_s, held(self._memory, known))
             )
         except Exception:
             # What was seen now is published all the same.
             self._log.error("memory_failed", frame=frame.own.frame, exc_info=True)
             self._memory.clear()
+            self.held = None
             return None
+        return told
 
     def _fault(self, error: Exception, own: OwnFrame) -> Missing:
         """Why a contribution is rejected; a fault that is not the payload's is logged."""

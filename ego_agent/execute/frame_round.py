@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -41,6 +41,8 @@ class Question:
     """How often it is asked for it."""
     shares: bool = False
     """Whether the ego would take what it publishes for several."""
+    focused: bool = False
+    """Whether it is asked about places only, for what the ego remembers there."""
 
 
 @dataclass(slots=True, eq=False)
@@ -76,6 +78,10 @@ class FrameRound:
     def algorithm_of(self, robot: str) -> Algorithm:
         """What a robot was asked for."""
         return self.questions[robot].algorithm
+
+    def focused(self, robots: Iterable[str]) -> frozenset[str]:
+        """Those of some robots that were asked about places only."""
+        return frozenset(robot for robot in robots if self.questions[robot].focused)
 
     @property
     def is_mixed(self) -> bool:

@@ -8,9 +8,11 @@ never falls behind the sensors.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 
 from ego_agent.execute.ask import Asker
 from ego_agent.execute.detections import detections
@@ -18,13 +20,14 @@ from ego_agent.execute.frame_fuser import FrameFuser, FrameResult
 from ego_agent.execute.frame_round import Question
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
-from ego_agent.knowledge.pace import algorithm_of, due, rate_of, stride
+from ego_agent.knowledge.pace import about_places, algorithm_of, due, rate_of, stride
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
 from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.mixed import Mixed
+from perception.memory.asking import LONGEST_S, places_of
 from perception.memory.memory import Remembered
 from perception.memory.poses import PoseMemory
 from perception.memory.reprocessing import ReprocessingMemory
@@ -218,21 +221,43 @@ class FusionLoop:
             for robot in decision.participants
             if robot != self._ego and due(decision, robot, own.frame // step)
         }
-        algorithm, fusion = self._fusion_of(decision, forms.values())
+        places = self._places(own)
+        about = self._about_places(decision, own.frame // step) if places else {}
+        algorithm, fusion = self._fusion_of(decision, [*forms.values(), *about.values()])
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)
         self._probe(decision, own)
-        tell = {form: gathering.ask_for(form) for form in dict.fromkeys(forms.values())}
+        tell = {
+            form: gathering.ask_for(form)
+            for form in dict.fromkeys([*forms.values(), *about.values()])
+        }
         questions = {}
         for robot, form in forms.items():
             rate_hz = rate_of(decision, robot)
             # Robots that contribute rarely take turns, in an order of this ego's own.
             shares = self._fusions[form].shareable and rate_hz >= decision.rate_hz
             questions[robot] = Question(form, tell[form], rate_hz, shares)
+        for robot, form in about.items():
+            only = replace(tell[form], demand=places)
+            questions[robot] = Question(form, only, focused=True)
         done = self._asker.ask(
             self._session, questions, own.capture_ns, decision.deadline_s or self._deadline_s
         )
         return AskedFrame(decision, own, algorithm, fusion, gathering, done)
+
+    def _places(self, own: OwnFrame) -> bytes:
+        """Where something is remembered; empty where nothing is, or nothing is known of late."""
+        held = self._fuser.held
+        after_s = own.capture_ns * 1e-9 - held.time_s if held is not None else math.inf
+        if held is None or not 0.0 < after_s <= LONGEST_S:
+            return b""
+        return places_of(held.tracks, after_s, own.world_from_sensor)
+
+    def _about_places(self, decision: Decision, number: int) -> dict[str, Algorithm]:
+        """Participants that are asked about places in the frame of that number, and what for."""
+        robots = about_places(decision.assignments, decision.rate_hz, number)
+        forms = {robot: algorithm_of(decision, robot) for robot in robots}
+        return {robot: form for robot, form in forms.items() if self._fusions[form].focuses}
 
     def _fusion_of(
         self, decision: Decision, forms: Collection[Algorithm]

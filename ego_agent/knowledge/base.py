@@ -18,7 +18,7 @@ from ego_agent.knowledge.experience import Experience
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.own_costs import OwnCosts
 from ego_agent.knowledge.quality import QualityModel, quality_of
-from ego_agent.knowledge.rates import USUAL_DETECTOR, RateModel, rates_of
+from ego_agent.knowledge.rates import FOCUSED, USUAL_DETECTOR, RateModel, rates_of
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
@@ -134,9 +134,17 @@ class Knowledge:
         other.objective = objective
         return other
 
-    def record_payload(self, robot: str, algorithm: str, size: int, now_ns: int) -> None:
-        """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock."""
-        key = (robot, algorithm)
+    def places_hz(self, algorithm: Algorithm) -> float:
+        """How often who sends it more rarely is asked about places in between; 0: never."""
+        known = self.may_be_rarer(algorithm) and self.rates.focuses(algorithm)
+        return self.objective.places_hz if known else 0.0
+
+    def record_payload(
+        self, robot: str, algorithm: str, size: int, now_ns: int, *, focused: bool = False
+    ) -> None:
+        """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock; `focused`:
+        of an answer about places."""
+        key = (robot, algorithm + FOCUSED if focused else algorithm)
         with self._lock:
             series = self._sizes.setdefault(key, deque(maxlen=self._receipts))
             series.append((now_ns, size))
@@ -160,7 +168,13 @@ class Knowledge:
                 sizes[algorithm] = size
         return sizes
 
-    def _measured(self, robot: str, algorithm: Algorithm, now_ns: int) -> int:
+    def focused_sizes(self, robot: str, now_ns: int) -> dict[Algorithm, int]:
+        """Bytes of one answer about places, by algorithm: the median of the receipts of the last
+        seconds. Those of which nothing came are left out."""
+        sizes = {name: self._measured(robot, name + FOCUSED, now_ns) for name in self.algorithms}
+        return {name: size for name, size in sizes.items() if size}
+
+    def _measured(self, robot: str, algorithm: str, now_ns: int) -> int:
         """The median of recent receipts in bytes; 0 when there is none."""
         with self._lock:
             series = tuple(self._sizes.get((robot, algorithm), ()))

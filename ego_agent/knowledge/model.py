@@ -97,6 +97,8 @@ class Candidate:
     """How long its answers take, as far as anything is known."""
     shared: frozenset[Algorithm] = frozenset()
     """What it sends anyway, for other egos: this one's part takes nothing of it."""
+    focused: Mapping[Algorithm, int] = field(default_factory=dict)
+    """Bytes of its answers about places, as far as any has come."""
 
 
 @dataclass(frozen=True, slots=True)

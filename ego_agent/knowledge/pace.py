@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ego_agent.knowledge.objective import Objective
-from swarm.messages import Algorithm, Decision
+from swarm.messages import Algorithm, Assignment, Decision
 
 MAX_DEADLINE_S = 0.85
 """A slower pace may wait this long, so that what is fused is not older than a second."""
@@ -23,6 +23,10 @@ SLOWER_HZ = (5.0, 2.5, 2.0, 1.0)
 
 RARER_HZ = (5.0, 2.0, 1.0, 0.5)
 """Rates at which a live ego may ask single robots."""
+
+
+PLACES_HZ = 5.0
+"""How often a live ego asks in between about the places of what it remembers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,16 @@ def in_turn(rates: Mapping[str, float], frames_hz: float, number: int) -> tuple[
             found.append(robot)
         places[step] += 1
     return tuple(found)
+
+
+def about_places(
+    assignments: Sequence[Assignment], frames_hz: float, number: int
+) -> tuple[str, ...]:
+    """Who is asked about places for the fused frame of that number: in turn, by their names, those
+    of whom that is wanted and who do not contribute to it anyway."""
+    whole = in_turn({one.robot: one.rate_hz for one in assignments}, frames_hz, number)
+    often = {one.robot: one.places_hz for one in assignments if one.places_hz > 0.0}
+    return tuple(robot for robot in in_turn(often, frames_hz, number) if robot not in whole)
 
 
 def rate_of(decision: Decision, robot: str) -> float:

@@ -22,6 +22,9 @@ from swarm.messages import Algorithm
 RATES = Path(__file__).parent / "rates.json"
 USUAL_DETECTOR = "factory"
 USUAL_ALGORITHM = "intermediate"
+FOCUSED = "+places"
+"""What is added to an algorithm's name where the ego asks in between about the places of what it
+remembers."""
 Worth = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
@@ -40,14 +43,22 @@ class RateModel(msgspec.Struct, frozen=True):
         gaps, left = zip(*points, strict=True)
         return float(np.interp(1.0 / rate_hz, gaps, left, right=0.0))
 
+    def focuses(self, algorithm: Algorithm) -> bool:
+        """Whether it is known what contributions are worth with places asked about in between."""
+        return algorithm + FOCUSED in self.by_algorithm
+
     def convinces(self, algorithm: Algorithm) -> float:
         """Probability that what is contributed as often as was measured counts, in [0, 1]."""
         return self.worth(algorithm, float("inf"))
 
-    def kept(self, algorithm: Algorithm, rate_hz: float, usual_hz: float) -> float:
-        """The same against contributions at `usual_hz`, in [0, 1]."""
+    def kept(
+        self, algorithm: Algorithm, rate_hz: float, usual_hz: float, *, focused: bool = False
+    ) -> float:
+        """The same against contributions at `usual_hz`, in [0, 1]; `focused`: with places asked
+        about in between."""
         whole = self.worth(algorithm, usual_hz)
-        return min(1.0, self.worth(algorithm, rate_hz) / whole) if whole > 0.0 else 0.0
+        left = self.worth(algorithm + FOCUSED if focused else algorithm, rate_hz)
+        return min(1.0, left / whole) if whole > 0.0 else 0.0
 
 
 def rates_of(detector: str) -> RateModel:

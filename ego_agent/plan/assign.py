@@ -66,4 +66,11 @@ def told(chosen: tuple[Assignment, ...], usual_hz: float) -> str:
         f"{len(robots)} of {len(chosen)} send {often(hz)}"
         for hz, robots in sorted(rarer.items(), reverse=True)
     ]
-    return f"Memory carries on what they showed: {', '.join(parts)}." if parts else ""
+    if not parts:
+        return ""
+    text = f"Memory carries on what they showed: {', '.join(parts)}"
+    if between := {one.places_hz for one in chosen if one.places_hz > 0.0}:
+        text += (
+            f", and {often(max(between))} in between what they see where something is remembered"
+        )
+    return f"{text}."

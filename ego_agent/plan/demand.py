@@ -160,8 +160,11 @@ def _burst_bytes(scene: UnifiedScene, decision: Decision) -> int:
     """Bytes of the largest fused frame of a decision, by what its robots announce."""
     if not decision.assignments:
         return decision.cost_bytes
-    sizes = {candidate.robot: candidate.sizes for candidate in scene.candidates}
-    known = {
-        one.robot: sizes.get(one.robot, {}).get(one.algorithm, 0) for one in decision.assignments
-    }
-    return burst(decision.assignments, decision.rate_hz, known)
+    by_robot = {candidate.robot: candidate for candidate in scene.candidates}
+    sizes, places = {}, {}
+    for one in decision.assignments:
+        candidate = by_robot.get(one.robot)
+        sizes[one.robot] = candidate.sizes.get(one.algorithm, 0) if candidate else 0
+        if candidate and one.algorithm in candidate.focused:
+            places[one.robot] = candidate.focused[one.algorithm]
+    return burst(decision.assignments, decision.rate_hz, sizes, places)

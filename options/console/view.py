@@ -249,7 +249,8 @@ class View:
             "rate_hz": decision.rate_hz,
             # Robot, algorithm, contributions a second.
             "assignments": [
-                [one.robot, one.algorithm, round(one.rate_hz, 2)] for one in decision.assignments
+                [one.robot, one.algorithm, round(one.rate_hz, 2), round(one.places_hz, 2)]
+                for one in decision.assignments
             ],
             "intents": [
                 {

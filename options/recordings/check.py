@@ -50,6 +50,9 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     """Fused frames whose scans were not recorded."""
     other_times: int = 0
     """Fused frames in which a robot answered with its scan before or after the recorded one."""
+    about_places: int = 0
+    """Fused frames in which a robot sent only what it saw in the places of what was remembered,
+    which are not recorded."""
     different: tuple[Difference, ...]
 
 
@@ -66,9 +69,10 @@ def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = N
             f"recording {world.file.path} has no fused frame with scans: nothing can be compared"
         )
     allowed_ms = MAX_APART_FRAMES * 1e3 / (world.file.header.rate_hz or world.rate_hz)
+    whole = [(one, frame) for one, frame in with_scans if not one.focused]
     of_one_time = [
         (one, frame)
-        for one, frame in with_scans
+        for one, frame in whole
         if all(abs(age_ms) <= allowed_ms for age_ms in one.ages_ms.values())
     ]
     equal, boxes, largest = 0, 0, 0.0
@@ -89,7 +93,8 @@ def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = N
         boxes=boxes,
         largest=largest,
         without_scans=len(known) - len(with_scans),
-        other_times=len(with_scans) - len(of_one_time),
+        other_times=len(whole) - len(of_one_time),
+        about_places=len(with_scans) - len(whole),
         different=tuple(different),
     )
 

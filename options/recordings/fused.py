@@ -35,6 +35,7 @@ def fused_of(message: Detections) -> layout.Fused:
         forms=dict(message.forms),
         ages_ms=dict(message.ages_ms),
         corrections=message.corrections,
+        focused=message.focused,
         participants=message.participants,
         missing=dict(message.missing),
         bytes=dict(message.bytes),

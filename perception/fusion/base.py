@@ -118,6 +118,8 @@ class Fusion(ABC):
     """Whether the poses of senders are corrected before fusing."""
     shareable = False
     """Whether several egos can fuse one payload, encoded without `reference` and `demand`."""
+    focuses = False
+    """Whether `demand` may be the places (perception/codec/places.py) that the ego asks about."""
     scored_as: str | None = None
     """The algorithm whose calibration its boxes' scores have, where it is not its own name; empty:
     they are of another detector than the world's, so nobody's."""

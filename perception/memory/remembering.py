@@ -38,3 +38,9 @@ def remember(
     told = memory.update(replace(frame, boxes=found, completes=completes))
     kept = (told.boxes.scores >= least) & ~shows_known(told.boxes, known)
     return told.take(np.flatnonzero(kept))
+
+
+def held(memory: Memory | ReprocessingMemory, known: Sequence[KnownRobot]) -> Remembered:
+    """All that may be there at the newest frame, told or not, without known robots."""
+    tracks = memory.held()
+    return tracks.take(np.flatnonzero(~shows_known(tracks.boxes, known)))

@@ -38,6 +38,15 @@ class ReprocessingMemory:
         self._memory.clear()
         self._past.clear()
 
+    @property
+    def time_s(self) -> float:
+        """See `Memory.time_s`."""
+        return self._memory.time_s
+
+    def held(self) -> Remembered:
+        """See `Memory.held`."""
+        return self._memory.held()
+
     def holds(self, time_s: float) -> bool:
         """Whether a frame of that time may be told anew."""
         return any(past.frame.time_s == time_s for past in self._past)

@@ -83,13 +83,16 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     """What its answer is expected to cost, once."""
 
 
-class Assignment(msgspec.Struct, frozen=True, kw_only=True):
+class Assignment(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What one participant sends, and how often."""
 
     robot: RobotId
     algorithm: Algorithm
     rate_hz: Positive
     """Contributions a second."""
+    places_hz: NonNegative = 0.0
+    """How often it is asked, where it does not contribute anyway, for what it sees in the places of
+    what is remembered; 0: never."""
 
 
 class Decision(Message, frozen=True, kw_only=True):
@@ -229,3 +232,5 @@ class Detections(Message, frozen=True, kw_only=True):
     """By what participants' poses were put right before they were fused: shift along the world's x
     and y in metres, and turn about the robot in radians; of those that were. None where that is
     not told, as by egos of older programs."""
+    focused: tuple[RobotId, ...] = ()
+    """Participants that were asked only about the places of what is remembered."""

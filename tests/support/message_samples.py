@@ -187,7 +187,10 @@ SAMPLES: tuple[Message, ...] = (
         doubted={"R1": "2 robots see free ground where it says to stand"},
         ages_s={"R1": 0.125, "R2": 0.0625},
         stands_in_for="R1",
-        assignments=(Assignment(robot="R1", algorithm="late", rate_hz=2.0),),
+        assignments=(
+            Assignment(robot="R1", algorithm="early", rate_hz=1.0, places_hz=5.0),
+            Assignment(robot="R3", algorithm="late", rate_hz=2.0),
+        ),
         intents=(
             IntentTold(
                 number=4,
@@ -238,6 +241,7 @@ SAMPLES: tuple[Message, ...] = (
             ages_s=pack(np.array([[0.5]], dtype=np.float32)),
         ),
         forms={"R1": "late"},
+        focused=("R1",),
     ),
     NetState(
         controller=281_474_976_710_655,

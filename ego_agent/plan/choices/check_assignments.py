@@ -96,4 +96,4 @@ def _bytes_s(mixes: Mixes, robot: str, o: int) -> float:
 
 def _assignment(mixes: Mixes, robot: str, o: int) -> Assignment:
     option = mixes.options[o]
-    return Assignment(robot=robot, algorithm=option.algorithm, rate_hz=option.rate_hz)
+    return option.of(robot)

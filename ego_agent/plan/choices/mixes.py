@@ -16,13 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
-from ego_agent.knowledge.pace import in_turn
-from ego_agent.plan.choices.scoring import PREFERRED, Score, Scorer
+from ego_agent.knowledge.pace import about_places, in_turn
+from ego_agent.plan.choices.scoring import LIGHTER, PREFERRED, Score, Scorer
 from swarm.messages import MIXED, Algorithm, Assignment
 
 Floats = NDArray[np.float64]
@@ -45,6 +46,27 @@ class Option:
     nothing."""
     kept: float
     """What is left of that at the rate."""
+    places_hz: float = 0.0
+    """How often its robot is asked about places where it does not contribute anyway."""
+
+    @property
+    def between_hz(self) -> float:
+        """How often that is beside its contributions."""
+        return max(0.0, self.places_hz - self.rate_hz)
+
+    @property
+    def loads_hz(self) -> float:
+        """Whole contributions a second that would keep the ego as busy."""
+        return self.rate_hz + LIGHTER * self.between_hz
+
+    def of(self, robot: str) -> Assignment:
+        """A robot that sends it."""
+        return Assignment(
+            robot=robot,
+            algorithm=self.algorithm,
+            rate_hz=self.rate_hz,
+            places_hz=self.places_hz,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +118,7 @@ class Mixes:
         self._rise = np.diff(self._steps, prepend=0.0)
         """(level,): gain from each algorithm's to the next."""
         shape = (len(candidates), len(self.options))
-        sizes, prices, adds, arrives = (np.zeros(shape) for _ in range(4))
+        sizes, takes, prices, adds, arrives = (np.zeros(shape) for _ in range(5))
         self.able = np.zeros(shape, dtype=np.bool_)
         """(n, options): whether the candidate can, for itself."""
         for o, option in enumerate(self.options):
@@ -105,13 +127,17 @@ class Mixes:
             for i, candidate in enumerate(candidates):
                 if name not in candidate.sizes:
                     continue
+                more = option.between_hz / scorer.pace.rate_hz
                 sizes[i, o] = candidate.sizes[name]
+                takes[i, o] = sizes[i, o] * rates[o] + scorer.focused_size(i + 1, name) * more
                 prices[i, o] = scorer.price(i + 1, name) * rates[o]
+                prices[i, o] += scorer.focused_price(i + 1, name) * more
                 prices[i, o] -= PREFERRED if candidate.robot in scorer.scene.preferred else 0.0
-                adds[i, o] = scorer.knowledge.add_s(name) * option.rate_hz
+                adds[i, o] = scorer.knowledge.add_s(name) * option.loads_hz
                 arrives[i, o] = arrival[i]
                 self.able[i, o] = _able(scorer, i, option)
-        self._sizes, self._prices, self._adds = sizes, prices, adds
+        self._takes, self._prices, self._adds = takes, prices, adds
+        """(n, options): bytes of a fused frame on average; lambda C; the ego's seconds a second."""
         reaches = gains[:, None] >= self._steps - 1e-12
         self._shown = (arrives * kept)[:, :, None] * reaches
         """(n, options, level)."""
@@ -145,7 +171,7 @@ class Mixes:
             barred[i, same] = ~self.able[i, same]
             if not barred[i].all():
                 lowest[i] = int(np.where(barred[i], np.inf, self._rate).argmin())
-        least = sum(self._sizes[i, o] * self._rate[o] for i, o in lowest.items())
+        least = sum(self._takes[i, o] for i, o in lowest.items())
         budget = float(self.scorer.budget_bytes)
         while True:
             growing, everyone = self._nobody(), least <= budget + 1e-6
@@ -189,11 +215,8 @@ class Mixes:
                 adds, fits = quality - self._quality(self._grow_to(others)), True
             elif self.able[i].any():
                 o = int(net[i].argmax())
-                option = self.options[o]
-                one = Assignment(
-                    robot=candidate.robot, algorithm=option.algorithm, rate_hz=option.rate_hz
-                )
-                more = self._sizes[i, o] * self._rate[o]
+                one = self.options[o].of(candidate.robot)
+                more = self._takes[i, o]
                 adds = min(float(gains[i, o]), 1.0 - quality)
                 fits = growing.bytes + more <= self.scorer.budget_bytes + 1e-6
             else:
@@ -214,10 +237,7 @@ class Mixes:
     def options_of(self, robot: str) -> list[Assignment]:
         """What a candidate can send."""
         able = np.flatnonzero(self.able[self.scorer.row_of[robot] - 1])
-        return [
-            Assignment(robot=robot, algorithm=option.algorithm, rate_hz=option.rate_hz)
-            for option in (self.options[o] for o in able)
-        ]
+        return [self.options[o].of(robot) for o in able]
 
     def option(self, algorithm: str, rate_hz: float) -> int | None:
         """The number of an option; None where there is no such one."""
@@ -248,8 +268,7 @@ class Mixes:
             value=quality - price,
             pace=scorer.pace,
             assignments=tuple(
-                Assignment(robot=name, algorithm=option.algorithm, rate_hz=option.rate_hz)
-                for name, option in zip(names, taken.values(), strict=True)
+                option.of(name) for name, option in zip(names, taken.values(), strict=True)
             ),
         )
 
@@ -257,7 +276,11 @@ class Mixes:
         """Whether the link carries a choice, its largest frame within the deadline, and the ego
         takes it up."""
         known = self.scorer.knowledge
-        busy_s = sum(known.add_s(one.algorithm) * one.rate_hz for one in score.assignments)
+        busy_s = sum(
+            known.add_s(one.algorithm) * self.options[o].loads_hz
+            for one in score.assignments
+            if (o := self.option(one.algorithm, one.rate_hz)) is not None
+        )
         return self.passes(score) and (not score.assignments or busy_s <= self._spare_s)
 
     def passes(self, score: Score) -> bool:
@@ -267,7 +290,11 @@ class Mixes:
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer
         sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
-        largest = burst(score.assignments, scorer.pace.rate_hz, sizes)
+        places = {
+            one.robot: scorer.focused_size(scorer.row_of[one.robot], one.algorithm)
+            for one in score.assignments
+        }
+        largest = burst(score.assignments, scorer.pace.rate_hz, sizes, places)
         return largest <= scorer.budget_bytes * _frames(scorer)
 
     def _nobody(self) -> _Growing:
@@ -289,9 +316,9 @@ class Mixes:
             now = growing.chosen
             joined = now != NOBODY
             price = np.where(joined, self._prices[rows, now], 0.0)
-            size = np.where(joined, (self._sizes * self._rate)[rows, now], 0.0)
+            size = np.where(joined, self._takes[rows, now], 0.0)
             busy = np.where(joined, self._adds[rows, now], 0.0)
-            further = self._sizes * self._rate - size[:, None]
+            further = self._takes - size[:, None]
             can = self.able & more & ~growing.barred & (growing.bytes + further <= budget + 1e-6)
             can &= growing.busy_s + self._adds - busy[:, None] <= self._spare_s
             net = gain - (self._prices - price[:, None])
@@ -333,10 +360,10 @@ class Mixes:
         growing.share[rises] += (growing.missed[rises] - left) @ self._weights
         growing.missed[rises] = left
         growing.shown[i] = now
-        growing.bytes += self._sizes[i, o] * self._rate[o]
+        growing.bytes += self._takes[i, o]
         growing.busy_s += self._adds[i, o]
         if before != NOBODY:
-            growing.bytes -= self._sizes[i, before] * self._rate[before]
+            growing.bytes -= self._takes[i, before]
             growing.busy_s -= self._adds[i, before]
         growing.chosen[i] = o
 
@@ -347,12 +374,21 @@ class Mixes:
         return min(1.0, alone + float(np.maximum(0.0, shown) @ self._rise))
 
 
-def burst(assignments: Sequence[Assignment], frames_hz: float, sizes: dict[str, int]) -> int:
-    """Bytes of the largest of the fused frames, of robots that take turns."""
+def burst(
+    assignments: Sequence[Assignment],
+    frames_hz: float,
+    sizes: Mapping[str, int],
+    places: Mapping[str, int] = MappingProxyType({}),
+) -> int:
+    """Bytes of the largest of the fused frames, of robots that take turns, by those of their
+    contributions and of their answers about places."""
     rates = {one.robot: one.rate_hz for one in assignments}
-    cycle = math.lcm(*(max(1, round(frames_hz / hz)) for hz in rates.values()))
+    every = [*rates.values(), *(one.places_hz for one in assignments if one.places_hz > 0.0)]
+    cycle = math.lcm(*(max(1, round(frames_hz / hz)) for hz in every))
     return max(
-        sum(sizes[robot] for robot in in_turn(rates, frames_hz, number)) for number in range(cycle)
+        sum(sizes[robot] for robot in in_turn(rates, frames_hz, number))
+        + sum(places.get(robot, 0) for robot in about_places(assignments, frames_hz, number))
+        for number in range(cycle)
     )
 
 
@@ -360,8 +396,15 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
     """What robots may send at the pace, most often first."""
     known, usual_hz = scorer.knowledge, scorer.pace.rate_hz
     rates = [usual_hz, *(hz for hz in scorer.objective.rarer_hz if hz < usual_hz)]
+
+    def option(name: Algorithm, hz: float) -> Option:
+        places_hz = min(known.places_hz(name), usual_hz)
+        focused = places_hz > hz
+        kept = known.rates.kept(name, hz, usual_hz, focused=focused)
+        return Option(name, hz, known.quality.gain(name), kept, places_hz if focused else 0.0)
+
     return tuple(
-        Option(name, hz, known.quality.gain(name), known.rates.kept(name, hz, usual_hz))
+        option(name, hz)
         for name in known.algorithms
         if name in known.mixable
         for hz in sorted(rates, reverse=True)
@@ -378,10 +421,11 @@ def _able(scorer: Scorer, i: int, option: Option) -> bool:
     within the deadline."""
     candidate, name = scorer.scene.candidates[i], option.algorithm
     usual = option.rate_hz >= scorer.pace.rate_hz
-    bits = 8.0 * candidate.sizes[name]
-    share = option.rate_hz / scorer.pace.rate_hz
+    a_second = candidate.sizes[name] * option.rate_hz
+    a_second += scorer.focused_size(i + 1, name) * option.between_hz
+    share = (option.rate_hz + option.between_hz) / scorer.pace.rate_hz
     # At a lower rate the robot is asked on its own, not heard with others.
-    needs_bps = scorer.needs_bps(candidate.robot, name) if usual else bits * option.rate_hz
+    needs_bps = scorer.needs_bps(candidate.robot, name) if usual else 8.0 * a_second
     if needs_bps > scorer.allowed_bps(candidate.robot):
         return False
     if candidate.sizes[name] > scorer.budget_bytes * _frames(scorer):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
@@ -25,6 +26,12 @@ PREFERRED = 0.02
 """Quality that may be given up for each preferred robot that takes part: a `switch_gain`."""
 LIKED = 2.0
 """A preferred robot is tried before one that adds less than this many times as much."""
+
+PART = 0.2
+"""Of a whole observation's bytes, what an answer about places has, before any came."""
+LIGHTER = 0.25
+"""Of what a whole contribution takes of the ego, what an answer about places does; its robot works
+as long for it (docs/benchmarks.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,6 +226,13 @@ class Scorer:
         """Bytes of one observation. Raises KeyError where `known` is false."""
         return self.scene.candidates[self.row_of[robot] - 1].sizes[algorithm]
 
+    def focused_size(self, row: int, algorithm: Algorithm) -> int:
+        """Bytes of a candidate's answer about places. Raises KeyError where its size is not
+        `known`."""
+        candidate = self.scene.candidates[row - 1]
+        known = candidate.focused.get(algorithm)
+        return math.ceil(PART * candidate.sizes[algorithm]) if known is None else known
+
     def score(self, participants: Iterable[str], algorithm: Algorithm) -> Score:
         """The score of candidates (the ego is always part of it) with an available algorithm.
 
@@ -266,14 +280,25 @@ class Scorer:
         price = self._prices.get((row, algorithm))
         if price is None:
             candidate, known = self.scene.candidates[row - 1], self.knowledge
-            work_s = candidate.answers.get(algorithm, UNTRIED).work_s
             compute_s = known.work_s(algorithm)
             if algorithm not in candidate.shared:
-                compute_s += known.encode_s(algorithm, work_s)
-            size, capacity_bps = candidate.sizes[algorithm], self.scene.capacity_bps
-            price = self.objective.cost(size, capacity_bps, compute_s, self.pace.rate_hz)
+                compute_s += self._encode_s(row, algorithm)
+            price = self._cost(candidate.sizes[algorithm], compute_s)
             self._prices[row, algorithm] = price
         return price
+
+    def focused_price(self, row: int, algorithm: Algorithm) -> float:
+        """The same of asking about places in every fused frame."""
+        compute_s = LIGHTER * self.knowledge.work_s(algorithm) + self._encode_s(row, algorithm)
+        return self._cost(self.focused_size(row, algorithm), compute_s)
+
+    def _encode_s(self, row: int, algorithm: Algorithm) -> float:
+        answers = self.scene.candidates[row - 1].answers
+        return self.knowledge.encode_s(algorithm, answers.get(algorithm, UNTRIED).work_s)
+
+    def _cost(self, size: int, compute_s: float) -> float:
+        capacity_bps = self.scene.capacity_bps
+        return self.objective.cost(size, capacity_bps, compute_s, self.pace.rate_hz)
 
     def most(self, algorithm: Algorithm) -> float:
         """More quality than any choice with this algorithm has at this pace."""

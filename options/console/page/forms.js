@@ -23,8 +23,13 @@ export function fusedWords({ algorithm, forms }) {
   return `mixed: ${Object.entries(forms).map(([form, count]) => `${count} ${form}`).join(", ")}`;
 }
 
+// How often a robot sends, and is asked in between about the places of what is remembered.
+export function rates([, , hz, placesHz]) {
+  return `${hz} Hz${placesHz ? ` (places: ${placesHz} Hz)` : ""}`;
+}
+
 // Form and rate of one robot, where the decision assigns them.
 export function assigned(decision, robot) {
   const found = decision?.assignments?.find(([name]) => name === robot);
-  return found ? `${found[1]} at ${found[2]} Hz` : "";
+  return found ? `${found[1]} at ${rates(found)}` : "";
 }

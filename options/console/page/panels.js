@@ -1,6 +1,6 @@
 // What the page says in words: the decision, events, links, robots, and the connection itself.
 
-import { fusedWords } from "./forms.js";
+import { fusedWords, rates } from "./forms.js";
 import { decided, part, state } from "./part.js";
 import { OLD_S, ago, byId, clock, decisionOldAfter, names, rate } from "./words.js";
 
@@ -116,7 +116,7 @@ export function showDecision(stream) {
       (demand && now - demand.at <= old ? `, at least ${demand.q_min} asked for` : "")],
   ];
   if (decision.assignments?.length)
-    facts.push(["who sends what", decision.assignments.map(([robot, form, hz]) => `${robot} ${form} ${hz} Hz`).join(", ")]);
+    facts.push(["who sends what", decision.assignments.map((one) => `${one[0]} ${one[1]} ${rates(one)}`).join(", ")]);
   if (decision.advice) facts.push(["advice", decision.advice.filter(Boolean).join(": ")]);
   if (decision.repairs.length) facts.push(["repaired", decision.repairs.join("; ")]);
   const without = stale ? "" : excluded(stream);

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.codec.outlined import add_outline
+from perception.codec.places import within
 from perception.codec.points import MAX_RANGE_M, decode_points, encode_points
 from perception.detector.finders import Finder
 from perception.fusion.base import EncodeOptions, Fusion
@@ -15,7 +17,8 @@ from perception.fusion.one_pass import PointForm
 from perception.fusion.outline import outline, thinned
 from perception.scene import ground_mask
 from perception.types import clean_points
-from swarm.geometry import Matrix, Points, Pose, invert, transform
+from swarm.errors import PerceptionError
+from swarm.geometry import Points, Pose, invert, transform
 
 MAX_POINTS = 300_000
 """A scan of 128 rings and 2,048 columns. A few kilobytes can announce millions of points, which
@@ -33,6 +36,7 @@ class EarlyFusion(PointForm):
 
     name = "early"
     shareable = True
+    focuses = True
 
     def __init__(self, finder: Finder) -> None:
         self.finder = finder
@@ -41,7 +45,9 @@ class EarlyFusion(PointForm):
         """The scan, without its ground unless asked otherwise, within the asked error.
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
-        nothing there. Where several do, without what lies outside of all of their areas.
+        nothing there. Where several do, without what lies outside of all of their areas. Where it
+        asks about places, only what lies there, and without an outline: the whole scans in between
+        have one. Raises PerceptionError where it asks about places and does not say where it is.
         """
         cloud = clean_points(points)
         reach = np.abs(cloud)
@@ -49,11 +55,18 @@ class EarlyFusion(PointForm):
             # A stray return must not cost the whole scan; the codec would refuse it.
             cloud = cloud[(reach <= MAX_RANGE_M).all(axis=1)]
         ground = ground_mask(cloud)
-        places = thinned(outline(cloud, ground))
+        places = np.zeros((0, 2)) if options.demand else thinned(outline(cloud, ground))
         if not options.keep_ground:
             cloud = cloud.compress(~ground, axis=0)
         if options.reference is not None and options.pose is not None:
-            cloud = self._of_use(cloud, invert(options.reference.matrix()) @ options.pose.matrix())
+            ego_from_sensor = invert(options.reference.matrix()) @ options.pose.matrix()
+            seen = transform(ego_from_sensor, cloud)
+            wanted = self._of_use(seen)
+            if options.demand:
+                wanted &= within(options.demand, seen)
+            cloud = cloud.compress(wanted, axis=0)
+        elif options.demand:
+            raise PerceptionError("places are asked about without where the ego is")
         if options.egos and options.pose is not None:
             cloud = self._of_use_to_any(cloud, options.pose, options.egos)
         return add_outline(encode_points(cloud, options.max_error_m), places)
@@ -76,16 +89,18 @@ class EarlyFusion(PointForm):
             inside |= near
         return cloud.compress(inside, axis=0)
 
-    def _of_use(self, cloud: Points, ego_from_sensor: Matrix) -> Points:
-        """The points in the area that the ego's detector looks at, and a little around it: poses
-        may be off."""
+    def _of_use(self, cloud: Points) -> NDArray[np.bool_]:
+        """Which points in the ego's frame are in the area that its detector looks at, or a little
+        around it: poses may be off."""
         area = self.finder.area
         if area is None:
-            return cloud
-        x, y, z = transform(ego_from_sensor, cloud).T
-        inside = (np.abs(x) <= area.half_x_m + MARGIN_M) & (np.abs(y) <= area.half_y_m + MARGIN_M)
+            return np.ones(len(cloud), dtype=np.bool_)
+        x, y, z = cloud.T
+        inside: NDArray[np.bool_] = (np.abs(x) <= area.half_x_m + MARGIN_M) & (
+            np.abs(y) <= area.half_y_m + MARGIN_M
+        )
         inside &= (z >= area.low_z_m - MARGIN_M) & (z <= area.high_z_m + MARGIN_M)
-        return cloud.compress(inside, axis=0)
+        return inside
 
     def read(self, payload: bytes) -> Points:
         """See `PointForm.read`."""

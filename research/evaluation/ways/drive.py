@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from ego_agent.knowledge.objective import Objective
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
@@ -22,6 +23,9 @@ from swarm.geometry import Matrix, Points
 from worlds.base import World
 from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
 from worlds.registry import open_world
+
+NOWHERE: Mapping[str, bytes] = MappingProxyType({})
+"""Nobody is asked about places only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,8 @@ class FusedOnce:
     known: tuple[KnownRobot, ...]
     views: Mapping[str, View]
     world_from_own: Matrix
+    focused: frozenset[str] = frozenset()
+    """Helpers that told of places only; they have no view."""
 
 
 class Driven:
@@ -86,23 +92,30 @@ class Driven:
         """The other robots as the drive begins."""
         self.seed = drive.seed
         self._fusions: dict[str, Fusion] = {}
-        self._payloads: dict[tuple[int, str, str, float], tuple[Contribution, int]] = {}
+        self._payloads: dict[tuple[int, str, str, float, bytes], tuple[Contribution, int]] = {}
         self._heard: dict[tuple[int, tuple[str, ...]], Announced] = {}
         self._poses = PoseMemory()
         self._newest = -1
-        self._fused: dict[tuple[int, tuple[tuple[str, str], ...], float], FusedOnce] = {}
+        self._fused: dict[tuple[object, ...], FusedOnce] = {}
 
-    def fused(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
-        """The frame with these robots, each in the form asked for; points within the error. Where
-        the ego remembers poses, frames follow each other, and an earlier one begins anew."""
+    def fused(
+        self,
+        frame: int,
+        asked: Mapping[str, str],
+        max_error_m: float,
+        places: Mapping[str, bytes] = NOWHERE,
+    ) -> FusedOnce:
+        """The frame with these robots, each in the form asked for; points within the error, of some
+        robots only those of `places`. Where the ego remembers poses, frames follow each other, and
+        an earlier one begins anew."""
         if self.drive.pose_memory:
             if frame <= self._newest:
                 self._poses = PoseMemory()
             self._newest = frame
-            return self._fuse(frame, asked, max_error_m)
-        key = (frame, tuple(sorted(asked.items())), max_error_m)
+            return self._fuse(frame, asked, max_error_m, places)
+        key = (frame, tuple(sorted(asked.items())), max_error_m, tuple(sorted(places.items())))
         if key not in self._fused:
-            self._fused[key] = self._fuse(frame, asked, max_error_m)
+            self._fused[key] = self._fuse(frame, asked, max_error_m, places)
         return self._fused[key]
 
     def heard(self, frame: int, algorithms: Sequence[str]) -> Announced:
@@ -115,20 +128,29 @@ class Driven:
             self._heard[key] = heard(self.world, frame, self.ego, fusions, noise_m, reach_m)
         return self._heard[key]
 
-    def size(self, frame: int, robot: str, name: str, max_error_m: float) -> int:
-        """Bytes that the robot sends, with those of asking for it."""
+    def size(
+        self, frame: int, robot: str, name: str, max_error_m: float, places: bytes = b""
+    ) -> int:
+        """Bytes that the robot sends, with those of asking for it; `places`: that it is asked
+        about, where not about everything."""
         own = self.world.scan(self.ego, frame).points
-        return self._payload(frame, robot, name, max_error_m, own)[1]
+        return self._payload(frame, robot, name, max_error_m, places, own)[1]
 
     def _payload(
-        self, frame: int, robot: str, name: str, max_error_m: float, own: Points
+        self, frame: int, robot: str, name: str, max_error_m: float, places: bytes, own: Points
     ) -> tuple[Contribution, int]:
-        key = (frame, robot, name, max_error_m)
+        key = (frame, robot, name, max_error_m, places)
         if key not in self._payloads:
-            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, own)
+            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, places, own)
         return self._payloads[key]
 
-    def _fuse(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
+    def _fuse(
+        self,
+        frame: int,
+        asked: Mapping[str, str],
+        max_error_m: float,
+        places: Mapping[str, bytes],
+    ) -> FusedOnce:
         own = self.world.scan(self.ego, frame)
         forms = {name: self.fusion(name) for name in dict.fromkeys(asked.values())}
         here = own.pose.matrix()
@@ -139,7 +161,10 @@ class Driven:
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
         for robot, name in asked.items():
-            contribution, sizes[robot] = self._payload(frame, robot, name, max_error_m, own.points)
+            where = places.get(robot, b"")
+            contribution, sizes[robot] = self._payload(
+                frame, robot, name, max_error_m, where, own.points
+            )
             try:
                 gathering.add(contribution)
                 helpers.add(robot)
@@ -148,7 +173,10 @@ class Driven:
         found = gathering.finish()
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         known = known_robots(self.world, frame, self.ego, *noise)
-        views = {self.ego: (own.points, here), **gathering.sent_points()}
+        focused = frozenset(places) & helpers
+        sent = gathering.sent_points()
+        whole = {robot: view for robot, view in sent.items() if robot not in focused}
+        views = {self.ego: (own.points, here), **whole}
         return FusedOnce(
             found,
             _scored_as([asked[robot] for robot in sorted(helpers)]),
@@ -157,10 +185,17 @@ class Driven:
             seen_at(known, gathering.corrections()),
             views,
             here,
+            focused,
         )
 
     def _encoded(
-        self, frame: int, robot: str, name: str, max_error_m: float, own: Points
+        self,
+        frame: int,
+        robot: str,
+        name: str,
+        max_error_m: float,
+        places: bytes,
+        own: Points,
     ) -> tuple[Contribution, int]:
         """What the robot sends, and the bytes of that and of asking for it."""
         fusion, scan = self.fusion(name), self.world.scan(robot, frame)
@@ -169,11 +204,14 @@ class Driven:
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         pose = disturbed(scan.pose, robot, frame, *noise)
         options = EncodeOptions(
-            max_error_m=max_error_m, pose=pose, reference=ask.reference, demand=ask.demand
+            max_error_m=max_error_m,
+            pose=pose,
+            reference=ask.reference,
+            demand=places or ask.demand,
         )
         payload = fusion.encode(scan.points, options)
         sent = Contribution(robot, payload, pose.matrix(), form=name)
-        return sent, len(payload) + ask.size()
+        return sent, len(payload) + len(places) + ask.size()
 
     def fusion(self, name: str) -> Fusion:
         """An algorithm with the world's detector, made once."""

@@ -31,8 +31,9 @@ from swarm.errors import EvaluationError
 from swarm.files import write_whole
 
 DEFAULT, EVERYONE, SINGLE_RATE = "coverage", "static-early", "coverage at 10 Hz"
+PLAIN = "coverage, no places asked about"
 NO_MEMORY = ", objects not remembered"
-CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, RANDOM)
+CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, RANDOM)
 MADE_FROM = (
     "ego_agent", "network_controller", "perception", "research/evaluation", "sensing", "swarm",
     "worlds",
@@ -51,6 +52,7 @@ class Policy:
 
 POLICIES = (
     Policy(DEFAULT, Decided("coverage", rarer=True)),
+    Policy(PLAIN, Decided("coverage", rarer=True, places=False)),
     Policy(SINGLE_RATE, Decided("coverage")),
     Policy(SINGLE_RATE + NO_MEMORY, Decided("coverage"), memory=False),
     Policy(EVERYONE, Decided(EVERYONE, validated=False)),

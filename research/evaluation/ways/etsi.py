@@ -25,7 +25,7 @@ from perception.fusion.registry import make_fusion
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember
 from perception.types import Boxes
-from research.evaluation.ways.drive import Drive, Driven, FusedOnce
+from research.evaluation.ways.drive import NOWHERE, Drive, Driven, FusedOnce
 from swarm.geometry import Pose, invert
 from worlds.cooperative.fusing import SINGLE, disturbed, known_robots
 
@@ -81,12 +81,20 @@ class EtsiDriven(Driven):
         self._sent: dict[tuple[str, int], Remembered | None] = {}
         """What each robot tells in a frame; None where it sends nothing."""
 
-    def size(self, frame: int, robot: str, name: str, max_error_m: float) -> int:
+    def size(
+        self, frame: int, robot: str, name: str, max_error_m: float, places: bytes = b""
+    ) -> int:
         """The bytes of what a robot sends in a frame. Frames must follow each other."""
         sent = self._tell(robot, frame)
         return 0 if sent is None else message_bytes(sent.boxes.labels)
 
-    def fused(self, frame: int, asked: Mapping[str, str], max_error_m: float) -> FusedOnce:
+    def fused(
+        self,
+        frame: int,
+        asked: Mapping[str, str],
+        max_error_m: float,
+        places: Mapping[str, bytes] = NOWHERE,
+    ) -> FusedOnce:
         """The frame as the ego sees it, with what it has heard by then. `asked`: those whose
         messages of this frame come. Frames must follow each other."""
         now_s = frame / self.world.rate_hz

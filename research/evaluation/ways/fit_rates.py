@@ -21,8 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
+from ego_agent.knowledge.pace import PLACES_HZ
 from ego_agent.knowledge.quality import QualityModel, quality_of
+from ego_agent.knowledge.rates import FOCUSED
 from research.evaluation.ways.sampling import (
+    FOCUSING,
     FORMS,
     RATES_HZ,
     Look,
@@ -42,6 +45,13 @@ RIDGE = 0.03
 """Weight of a curve's neighbours' likeness: a rate that few drew stays near the next ones."""
 
 
+KINDS = {
+    **dict.fromkeys(FORMS, RATES_HZ),
+    **{form + FOCUSED: tuple(hz for hz in RATES_HZ if hz < PLACES_HZ) for form in FOCUSING},
+}
+"""Rates of each form, and of those whose robots are asked about places in between."""
+
+
 @dataclass(frozen=True, slots=True)
 class Law:
     """What contributions are worth."""
@@ -52,7 +62,7 @@ class Law:
     """...and the share of all that it sees itself then."""
     gains: Mapping[str, float]
     arrives: Mapping[str, Mapping[float, float]]
-    """By form and rate, probability that a contribution counts."""
+    """By kind and rate, probability that a contribution counts."""
     error: float
     """Root of the mean square of differences within a drive that were not foreseen."""
     spread: float
@@ -65,14 +75,16 @@ def fitted(driven: Sequence[Sampled]) -> Law:
     used = [one for one in driven if one.looks and len(one.samples) > 1]
     if len(used) < 2:
         raise EvaluationError(f"{len(used)} drives are too few to fit; at least 2 are needed")
-    start = np.concatenate([np.linspace(2.0, -0.5, len(RATES_HZ)) for _ in FORMS])
+    start = np.concatenate([np.linspace(2.0, -0.5, len(rates)) for rates in KINDS.values()])
 
     def residuals(raw: Floats) -> Floats:
         arrives = _arrives(raw)
         inputs, target = _within(used, arrives)
         gains = _solved(inputs, target)
-        smooth = np.diff(raw.reshape(len(FORMS), -1), 2, axis=1).ravel() * RIDGE
-        apart = (raw.reshape(len(FORMS), -1) - raw.reshape(len(FORMS), -1).mean(axis=0)).ravel()
+        curves = _curves(raw)
+        smooth = np.concatenate([np.diff(curve, 2) for curve in curves.values()]) * RIDGE
+        usual = np.stack([curves[form] for form in FORMS])
+        apart = (usual - usual.mean(axis=0)).ravel()
         return np.concatenate([inputs @ gains - target, smooth, apart * RIDGE])
 
     found = least_squares(residuals, start, diff_step=1e-3)
@@ -92,12 +104,17 @@ def fitted(driven: Sequence[Sampled]) -> Law:
 
 
 def _arrives(raw: Floats) -> dict[str, dict[float, float]]:
-    values = 1.0 / (1.0 + np.exp(-raw.reshape(len(FORMS), -1)))
-    values = np.minimum.accumulate(values, axis=1)
-    return {
-        form: dict(zip(RATES_HZ, row.tolist(), strict=True))
-        for form, row in zip(FORMS, values, strict=True)
-    }
+    found = {}
+    for kind, curve in _curves(raw).items():
+        values = np.minimum.accumulate(1.0 / (1.0 + np.exp(-curve)))
+        found[kind] = dict(zip(KINDS[kind], values.tolist(), strict=True))
+    return found
+
+
+def _curves(raw: Floats) -> dict[str, Floats]:
+    """By kind, what stands for each of its rates."""
+    ends = np.cumsum([len(rates) for rates in KINDS.values()])[:-1]
+    return dict(zip(KINDS, np.split(raw, ends), strict=True))
 
 
 def shares(
@@ -113,7 +130,8 @@ def shares(
             missed = np.ones(len(look.weights))
             for one in sample.assignments:
                 if one.algorithm in enough and one.robot in place:
-                    counts = arrives[one.algorithm][one.rate_hz]
+                    kind = one.algorithm + FOCUSED if one.places_hz else one.algorithm
+                    counts = arrives[kind][one.rate_hz]
                     missed *= 1.0 - counts * look.seen[place[one.robot]]
             found[level] += float((1.0 - missed) @ look.weights)
     return found / len(looks)

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from ego_agent.knowledge.compute import SINGLE, Work, packaged_compute
+from ego_agent.plan.choices.scoring import LIGHTER
 from research.evaluation.ways.drive import Driven
 from research.evaluation.ways.planned import ALGORITHMS, Deciding
+from research.evaluation.ways.remembered import places_by_frame
 from research.evaluation.ways.way import Way
 from research.evaluation.windows.announcements import snapshot
 from research.evaluation.windows.links import Link
@@ -22,6 +26,8 @@ class Going:
 
     came: Mapping[str, str]
     """Who is in it, and with what."""
+    places: Mapping[str, bytes]
+    """What those of them were asked about that were not asked for everything."""
     sizes: list[int]
     """Bytes of all that robots sent, in time or not, with those of asking for it."""
     wanted_bytes: int
@@ -40,15 +46,21 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
     Where the way has a link, the drive is played (windows/played.py): robots need time to encode,
     the link for what they send beside control traffic, and the ego to fuse.
     """
-    asked, taking_part = _asked(driven, way)
-    works = [{robot: _work(driven, form) for robot, form in one.items()} for one in asked]
-    played = _played(driven, way, way.link, asked, works) if way.link is not None else None
-    going: list[Going | None] = []
-    for number, frame in enumerate(driven.frames):
-        here = asked[number]
-        sizes = {
-            robot: driven.size(frame, robot, form, way.max_error_m) for robot, form in here.items()
+    asked, places, taking_part = _asked(driven, way)
+    works = [
+        {robot: _work(driven, form, robot in where) for robot, form in one.items()}
+        for one, where in zip(asked, places, strict=True)
+    ]
+    sent_bytes = [
+        {
+            robot: driven.size(frame, robot, form, way.max_error_m, where.get(robot, b""))
+            for robot, form in one.items()
         }
+        for frame, one, where in zip(driven.frames, asked, places, strict=True)
+    ]
+    played = _played(driven, way, way.link, sent_bytes, works) if way.link is not None else None
+    going: list[Going | None] = []
+    for number, (here, sizes) in enumerate(zip(asked, sent_bytes, strict=True)):
         sent, came = [*here], [*here]
         if played is not None:
             one = played.frames[number]
@@ -60,6 +72,7 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
         going.append(
             Going(
                 {robot: here[robot] for robot in here if robot in came},
+                {robot: where for robot, where in places[number].items() if robot in came},
                 [sizes[robot] for robot in sent],
                 sum(sizes.values()),
                 len(here),
@@ -76,28 +89,50 @@ def _ego_ms(driven: Driven, taken: Sequence[Work]) -> float:
     return fixed_ms + sum(work.add_ms for work in taken)
 
 
-def _asked(driven: Driven, way: Way) -> tuple[list[Mapping[str, str]], list[int]]:
-    """By frame: who is asked for what, and how many take part."""
+def _asked(
+    driven: Driven, way: Way
+) -> tuple[list[Mapping[str, str]], list[Mapping[str, bytes]], list[int]]:
+    """By frame: who is asked for what, who of them about which places only, and how many take
+    part."""
+    whole, about, taking_part = _wanted(driven, way)
+    places = [b""] * len(whole)
+    if way.memory and any(about):
+        places = places_by_frame(driven, whole, about, way.max_error_m)
+    asked: list[Mapping[str, str]] = []
+    only: list[Mapping[str, bytes]] = []
+    for everything, some, where in zip(whole, about, places, strict=True):
+        asked.append({**everything, **some} if where else everything)
+        only.append(dict.fromkeys(some, where) if where else {})
+    return asked, only, taking_part
+
+
+def _wanted(
+    driven: Driven, way: Way
+) -> tuple[list[Mapping[str, str]], list[Mapping[str, str]], list[int]]:
+    """By frame: who is asked for everything, who about places, and how many take part."""
     rate_hz = driven.world.rate_hz
+    numbers = range(len(driven.frames))
     if way.decided is None:
-        asked = [way.asked(number, driven.nearest, rate_hz) for number in range(len(driven.frames))]
+        asked = [way.asked(number, driven.nearest, rate_hz) for number in numbers]
+        about = [way.asked_about(number, driven.nearest, rate_hz) for number in numbers]
         everyone = len({robot for one in asked for robot in one})
-        return asked, [everyone] * len(asked)
+        return asked, about, [everyone] * len(asked)
     link, from_s = way.link, way.link_from_s
     assert link is not None, f"{way.name}: what is decided depends on a link"
     deciding = Deciding(driven, way.decided, lambda at_s: link.known_bps(from_s + at_s))
-    decided, taking_part = [], []
+    decided, about, taking_part = [], [], []
     for number, frame in enumerate(driven.frames):
         decided.append(deciding.asked(number, frame))
+        about.append(deciding.asked_about(number))
         taking_part.append(len(deciding.participants))
-    return decided, taking_part
+    return decided, about, taking_part
 
 
 def _played(
     driven: Driven,
     way: Way,
     link: Link,
-    asked: Sequence[Mapping[str, str]],
+    sizes: Sequence[Mapping[str, int]],
     works: Sequence[Mapping[str, Work]],
 ) -> Played:
     begin_s = way.link_from_s
@@ -105,8 +140,7 @@ def _played(
     control = control_bps(snapshot(driven.ego, messages, link.known_bps(begin_s)))
 
     def size(robot: str, number: int) -> int:
-        form = asked[number][robot]
-        return driven.size(driven.frames[number], robot, form, way.max_error_m)
+        return sizes[number][robot]
 
     conditions = Conditions(
         work=_work(driven, SINGLE),
@@ -118,5 +152,6 @@ def _played(
     return play(robots, len(driven.frames), size, conditions)
 
 
-def _work(driven: Driven, algorithm: str) -> Work:
-    return packaged_compute().work(driven.world.detector, algorithm)
+def _work(driven: Driven, algorithm: str, about_places: bool = False) -> Work:
+    usual = packaged_compute().work(driven.world.detector, algorithm)
+    return replace(usual, add_ms=LIGHTER * usual.add_ms) if about_places else usual

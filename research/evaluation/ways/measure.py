@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from perception.detector.config import configuration
 from perception.fusion.publishing import publish
-from perception.memory.memory import Frame, Memory, Remembered
-from perception.memory.remembering import remember
+from perception.memory.memory import Memory
 from perception.memory.reprocessing import ReprocessingMemory
 from perception.tally import Tally
 from perception.types import Boxes
 from research.evaluation.ways.drive import Driven, FusedOnce
 from research.evaluation.ways.going import gone
+from research.evaluation.ways.remembered import taken
 from research.evaluation.ways.tracking import NEAR_M, Following
 from research.evaluation.ways.way import Way
 from worlds.base import World
@@ -93,7 +93,11 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
         if now is None:
             continue
         came = now.came
-        fused = driven.fused(frame, {} if way.late_frames else came, way.max_error_m)
+        fused = (
+            driven.fused(frame, {}, way.max_error_m)
+            if way.late_frames
+            else driven.fused(frame, came, way.max_error_m, now.places)
+        )
         shown = _published(fused, detector)
         told, tracks = shown, np.arange(len(shown)) + number * 1000
         if memory is not None:
@@ -101,8 +105,8 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
             before = number - way.late_frames
             if way.late_frames and before >= 0 and (then := going[before]) is not None:
                 late = driven.fused(driven.frames[before], then.came, way.max_error_m)
-                _taken(memory, driven, driven.frames[before], late)
-            remembered = _taken(memory, driven, frame, fused)
+                taken(memory, driven, driven.frames[before], late)
+            remembered = taken(memory, driven, frame, fused)
             measured.memory_ms.append((time.perf_counter() - begun) * 1e3)
             assert remembered is not None, "only calibrated algorithms are measured"
             told, tracks = remembered.boxes, remembered.ids
@@ -127,15 +131,6 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
                 place, way.silent[1], shown, told, dict(zip(names, truth.centers, strict=True))
             )
     return measured
-
-
-def _taken(
-    memory: Memory | ReprocessingMemory, driven: Driven, frame: int, fused: FusedOnce
-) -> Remembered | None:
-    """What memory makes of a frame."""
-    time_s = frame / driven.world.rate_hz
-    given = Frame(time_s, fused.found, fused.helpers, fused.views, fused.world_from_own)
-    return remember(memory, given, driven.world.detector, fused.scored_as, fused.known)
 
 
 def _published(fused: FusedOnce, detector: str) -> Boxes:

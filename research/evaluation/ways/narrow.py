@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ego_agent.knowledge.pace import PLACES_HZ
 from network_controller.profiles import Fixed
 from research.evaluation.bootstrap import bootstrap_mean
 from research.evaluation.ways.drive import Drive
@@ -20,6 +21,8 @@ FREE = "coverage-assignments-free"
 DEAR = "coverage-assignments-dear"
 DEAR_TIMES = 8.0
 """The same where they cost this many times what they usually do."""
+PLAIN = "coverage-assignments-without-places"
+"""The same where nobody is asked about places in between."""
 SINGLE_FREE = "coverage-free"
 SINGLE_POLICIES = ("coverage", "static-early", "static-late", "rules", SINGLE_FREE)
 """Policies that decide one algorithm and one rate for all."""
@@ -28,13 +31,16 @@ CEILING = "early-10hz-all-arrives"
 """Everybody's points in every frame, with memory, on a link that carries anything: what no choice
 can be expected to exceed."""
 STATIC = (
-    ("early", 10.0, 0.1),
-    ("early", 5.0, 0.1),
-    ("early", 2.0, 0.1),
-    ("late", 10.0, 0.1),
-    ("late", 5.0, 0.1),
+    ("early", 10.0, 0.0),
+    ("early", 5.0, 0.0),
+    ("early", 2.0, 0.0),
+    ("early", 2.0, PLACES_HZ),
+    ("early", 1.0, PLACES_HZ),
+    ("late", 10.0, 0.0),
+    ("late", 5.0, 0.0),
 )
-"""Algorithm, contributions a second and codec setting of all, whatever the link."""
+"""Algorithm, contributions a second, and how often places are asked about in between, of all,
+whatever the link."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +62,12 @@ def ways(link: Link) -> tuple[Way, ...]:
         Way(OURS, decided=Decided("coverage", rarer=True), link=over),
         Way(FREE, decided=Decided("coverage", rarer=True, price=0.0), link=over),
         Way(DEAR, decided=Decided("coverage", rarer=True, price=DEAR_TIMES), link=over),
+        Way(PLAIN, decided=Decided("coverage", rarer=True, places=False), link=over),
         Way(SINGLE_FREE, decided=Decided("coverage", price=0.0), link=over),
         *(Way(name, decided=Decided(name), link=over) for name in SINGLE_POLICIES[:-1]),
         Way(RANDOM, decided=Decided(RANDOM, rarer=True), link=over),
         *(
-            Way(_name(*one), (one[:2],), max_error_m=one[2], in_turn=True, link=over)
+            Way(_name(*one), (one[:2],), in_turn=True, places_hz=one[2], link=over)
             for one in STATIC
         ),
         Way(EVERYONE, (("early", 10.0),), memory=False, link=over),
@@ -68,8 +75,8 @@ def ways(link: Link) -> tuple[Way, ...]:
     )
 
 
-def _name(form: str, hz: float, max_error_m: float) -> str:
-    return f"{form}-{hz:g}hz" + ("-coarse" if max_error_m > 0.1 else "")
+def _name(form: str, hz: float, places_hz: float) -> str:
+    return f"{form}-{hz:g}hz" + ("-places" if places_hz else "")
 
 
 def drives(link: Link, seeds: range, count: int, frames: int) -> list[Drive]:
@@ -112,6 +119,8 @@ def table(link: Link, parts: Sequence[Sequence[Measured]]) -> dict[str, Any]:
     controls = {
         "best_single_policy": best(SINGLE_POLICIES),
         "best_static": best([_name(*one) for one in STATIC]),
+        "best_static_without_places": best([_name(*one) for one in STATIC if not one[2]]),
+        "without_places": PLAIN,
         "coverage": "coverage",
         "random": RANDOM,
         "everyone": EVERYONE,

@@ -16,7 +16,7 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import RARER_HZ, algorithm_of, due, stride
+from ego_agent.knowledge.pace import PLACES_HZ, RARER_HZ, about_places, algorithm_of, due, stride
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.decision import plan
@@ -74,6 +74,8 @@ class Decided:
     """Whether each robot may have an algorithm and a rate of its own."""
     price: float = 1.0
     """Of bytes and processors, against the usual one; 0: as good as the link carries."""
+    places: bool = True
+    """Where `rarer`: whether robots are asked in between about places."""
     validated: bool = True
     """Whether what the policy proposes is repaired to what the link carries, as an ego does."""
 
@@ -86,7 +88,10 @@ class Deciding:
         self._drive = drive
         self._known_bps = known_bps
         self._how = how
-        objective = Objective(rarer_hz=RARER_HZ if how.rarer else ())
+        objective = Objective(
+            rarer_hz=RARER_HZ if how.rarer else (),
+            places_hz=PLACES_HZ if how.rarer and how.places else 0.0,
+        )
         objective = replace(
             objective,
             lambda_link=objective.lambda_link * how.price,
@@ -117,6 +122,16 @@ class Deciding:
             for robot in decision.participants[1:]
             if due(decision, robot, number // step)
         }
+
+    def asked_about(self, number: int) -> Mapping[str, str]:
+        """The robots that are asked about places in that frame, by the decision in force after
+        `asked`, and what."""
+        decision = self._decision
+        rate_hz = self._drive.world.rate_hz
+        if decision is None or number % (step := stride(decision, rate_hz, rate_hz)):
+            return {}
+        robots = about_places(decision.assignments, decision.rate_hz, number // step)
+        return {robot: algorithm_of(decision, robot) for robot in robots}
 
     def _decide(self, number: int, frame: int) -> Decision:
         drive, known = self._drive, self._knowledge

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ego_agent.knowledge.pace import PLACES_HZ
 from research.evaluation.bootstrap import Interval, bootstrap_mean
 from research.evaluation.machine import machine_facts
 from research.evaluation.ways import narrow
@@ -26,7 +27,7 @@ WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 950_000)
 """Floors that nothing was trained, fitted or set on."""
 FRAMES = 60
 ROBOTS = 6
-OURS = "early-2hz-in-turn"
+OURS = "early-1hz-places"
 """The fixed way that a fifth of the bytes was asked of; what an ego chooses by itself, at the usual
 prices of bytes and compute, is measured by `driven` and by `narrow`."""
 EVERYONE = "early-10hz-no-memory"
@@ -58,6 +59,10 @@ def ways() -> tuple[Way, ...]:
         Way(f"{form}-{hz:g}hz-in-turn", ((form, hz),), in_turn=True)
         for form, hz in (("early", 5.0), ("early", 2.0), ("early", 1.0), ("late", 5.0))
     ]
+    focused = [
+        Way(f"early-{hz:g}hz-places", (("early", hz),), in_turn=True, places_hz=PLACES_HZ)
+        for hz in (2.0, 1.0, 0.5)
+    ]
     mixed = [
         Way(
             f"mixed-{near}-{near_hz:g}hz-{far}-{far_hz:g}hz-in-turn",
@@ -80,7 +85,7 @@ def ways() -> tuple[Way, ...]:
         Way("silence", (("early", 10.0),), silent=(25, 10)),
         Way("silence-no-memory", (("early", 10.0),), memory=False, silent=(25, 10)),
     ]
-    return (*alone, *static, *coarse, *turns, *mixed, *late, *ruled, *silent)
+    return (*alone, *static, *coarse, *turns, *focused, *mixed, *late, *ruled, *silent)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.pace import PLACES_HZ
 from ego_agent.knowledge.quality import QualityModel
 from ego_agent.plan.choices.scoring import Scorer
 from research.evaluation.surrogate.samples import scene_of
@@ -25,8 +26,10 @@ FITTING_SEEDS = range(TEST_SEEDS.start + 970_000, TEST_SEEDS.start + 1_000_000)
 ROBOTS = {"factory": (6, 4, 6, 8, 5, 10), "road": (4, 3, 5, 4)}
 """In turn."""
 FORMS = ("early", "intermediate", "late")
+FOCUSING = ("early",)
+"""Of these, whose robots can tell of places alone."""
 RATES_HZ = (10.0, 5.0, 2.0, 1.0, 0.5)
-RANDOM_WAYS = 18
+RANDOM_WAYS = 26
 """Of each drive, beside some that are always measured."""
 LOOKS = 5
 """How often on a drive what robots show is looked at."""
@@ -89,12 +92,18 @@ def sampled(drive: Drive) -> Sampled:
 
 def random_assignments(robots: list[str], seed: int) -> Iterator[tuple[Assignment, ...]]:
     """Nobody; everybody with one form at some rates; and random robots, with one form and rate for
-    all as often as with one for each."""
+    all as often as with one for each, every other time with places asked about in between."""
     rng = np.random.default_rng(seed)
     yield ()
-    for form, hz in (("early", 10.0), ("early", 2.0), ("late", 10.0)):
-        yield _all(robots, form, hz)
-    for _ in range(RANDOM_WAYS if robots else 0):
+    for form, hz, focused in (
+        ("early", 10.0, False),
+        ("early", 2.0, False),
+        ("late", 10.0, False),
+        ("early", 2.0, True),
+        ("early", 1.0, True),
+    ):
+        yield tuple(_sends(robot, form, hz, places=focused) for robot in robots)
+    for way in range(RANDOM_WAYS if robots else 0):
         count = int(rng.integers(1, len(robots) + 1))
         chosen = [robots[i] for i in rng.permutation(len(robots))[:count]]
         forms, rates = rng.choice(FORMS, count), rng.choice(RATES_HZ, count)
@@ -103,13 +112,15 @@ def random_assignments(robots: list[str], seed: int) -> Iterator[tuple[Assignmen
         if rng.random() < 0.5:
             rates[:] = rates[0]
         yield tuple(
-            Assignment(robot=robot, algorithm=str(form), rate_hz=float(hz))
+            _sends(robot, str(form), float(hz), places=way % 2 == 1)
             for robot, form, hz in zip(chosen, forms, rates, strict=True)
         )
 
 
-def _all(robots: list[str], form: str, hz: float) -> tuple[Assignment, ...]:
-    return tuple(Assignment(robot=robot, algorithm=form, rate_hz=hz) for robot in robots)
+def _sends(robot: str, form: str, hz: float, *, places: bool) -> Assignment:
+    rarely = places and form in FOCUSING and hz < PLACES_HZ
+    places_hz = PLACES_HZ if rarely else 0.0
+    return Assignment(robot=robot, algorithm=form, rate_hz=hz, places_hz=places_hz)
 
 
 def _looks(driven: Driven) -> tuple[Look, ...]:

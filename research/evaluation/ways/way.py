@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ego_agent.knowledge.pace import in_turn
+from ego_agent.knowledge.pace import about_places, in_turn
 from research.evaluation.ways.planned import Decided
 from research.evaluation.windows.links import Link
 from swarm.messages import Assignment
@@ -36,6 +36,9 @@ class Way:
     """Who decides, in place of `forms`."""
     assignments: tuple[Assignment, ...] = ()
     """Who sends what and how often, in turn, in place of `forms`."""
+    places_hz: float = 0.0
+    """How often robots with one of the `forms` are asked about the places of what is remembered,
+    where they do not send anyway; 0: never."""
 
     def asked(self, number: int, nearest: Sequence[str], rate_hz: float) -> Mapping[str, str]:
         """The robots that send in the frame of that number, nearest first, and what. `rate_hz`: of
@@ -43,9 +46,7 @@ class Way:
         if self.assignments:
             due = in_turn({one.robot: one.rate_hz for one in self.assignments}, rate_hz, number)
             return {one.robot: one.algorithm for one in self.assignments if one.robot in due}
-        if not self.forms:
-            return {}
-        if self.silent is not None and number % self.silent[0] >= self.silent[0] - self.silent[1]:
+        if not self.forms or self._silent(number):
             return {}
         asked = {}
         for place, robot in enumerate(nearest):
@@ -54,3 +55,21 @@ class Way:
             if number % step == (place % step if self.in_turn else 0):
                 asked[robot] = algorithm
         return asked
+
+    def asked_about(self, number: int, nearest: Sequence[str], rate_hz: float) -> Mapping[str, str]:
+        """The robots that are asked about places in the frame of that number, and what."""
+        if self.assignments:
+            forms = {one.robot: one.algorithm for one in self.assignments}
+            robots = about_places(self.assignments, rate_hz, number)
+            return {robot: forms[robot] for robot in robots}
+        if not self.places_hz or not self.forms or self._silent(number):
+            return {}
+        whole = self.asked(number, nearest, rate_hz)
+        robots = in_turn(dict.fromkeys(nearest, self.places_hz), rate_hz, number)
+        forms = {r: self.forms[min(i, len(self.forms) - 1)][0] for i, r in enumerate(nearest)}
+        return {robot: forms[robot] for robot in robots if robot not in whole}
+
+    def _silent(self, number: int) -> bool:
+        if self.silent is None:
+            return False
+        return number % self.silent[0] >= self.silent[0] - self.silent[1]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ego_agent.knowledge.pace import RARER_HZ, due
+from ego_agent.knowledge.pace import RARER_HZ, about_places, due
 from perception.detector.weight_files import has_weights
 from swarm import keyspace
 from swarm.arrays import unpack_finite
@@ -33,7 +33,12 @@ def test_each_frame_asks_whoever_is_due_and_tells_of_what_others_showed(swarm: S
     frames: MessageLog[Detections] = swarm.detections(session, "R1")
     # A processor dear enough that nobody is asked ten times a second.
     swarm.ego(
-        compute_weight="0.25", comm_range_m="500", q_min="0.3", algorithms="early", learn="false"
+        compute_weight="0.25",
+        comm_range_m="500",
+        q_min="0.3",
+        algorithms="early",
+        learn="false",
+        between="false",
     )
     decided = decisions.until(lambda d: bool(d.assignments))
     assert {one.robot for one in decided.assignments} == set(decided.participants) - {"R1"}
@@ -60,6 +65,40 @@ def test_each_frame_asks_whoever_is_due_and_tells_of_what_others_showed(swarm: S
             and any(age > 0.0 for age in unpacked(d))
         )
     )
+
+
+def test_between_whole_contributions_robots_are_asked_about_what_is_remembered(
+    swarm: Swarm,
+) -> None:
+    session = swarm.session()
+    decisions: MessageLog[Decision] = swarm.decisions(session, "R1")
+    frames: MessageLog[Detections] = swarm.detections(session, "R1")
+    # Bytes so dear that whole contributions are rare.
+    swarm.ego(
+        link_weight="4",
+        compute_weight="0",
+        comm_range_m="500",
+        q_min="0.3",
+        algorithms="early",
+        learn="false",
+    )
+
+    def asks_between(decision: Decision) -> bool:
+        return any(one.places_hz > one.rate_hz for one in decision.assignments)
+
+    decided = decisions.until(asks_between)
+    assert "in between what they see where something is remembered" in decided.reason
+    whole: dict[str, int] = {}
+    places: dict[str, int] = {}
+    while not (whole.keys() & places.keys()):
+        frame = frames.until(lambda d: d.cycle >= decided.cycle)
+        carried_out = the_decision(decisions, frame.cycle)
+        about = about_places(carried_out.assignments, carried_out.rate_hz, frame.frame)
+        assert {*frame.focused} <= {*about}
+        for robot, size in frame.bytes.items():
+            (places if robot in frame.focused else whole)[robot] = size
+    for robot in whole.keys() & places.keys():
+        assert places[robot] < whole[robot] / 2
 
 
 def test_a_narrower_link_leads_to_rarer_and_smaller_contributions_and_memory_goes_on(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,14 +21,14 @@ from ego_agent.knowledge.compute import Work
 from ego_agent.knowledge.journal import CycleRecord
 from ego_agent.knowledge.model import Proposal, UnifiedScene, Weights
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import RARER_HZ, in_turn
+from ego_agent.knowledge.pace import RARER_HZ, about_places, in_turn
 from ego_agent.knowledge.record import cycle_record
 from ego_agent.knowledge.tally import Tally
 from ego_agent.plan.choices.explain import explain
 from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.hysteresis import best_option
 from ego_agent.plan.choices.mixes import Mixes, burst
-from ego_agent.plan.choices.scoring import Score, Scorer
+from ego_agent.plan.choices.scoring import PART, Score, Scorer
 from ego_agent.plan.choices.validation import Unusable, validate
 from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import ROUNDING, DemandMeter, need
@@ -237,6 +238,68 @@ def test_the_largest_frame_is_told(rates: dict[str, float]) -> None:
     frames = [sum(sizes[r] for r in in_turn(rates, 10.0, n)) for n in range(200)]
     assert burst(given_, 10.0, sizes) == max(frames)
     assert np.mean(frames) == pytest.approx(sum(sizes[r] * hz / 10.0 for r, hz in rates.items()))
+
+
+@given(st.dictionaries(st.sampled_from([f"R{i}" for i in range(9)]), st.sampled_from(RARER_HZ)))
+def test_nobody_is_asked_about_places_in_a_frame_to_which_it_contributes(
+    rates: dict[str, float],
+) -> None:
+    chosen = tuple(
+        Assignment(robot=robot, algorithm="early", rate_hz=hz, places_hz=5.0 if hz < 5.0 else 0.0)
+        for robot, hz in rates.items()
+    )
+    asked = dict.fromkeys(rates, 0)
+    for number in range(200):
+        about = about_places(chosen, 10.0, number)
+        assert not {*about} & {*in_turn(rates, 10.0, number)}
+        for robot in about:
+            asked[robot] += 1
+    for robot, hz in rates.items():
+        # At most what is asked for, and less by no more than the contributions of its own.
+        times = asked[robot] / 20.0
+        assert (5.0 - hz <= times <= 5.0) if hz < 5.0 else times == 0.0
+    sizes, places = dict.fromkeys(rates, 100), dict.fromkeys(rates, 10)
+    if chosen:
+        whole, most = burst(chosen, 10.0, sizes), burst(chosen, 10.0, sizes, places)
+        assert whole <= most <= whole + 10 * len(rates)
+
+
+def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
+    found = a_floor(3, capacity_bps=1e6)
+    without, asking = (Mixes(Scorer(found, knowing(places_hz=hz))) for hz in (0.0, 5.0))
+    once = assignments(("R2", "early", 1.0))
+    plain, more = without.score(once), asking.score(once)
+    assert plain is not None
+    assert more is not None
+    assert (plain.assignments[0].places_hz, more.assignments[0].places_hz) == (0.0, 5.0)
+    size = asking.scorer.size("R2", "early")
+    places = asking.scorer.focused_size(asking.scorer.row_of["R2"], "early")
+    assert places == math.ceil(PART * size)
+    assert more.cost_bytes == math.ceil((size * 1.0 + places * 4.0) / 10.0)
+    assert more.cost > plain.cost
+    assert more.quality > plain.quality
+    # What has come counts in the place of a guess.
+    known = replace(found.candidates[0], focused={"early": 77})
+    again = replace(found, candidates=(known, *found.candidates[1:]))
+    told = Mixes(Scorer(again, knowing(places_hz=5.0))).score(once)
+    assert told is not None
+    assert told.cost_bytes == math.ceil((size * 1.0 + 77 * 4.0) / 10.0)
+
+
+def test_only_who_sends_points_rarely_is_asked_about_places() -> None:
+    found = a_floor(3, capacity_bps=1e6)
+    for option in Mixes(Scorer(found, knowing(places_hz=5.0))).options:
+        rarely = option.algorithm == "early" and option.rate_hz < 5.0
+        assert option.places_hz == (5.0 if rarely else 0.0)
+
+
+def test_sizes_of_answers_about_places_are_learnt_beside_those_of_whole_ones() -> None:
+    known = knowing()
+    for size in (300, 400, 500):
+        known.record_payload("R2", "early", size, NOW_NS, focused=True)
+    assert known.payload_sizes("R2", {"early": 3000}, NOW_NS)["early"] == 3000
+    assert known.focused_sizes("R2", NOW_NS) == {"early": 400}
+    assert known.focused_sizes("R3", NOW_NS) == {}
 
 
 def test_an_algorithm_that_cannot_be_mixed_is_left_out() -> None:

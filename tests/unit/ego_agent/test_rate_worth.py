@@ -30,6 +30,23 @@ def test_what_is_often_contributed_need_not_suffice() -> None:
     assert model.kept("intermediate", 1.0, 10.0) == pytest.approx(0.5)
 
 
+def test_with_places_in_between_rarer_contributions_keep_more() -> None:
+    model = RateModel({"intermediate": TABLE, "early": TABLE, "early+places": {"2": 0.9, "1": 0.8}})
+    assert (model.focuses("early"), model.focuses("intermediate")) == (True, False)
+    assert model.kept("early", 1.0, 10.0) == pytest.approx(0.5)
+    assert model.kept("early", 1.0, 10.0, focused=True) == pytest.approx(0.8)
+    assert model.kept("early", 0.5, 10.0, focused=True) == 0.0
+
+
+@pytest.mark.parametrize("detector", ["factory", "road"])
+def test_the_packaged_law_knows_what_places_are_worth(detector: str) -> None:
+    model = rates_of(detector)
+    rates = (2.0, 1.0, 0.5)
+    kept = [model.kept("early", hz, 10.0, focused=True) for hz in rates]
+    assert kept == sorted(kept, reverse=True)
+    assert all(more > model.kept("early", hz, 10.0) for more, hz in zip(kept, rates, strict=True))
+
+
 @pytest.mark.parametrize("detector", ["factory", "road"])
 def test_the_packaged_law_falls_with_the_rate(detector: str) -> None:
     model = rates_of(detector)

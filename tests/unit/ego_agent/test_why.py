@@ -164,6 +164,17 @@ def test_who_sends_what_and_how_often_is_told_where_it_differs() -> None:
     assert sends(assigned("late", ("R2", "late", 1.0))) == ["R2 sends boxes once a second."]
 
 
+def test_who_is_asked_about_places_in_between_is_told() -> None:
+    line = assigned("early", ("R2", "early", 10.0), ("R3", "early", 1.0))
+    usual, rarer = line.decision.assignments
+    rarer = msgspec.structs.replace(rarer, places_hz=5.0)
+    decided = msgspec.structs.replace(line.decision, assignments=(usual, rarer))
+    assert sends(msgspec.structs.replace(line, decision=decided)) == [
+        "R2 sends points 10 times a second, R3 points once a second (5 times a second those of "
+        "what is remembered)."
+    ]
+
+
 @pytest.mark.parametrize("assignments", [(), (("R2", "early", 10.0), ("R3", "early", 10.0))])
 def test_nobody_is_told_of_where_all_send_the_same_in_every_frame(
     assignments: tuple[tuple[str, str, float], ...],

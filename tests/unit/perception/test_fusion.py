@@ -10,6 +10,7 @@ import pytest
 
 from perception.codec.boxes import encode_boxes
 from perception.codec.outlined import add_outline
+from perception.codec.places import encode_places
 from perception.codec.points import encode_points
 from perception.detector import weight_files
 from perception.detector.finders import Clustered
@@ -199,6 +200,38 @@ def test_early_sends_only_what_the_ego_looks_at(world: Opv2vWorld) -> None:
     assert len(clear[0]) == len(clear[1]) > 10
     apart = np.abs(np.sort(clear[0].scores) - np.sort(clear[1].scores))
     assert np.median(apart) < 0.01
+
+
+def test_asked_about_places_early_sends_the_points_there_only() -> None:
+    fusion = CLUSTERED["early"]
+    scan = street(OTHER, ("front", "left"))
+    pillar = np.array([[10.0, -8.0, z] for z in np.arange(0.3, 2.0, 0.05)], dtype=np.float32)
+    scan = np.concatenate([scan, transform(invert(OTHER.matrix()), pillar)])
+    car = make((15.0, 2.0, 0.9, 4.5, 1.9, 1.5, 0.0)).transformed(invert(EGO.matrix()))
+    usual = EncodeOptions(pose=OTHER, reference=EGO)
+    about = replace(usual, demand=encode_places(car, 0.5))
+    whole, some = fusion.encode(scan, usual), fusion.encode(scan, about)
+    there = OTHER.matrix()
+
+    def sent(payload: bytes) -> Points:
+        gathering = fusion.begin(street(EGO, ("back", "right")), EGO.matrix())
+        gathering.add(Contribution("B", payload, there))
+        assert len(gathering.finish()) == 1
+        return transform(there, gathering.sent_points()["B"][0])
+
+    assert len(some) < len(whole)
+    from_car = np.abs(sent(some)[:, :2] - CAR)
+    assert len(from_car) > 300
+    assert (from_car <= (2.25 + 0.7, 0.95 + 0.7)).all()
+    assert (np.abs(sent(whole)[:, :2] - [10.0, -8.0]) < 0.2).all(axis=1).any()
+
+
+def test_places_mean_nothing_without_where_the_ego_is() -> None:
+    scan = street(OTHER, ("front",))
+    with pytest.raises(PerceptionError, match="without where the ego is"):
+        CLUSTERED["early"].encode(scan, EncodeOptions(pose=OTHER, demand=bytes(7)))
+    with pytest.raises(PerceptionError, match="6 bytes are no places"):
+        CLUSTERED["early"].encode(scan, EncodeOptions(pose=OTHER, reference=EGO, demand=bytes(6)))
 
 
 def test_a_stray_return_does_not_cost_the_scan() -> None:

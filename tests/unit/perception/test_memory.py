@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from perception.codec.places import within
+from perception.memory.asking import places_of
 from perception.memory.memory import (
     FAINTEST,
     MOST_TRACKS,
@@ -319,6 +321,68 @@ class TestJumps:
         memory = Memory(1.0)
         seen(memory)
         assert not len(memory.update(frame(-3.0, Boxes.empty(), BOTH, WALLED)).ids)
+
+
+class TestPlaces:
+    """Frames in which robots were asked about the places of tracks only."""
+
+    def test_they_move_a_track_as_a_whole_view_does(self) -> None:
+        def after(focused: frozenset[str]) -> Remembered:
+            memory = Memory(1.0)
+            for i in range(20):
+                found = boxes((10.0 + 0.1 * i, 0.0))
+                told = memory.update(replace(frame(i / 10, found, BOTH, WALLED), focused=focused))
+            return told
+
+        whole, places = after(frozenset()), after(BOTH)
+        assert places.boxes.centers[0] == pytest.approx(whole.boxes.centers[0], abs=0.05)
+        assert places.velocities[0] == pytest.approx([1.0, 0.0], abs=0.2)
+
+    def test_what_is_found_beside_tracks_counts_as_the_ego_s_own(self) -> None:
+        def born(helpers: frozenset[str], focused: frozenset[str]) -> float:
+            memory = Memory(1.0)
+            seen(memory)
+            found = Boxes.concatenate([boxes((10.0, 0.0)), boxes((3.0, 6.0))])
+            told = memory.update(replace(frame(0.5, found, helpers, WALLED), focused=focused))
+            return float(told.boxes.scores[told.boxes.centers[:, 1] > 3.0].max())
+
+        alone = born(frozenset(), frozenset())
+        assert born(BOTH, BOTH) == alone < born(BOTH, frozenset()) / 2
+
+    def test_they_make_a_doubtful_track_surer_by_little(self) -> None:
+        def told(focused: frozenset[str]) -> float:
+            memory = Memory(1.0)
+            memory.update(frame(0.0, boxes((10.0, 0.0), score=0.4), BOTH, WALLED))
+            surer = frame(0.1, boxes((10.0, 0.0), score=0.95), BOTH, WALLED)
+            return float(memory.update(replace(surer, focused=focused)).boxes.scores[0])
+
+        assert 0.4 < told(BOTH) < told(frozenset()) - 0.1
+
+    def test_a_place_where_nothing_is_found_any_more_is_soon_empty(self) -> None:
+        memory = Memory(1.0)
+        seen(memory)
+        for i in range(6):
+            empty = frame(0.5 + i / 10, Boxes.empty(), BOTH, WALLED)
+            told = memory.update(replace(empty, focused=BOTH))
+        assert told.boxes.scores.max(initial=0.0) < 0.05
+
+    def test_what_is_too_unlikely_to_be_told_is_asked_about_too(self) -> None:
+        memory = Memory(1.0)
+        memory.update(frame(0.0, boxes((10.0, 0.0), score=FAINTEST + 0.05), BOTH, WALLED))
+        held = memory.held()
+        assert held.boxes.scores[0] < 0.2
+        assert len(within(places_of(held, 0.0, HERE), np.zeros((1, 3), np.float32))) == 1
+
+    def test_they_are_asked_about_where_a_track_will_be(self) -> None:
+        memory = Memory(1.0)
+        told = seen(memory, 20, vx=1.0)
+        there = told.boxes.centers[0, 0] + 2.0 * told.velocities[0, 0]
+        places = places_of(memory.held(), 2.0, Pose(5.0, 0.0, 1.2, yaw=np.pi / 2).matrix())
+        # Ahead of a sensor at x = 5 that looks along y, the world's x is to the right.
+        point = np.array([[0.0, 5.0 - there, 0.0]], dtype=np.float32)
+        assert within(places, point).all()
+        beside = np.array([[0.0, 8.0 - there, 0.0]], dtype=np.float32)
+        assert not within(places, beside).any()
 
 
 def test_a_flood_of_false_boxes_is_bounded() -> None:

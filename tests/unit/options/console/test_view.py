@@ -165,7 +165,10 @@ def test_what_is_remembered_is_shown_beside_what_is_seen(view: View, board: Boar
 def test_how_often_each_contributes_is_shown(view: View, board: Board) -> None:
     decided = next(sample for sample in SAMPLES if isinstance(sample, Decision))
     view.on_decision(decided)
-    assert shown(board)["state"]["decision"]["assignments"] == [["R1", "late", 2.0]]
+    assert shown(board)["state"]["decision"]["assignments"] == [
+        ["R1", "early", 1.0, 5.0],
+        ["R3", "late", 2.0, 0.0],
+    ]
 
 
 def test_the_past_says_how_many_have_sent_each_form(view: View, board: Board) -> None:
