@@ -164,8 +164,10 @@ class RobotAgent:
         except CoAdaptError:
             self._count(request, "failed")
             raise
-        self._note_size(request.algorithm, payload)
-        self._sharing.answered(request.algorithm, len(payload))
+        if not (request.demand and self._encoder.focuses(request.algorithm)):
+            # An answer about places tells nothing of what a whole one takes.
+            self._note_size(request.algorithm, payload)
+            self._sharing.answered(request.algorithm, len(payload))
         if len(payload) > request.max_bytes:
             self._count(request, "too_large")
             raise PerceptionError(

@@ -32,6 +32,11 @@ class Encoder:
         fusion = self._fusions.get(algorithm)
         return fusion is not None and fusion.shareable
 
+    def focuses(self, algorithm: str) -> bool:
+        """Whether what is sent of a scan may be what lies in places that the ego asks about."""
+        fusion = self._fusions.get(algorithm)
+        return fusion is not None and fusion.focuses
+
     def encode(self, frame: Frame, algorithm: str, options: EncodeOptions) -> Encoded:
         """The payload of a frame; the same form of the same frame is encoded once.
 

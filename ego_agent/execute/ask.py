@@ -300,8 +300,10 @@ class Asker:
             self._answered_at = arrival.at
             wrong = self._check.answer(ask.robot, ask.request, arrival.outcome.message)
         focused = done.questions[ask.robot].focused
-        # What answers about places take tells nothing of whole ones.
-        if not ask.request.listens and not focused:
+        if focused:
+            # What it takes tells nothing of whole ones.
+            self._lessons.link(ask.robot, arrival.outcome, arrival.at, wrong)
+        elif not ask.request.listens:
             self._lessons.answer(ask.robot, done, arrival.outcome, arrival.at, wrong)
         self._settle(ask)
         if ask.request.shares and isinstance(arrival.outcome, Answer):

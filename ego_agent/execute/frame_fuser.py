@@ -11,14 +11,15 @@ from ego_agent.execute.frame_round import FrameRound, Missing
 from ego_agent.execute.pipeline import AskedFrame
 from ego_agent.execute.sense import OwnFrame
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.own_costs import LIGHTER
 from ego_agent.monitor.known import KnownRobots
-from perception.fusion.aligner import Held as HeldPoses
+from perception.fusion.aligner import Held
 from perception.fusion.base import Contribution, Fusion
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
 from perception.memory.memory import Frame, Remembered, View
-from perception.memory.remembering import held, remember
+from perception.memory.remembering import remember, suspected
 from perception.memory.reprocessing import ReprocessingMemory
 from perception.types import Boxes
 from swarm.errors import PerceptionError
@@ -62,7 +63,7 @@ class FrameResult:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class Suspected:
     """All that may be there, told or not, but for known robots."""
 
     time_s: float
@@ -106,8 +107,10 @@ class FrameFuser:
         self._recent: deque[_Fused] = deque(maxlen=RECENT)
         self.remembered: Remembered | None = None
         """What was there at the newest frame; None without a memory. Any thread may read."""
-        self.held: Held | None = None
+        self.suspected: Suspected | None = None
         """The same with what is too unlikely to be told. Any thread may read."""
+        self.whole: frozenset[str] = frozenset()
+        """Robots whose newest whole contribution was fused. Any thread may read."""
 
     def fuse(self, frame: AskedFrame, taken_at: float) -> FrameResult:
         """Takes up what arrives until the frame's round is closed, and fuses it; `taken_at`: when
@@ -128,7 +131,6 @@ class FrameFuser:
             else:
                 add_s += time.monotonic() - begun_at
                 work_s += time.thread_time() - work_begun_s
-        count = len(done.contributions) - len(rejected)
         fuse_at = time.monotonic()
         try:
             found, corrections = gathering.finish(), gathering.corrections()
@@ -150,9 +152,17 @@ class FrameFuser:
         clouds[self._ego] = (own.points, own.world_from_sensor)
         tracks = self._remembered(frame, judged_as, found, frozenset(used), believed, clouds)
         self.remembered = tracks
+        self.suspected = None
+        if tracks is not None and self._memory is not None:
+            self.suspected = Suspected(own.capture_ns * 1e-9, suspected(self._memory, believed))
+        asked = done.questions.keys() - done.focused(done.questions)
+        self.whole = (self.whole - asked) | (asked & {*used})
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
-        self._knowledge.own_costs.record(frame.algorithm, count, fixed_s, add_s, work_s)
+        places = len(done.focused(used))
+        contributions = len(used) - places + LIGHTER * places
+        own_costs = self._knowledge.own_costs
+        own_costs.record(frame.algorithm, contributions, fixed_s, add_s, work_s)
         assert done.closed_at is not None
         return FrameResult(
             own=own,
@@ -187,10 +197,10 @@ class FrameFuser:
     def _amend(self, fused: _Fused, more: list[Contribution]) -> int:
         frame, own = fused.frame, fused.frame.own
         gathering = frame.fusion.begin(own.points, own.world_from_sensor)
-        corrected: dict[str, Matrix] = {}
+        held: dict[str, Matrix] = {}
         for one in (*self._recent, fused):
-            corrected |= one.corrections
-        gathering.remembered = HeldPoses(corrected, own.world_from_sensor)
+            held |= one.corrections
+        gathering.remembered = Held(held, own.world_from_sensor)
         taken: list[Contribution] = []
         for contribution in (*fused.used, *more):
             try:
@@ -244,19 +254,15 @@ class FrameFuser:
             {robot: view for robot, view in views.items() if robot not in focused},
             frame.own.world_from_sensor,
             focused=focused,
+            places=frame.round.places,
         )
         try:
-            told = remember(self._memory, shown, self._detector, judged_as, known)
-            self.held = (
-                None if told is None else Held(self._memory.time_s, held(self._memory, known))
-            )
+            return remember(self._memory, shown, self._detector, judged_as, known)
         except Exception:
             # What was seen now is published all the same.
             self._log.error("memory_failed", frame=frame.own.frame, exc_info=True)
             self._memory.clear()
-            self.held = None
             return None
-        return told
 
     def _fault(self, error: Exception, own: OwnFrame) -> Missing:
         """Why a contribution is rejected; a fault that is not the payload's is logged."""

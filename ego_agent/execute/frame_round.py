@@ -10,6 +10,8 @@ from typing import Literal, get_args
 from perception.fusion.base import Contribution, FrameRequest
 from swarm.messages import Algorithm
 
+Places = bytes
+"""As `perception.codec.places` has them."""
 LATE_S = 1.25
 """How long after the deadline an answer may still come; its bytes are counted then."""
 MissingKind = Literal[
@@ -82,6 +84,11 @@ class FrameRound:
     def focused(self, robots: Iterable[str]) -> frozenset[str]:
         """Those of some robots that were asked about places only."""
         return frozenset(robot for robot in robots if self.questions[robot].focused)
+
+    @property
+    def places(self) -> Places:
+        """Those that robots were asked about; empty where none was asked about places only."""
+        return next((one.tell.demand for one in self.questions.values() if one.focused), b"")
 
     @property
     def is_mixed(self) -> bool:

@@ -247,16 +247,17 @@ class FusionLoop:
 
     def _places(self, own: OwnFrame) -> bytes:
         """Where something is remembered; empty where nothing is, or nothing is known of late."""
-        held = self._fuser.held
-        after_s = own.capture_ns * 1e-9 - held.time_s if held is not None else math.inf
-        if held is None or not 0.0 < after_s <= LONGEST_S:
+        known = self._fuser.suspected
+        after_s = own.capture_ns * 1e-9 - known.time_s if known is not None else math.inf
+        if known is None or not 0.0 < after_s <= LONGEST_S:
             return b""
-        return places_of(held.tracks, after_s, own.world_from_sensor)
+        return places_of(known.tracks, after_s, own.world_from_sensor)
 
     def _about_places(self, decision: Decision, number: int) -> dict[str, Algorithm]:
-        """Participants that are asked about places in the frame of that number, and what for."""
+        """Participants that are asked about places in the frame of that number, and what for: those
+        whose whole contributions are fused, which tell what their poses are off by."""
         robots = about_places(decision.assignments, decision.rate_hz, number)
-        forms = {robot: algorithm_of(decision, robot) for robot in robots}
+        forms = {r: algorithm_of(decision, r) for r in robots if r in self._fuser.whole}
         return {robot: form for robot, form in forms.items() if self._fusions[form].focuses}
 
     def _fusion_of(

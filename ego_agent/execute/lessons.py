@@ -48,7 +48,19 @@ class Lessons:
         work_ms = seen.work_ms or seen.encode_ms
         came_s = answer_s if wrong is None else math.inf
         self._note(done, robot, came_s, more_s, seen.encode_ms * 1e-3, work_ms * 1e-3)
-        # What the robot's kernel says of its own link.
+        self.link(robot, outcome, at, wrong)
+
+    def link(
+        self,
+        robot: str,
+        outcome: Answer[Observation] | CoAdaptError,
+        at: float,
+        wrong: Missing | None = None,
+    ) -> None:
+        """What the robot's kernel says of its own link with an answer; see `answer`."""
+        if not isinstance(outcome, Answer) or (wrong is not None and wrong.kind != "skew"):
+            return
+        seen = outcome.message
         shown = self._queues.take((robot, seen.instance), seen.uplink)
         if shown is not None:
             self._link.add_robot(robot, shown, at)

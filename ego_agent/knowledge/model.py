@@ -78,6 +78,11 @@ class Snapshot:
         return self.capacity_source == "net/state"
 
 
+PART, MOST_PART = 0.2, 0.7
+"""Of a whole observation's bytes, what an answer about places has before any came, and what makes
+it no smaller."""
+
+
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """A robot that may take part: known, alive, fresh, unique and in range."""
@@ -99,6 +104,17 @@ class Candidate:
     """What it sends anyway, for other egos: this one's part takes nothing of it."""
     focused: Mapping[Algorithm, int] = field(default_factory=dict)
     """Bytes of its answers about places, as far as any has come."""
+
+    def places_size(self, algorithm: Algorithm) -> int:
+        """Bytes of an answer about places, as they came or as they are expected. Raises KeyError
+        where no size of the algorithm is known."""
+        known = self.focused.get(algorithm)
+        return math.ceil(PART * self.sizes[algorithm]) if known is None else known
+
+    def tells_places(self, algorithm: Algorithm) -> bool:
+        """Whether its answers about places are smaller than others, as far as is known: a robot of
+        an older program sends its whole scan."""
+        return self.places_size(algorithm) < MOST_PART * self.sizes[algorithm]
 
 
 @dataclass(frozen=True, slots=True)

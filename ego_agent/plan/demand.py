@@ -165,6 +165,6 @@ def _burst_bytes(scene: UnifiedScene, decision: Decision) -> int:
     for one in decision.assignments:
         candidate = by_robot.get(one.robot)
         sizes[one.robot] = candidate.sizes.get(one.algorithm, 0) if candidate else 0
-        if candidate and one.algorithm in candidate.focused:
-            places[one.robot] = candidate.focused[one.algorithm]
+        if candidate and one.algorithm in candidate.sizes:
+            places[one.robot] = candidate.places_size(one.algorithm)
     return burst(decision.assignments, decision.rate_hz, sizes, places)

@@ -21,11 +21,11 @@ LONGEST_S = 1.0
 """So long what is remembered says where to look."""
 
 
-def places_of(held: Remembered, after_s: float, world_from_sensor: Matrix) -> bytes:
+def places_of(tracks: Remembered, after_s: float, world_from_sensor: Matrix) -> bytes:
     """The places of tracks, the likeliest first, so long after they were where they are said to be,
     in the frame of the asking ego's sensor (`perception.codec.places`)."""
-    moved = held.boxes.centers.copy()
-    moved[:, :2] += after_s * held.velocities
-    boxes = replace(held.boxes, centers=moved).transformed(invert(world_from_sensor))
+    moved = tracks.boxes.centers.copy()
+    moved[:, :2] += after_s * tracks.velocities
+    boxes = replace(tracks.boxes, centers=moved).transformed(invert(world_from_sensor))
     order = np.argsort(-boxes.scores, kind="stable")
     return encode_places(boxes.take(order), AROUND_M)

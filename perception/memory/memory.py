@@ -11,21 +11,22 @@ no independent witnesses, their chances are pooled (logarithmic opinion pool).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.boxes import SHARPNESS, iou_among, iou_bev
+from perception.codec.places import within
 from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
 from perception.memory.registration import FRESH_S, Cloud, Look, displaced
 from perception.memory.sight import Sight
 from perception.memory.turning import Headings
-from perception.memory.viewers import Viewers
+from perception.memory.viewers import Robots, Viewers
 from perception.types import Boxes
-from swarm.geometry import Matrix, Points, invert
+from swarm.geometry import Matrix, Points, invert, transform
 
 Floats = NDArray[np.float64]
 
@@ -99,7 +100,9 @@ class Frame:
     completes: bool = True
     """Whether boxes were found in what helpers and ego show together, not each by itself."""
     focused: frozenset[str] = frozenset()
-    """Helpers that showed the places of tracks only."""
+    """Helpers that were asked about places only."""
+    places: bytes = b""
+    """Which (`perception.codec.places`), in the frame of the ego's sensor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,13 +166,17 @@ class Memory:
         )
         order = np.argsort(-frame.boxes.scores, kind="stable")[:MOST_BOXES]
         found = frame.boxes.take(order[frame.boxes.scores[order] >= FAINTEST])
+        asked = self._asked(frame)
+        whole = frame.helpers - frame.focused
         partial = self._viewers.partial(frame.helpers)
+        partial[~asked] = self._viewers.partial(whole)[~asked]
         own = _own_cloud(frame)
         if own is not None:
             self._looked_for(np.flatnonzero(partial), own, frame.time_s)
         rows, columns = self._matched(found, partial)
-        self._missed(np.setdiff1d(np.arange(len(self._ids)), rows), frame)
-        self._seen(rows, found.take(columns), partial[rows], frame)
+        showing = [frame.helpers if about else whole for about in asked]
+        self._missed(np.setdiff1d(np.arange(len(self._ids)), rows), frame, showing)
+        self._seen(rows, found.take(columns), partial[rows], frame, showing)
         self._born(found.take(np.setdiff1d(np.arange(len(found)), columns)), frame)
         self._prune(frame.time_s)
         if own is not None:
@@ -181,7 +188,7 @@ class Memory:
         """Of the newest frame; minus infinity before any."""
         return -np.inf if self._time_s is None else self._time_s
 
-    def held(self) -> Remembered:
+    def suspected(self) -> Remembered:
         """All that may be there at the newest frame's time, unless it is very unlikely."""
         told = self._told(self._time_s or 0.0)
         return told.take(np.flatnonzero(told.boxes.scores >= FAINTEST))
@@ -245,6 +252,13 @@ class Memory:
         for row in np.flatnonzero(self._viewers.whole()):
             self._looks[row] = Look(time_s, own, self._boxes.take(np.array([row])))
 
+    def _asked(self, frame: Frame) -> NDArray[np.bool_]:
+        """(N,): tracks that all helpers of a frame were asked about."""
+        if not frame.focused or frame.world_from_own is None or not len(self._ids):
+            return np.full(len(self._ids), not frame.focused)
+        own_from_world = invert(frame.world_from_own)
+        return within(frame.places, transform(own_from_world, self._boxes.centers))
+
     def _moved(self) -> Floats:
         return np.column_stack([self._motions.places(), self._boxes.centers[:, 2]])
 
@@ -274,8 +288,9 @@ class Memory:
             np.concatenate([columns, free[others[over]]]),
         )
 
-    def _missed(self, rows: NDArray[np.intp], frame: Frame) -> None:
-        """Tracks that no box shows: were they to be seen?"""
+    def _missed(self, rows: NDArray[np.intp], frame: Frame, showing: Sequence[Robots]) -> None:
+        """Tracks that no box shows: were they to be seen? `showing`: helpers that could show each
+        track."""
         if not len(rows):
             return
         expected = np.zeros(len(rows))
@@ -291,26 +306,35 @@ class Memory:
         free = (through >= FEW) & (there < FEW)
         expected = np.where(free, SEEN_FREE * told, expected)
         for i, row in enumerate(rows):
-            unseen = self._viewers.best(row) - frame.views.keys()
-            if unseen <= frame.helpers and (unseen or not frame.views):
+            best = self._viewers.best(row)
+            unseen = best - frame.views.keys()
+            if unseen <= showing[row] and (unseen or not frame.views):
                 expected[i] = max(expected[i], TOLD_AGAIN)
-            elif there[i] >= MANY or (there[i] >= FEW and self._viewers.best(row) <= frame.helpers):
+            elif there[i] >= MANY or (there[i] >= FEW and best <= showing[row]):
                 expected[i] = max(expected[i], LOOKED_AT)
         chance = self._boxes.scores
         left = chance[rows] * (1.0 - expected) / (1.0 - expected * chance[rows])
         chance[rows] = left
 
     def _seen(
-        self, rows: NDArray[np.intp], found: Boxes, partial: NDArray[np.bool_], frame: Frame
+        self,
+        rows: NDArray[np.intp],
+        found: Boxes,
+        partial: NDArray[np.bool_],
+        frame: Frame,
+        showing: Sequence[Robots],
     ) -> None:
-        """Tracks and the box that shows each; of some (K,) a part, it may be."""
+        """Tracks and the box that shows each; of some (K,) a part, it may be. `showing`: helpers
+        that could show each track."""
         if not len(rows):
             return
         chance, boxes = self._boxes.scores, self._boxes
         # Other robots may see more; what the ego sees alone was in what they completed.
-        within = self._viewers.completed(rows) & (not frame.helpers)
-        full = ~partial | ((found.scores > chance[rows]) & ~within)
-        anew = self._viewers.saw(rows, full, frame.helpers, frame.completes)
+        by = [showing[row] for row in rows]
+        alone = np.array([not helpers for helpers in by], dtype=np.bool_)
+        known = self._viewers.completed(rows) & alone
+        full = ~partial | ((found.scores > chance[rows]) & ~known)
+        anew = self._viewers.saw(rows, full, by, frame.completes)
         farther = np.where(full, 1.0, PARTIAL_SD)
         self._motions.lose_offsets(rows[anew])
         self._motions.update(rows, found.centers[:, :2], _sds(found) * farther, ~full)

@@ -150,8 +150,12 @@ class PoseMemory:
         known = one is not None
         if one is None:
             one = _Sender(time_s, stands, np.zeros(3), np.eye(3))
+        sure, weighed = _information(move, covariance)
+        if not sure.any() and not known:
+            return None
         one.wait(time_s)
-        lasts = one.take(*_information(move, covariance))
+        # What shows nothing is no evidence of another error, either.
+        lasts = one.take(sure, weighed) if sure.any() else True
         one.stands = stands
         self._senders[robot] = one
         if len(self._senders) > MOST_SENDERS:

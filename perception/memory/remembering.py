@@ -40,7 +40,7 @@ def remember(
     return told.take(np.flatnonzero(kept))
 
 
-def held(memory: Memory | ReprocessingMemory, known: Sequence[KnownRobot]) -> Remembered:
+def suspected(memory: Memory | ReprocessingMemory, known: Sequence[KnownRobot]) -> Remembered:
     """All that may be there at the newest frame, told or not, without known robots."""
-    tracks = memory.held()
+    tracks = memory.suspected()
     return tracks.take(np.flatnonzero(~shows_known(tracks.boxes, known)))

@@ -43,9 +43,9 @@ class ReprocessingMemory:
         """See `Memory.time_s`."""
         return self._memory.time_s
 
-    def held(self) -> Remembered:
-        """See `Memory.held`."""
-        return self._memory.held()
+    def suspected(self) -> Remembered:
+        """See `Memory.suspected`."""
+        return self._memory.suspected()
 
     def holds(self, time_s: float) -> bool:
         """Whether a frame of that time may be told anew."""

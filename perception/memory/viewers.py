@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,11 +56,13 @@ class Viewers:
         """Whether robots completed what the ego saw of tracks, when they were seen best, (K,)."""
         return np.array([self._completed[row] for row in rows], dtype=np.bool_)
 
-    def saw(self, rows: NDArray[np.intp], full: Mask, helpers: Robots, completes: bool) -> Mask:
+    def saw(
+        self, rows: NDArray[np.intp], full: Mask, by: Sequence[Robots], completes: bool
+    ) -> Mask:
         """Takes down who shows tracks, fully or in part (K,); returns which are shown by others
         than their last partial view, (K,)."""
         anew = np.zeros(len(rows), dtype=np.bool_)
-        for place, row in enumerate(rows):
+        for place, (row, helpers) in enumerate(zip(rows, by, strict=True)):
             self._whole[row] = bool(full[place])
             if full[place]:
                 self._best[row], self._completed[row] = helpers, completes

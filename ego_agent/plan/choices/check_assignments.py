@@ -90,10 +90,8 @@ def _rarer(mixes: Mixes, robot: str, o: int) -> int | None:
 
 
 def _bytes_s(mixes: Mixes, robot: str, o: int) -> float:
-    option = mixes.options[o]
-    return mixes.scorer.size(robot, option.algorithm) * option.rate_hz
+    return mixes.takes(robot, o) * mixes.scorer.pace.rate_hz
 
 
 def _assignment(mixes: Mixes, robot: str, o: int) -> Assignment:
-    option = mixes.options[o]
-    return option.of(robot)
+    return mixes.assignment(robot, o)

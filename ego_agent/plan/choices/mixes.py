@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
+from ego_agent.knowledge.own_costs import LIGHTER
 from ego_agent.knowledge.pace import about_places, in_turn
-from ego_agent.plan.choices.scoring import LIGHTER, PREFERRED, Score, Scorer
+from ego_agent.plan.choices.scoring import PREFERRED, Score, Scorer
 from swarm.messages import MIXED, Algorithm, Assignment
 
 Floats = NDArray[np.float64]
@@ -47,26 +48,12 @@ class Option:
     kept: float
     """What is left of that at the rate."""
     places_hz: float = 0.0
-    """How often its robot is asked about places where it does not contribute anyway."""
-
-    @property
-    def between_hz(self) -> float:
-        """How often that is beside its contributions."""
-        return max(0.0, self.places_hz - self.rate_hz)
-
-    @property
-    def loads_hz(self) -> float:
-        """Whole contributions a second that would keep the ego as busy."""
-        return self.rate_hz + LIGHTER * self.between_hz
-
-    def of(self, robot: str) -> Assignment:
-        """A robot that sends it."""
-        return Assignment(
-            robot=robot,
-            algorithm=self.algorithm,
-            rate_hz=self.rate_hz,
-            places_hz=self.places_hz,
-        )
+    """How often a robot that can tell of places alone is asked about them, where it does not
+    contribute anyway..."""
+    between_hz: float = 0.0
+    """...which is so often beside its contributions, on average."""
+    kept_between: float = 0.0
+    """What is left of the gain then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +100,13 @@ class Mixes:
         self._rate = rates
         """(options,): of fused frames."""
         gains = np.array([option.gain for option in self.options])
-        kept = np.array([option.kept for option in self.options])
         self._steps = np.unique(gains[gains > 0.0])
         self._rise = np.diff(self._steps, prepend=0.0)
         """(level,): gain from each algorithm's to the next."""
         shape = (len(candidates), len(self.options))
-        sizes, takes, prices, adds, arrives = (np.zeros(shape) for _ in range(5))
+        takes, prices, adds, counts = (np.zeros(shape) for _ in range(4))
+        self._asks = np.zeros(shape, dtype=np.bool_)
+        """(n, options): whether the candidate is asked about places in between."""
         self.able = np.zeros(shape, dtype=np.bool_)
         """(n, options): whether the candidate can, for itself."""
         for o, option in enumerate(self.options):
@@ -127,19 +115,23 @@ class Mixes:
             for i, candidate in enumerate(candidates):
                 if name not in candidate.sizes:
                     continue
-                more = option.between_hz / scorer.pace.rate_hz
-                sizes[i, o] = candidate.sizes[name]
-                takes[i, o] = sizes[i, o] * rates[o] + scorer.focused_size(i + 1, name) * more
+                asks = option.places_hz > 0.0 and candidate.tells_places(name)
+                between_hz = option.between_hz if asks else 0.0
+                more = between_hz / scorer.pace.rate_hz
+                takes[i, o] = candidate.sizes[name] * rates[o]
+                takes[i, o] += candidate.places_size(name) * more
                 prices[i, o] = scorer.price(i + 1, name) * rates[o]
-                prices[i, o] += scorer.focused_price(i + 1, name) * more
+                prices[i, o] += scorer.places_price(i + 1, name) * more
                 prices[i, o] -= PREFERRED if candidate.robot in scorer.scene.preferred else 0.0
-                adds[i, o] = scorer.knowledge.add_s(name) * option.loads_hz
-                arrives[i, o] = arrival[i]
-                self.able[i, o] = _able(scorer, i, option)
+                whole_hz = option.rate_hz + LIGHTER * between_hz
+                adds[i, o] = scorer.knowledge.add_s(name) * whole_hz
+                counts[i, o] = arrival[i] * (option.kept_between if asks else option.kept)
+                self._asks[i, o] = asks
+                self.able[i, o] = _able(scorer, i, option, between_hz)
         self._takes, self._prices, self._adds = takes, prices, adds
         """(n, options): bytes of a fused frame on average; lambda C; the ego's seconds a second."""
         reaches = gains[:, None] >= self._steps - 1e-12
-        self._shown = (arrives * kept)[:, :, None] * reaches
+        self._shown = counts[:, :, None] * reaches
         """(n, options, level)."""
         self._seen, self._weights = scorer.views.patterns
         self._spare_s = 1.0 - scorer.knowledge.fixed_s() * scorer.pace.rate_hz
@@ -215,7 +207,7 @@ class Mixes:
                 adds, fits = quality - self._quality(self._grow_to(others)), True
             elif self.able[i].any():
                 o = int(net[i].argmax())
-                one = self.options[o].of(candidate.robot)
+                one = self.assignment(candidate.robot, o)
                 more = self._takes[i, o]
                 adds = min(float(gains[i, o]), 1.0 - quality)
                 fits = growing.bytes + more <= self.scorer.budget_bytes + 1e-6
@@ -237,7 +229,21 @@ class Mixes:
     def options_of(self, robot: str) -> list[Assignment]:
         """What a candidate can send."""
         able = np.flatnonzero(self.able[self.scorer.row_of[robot] - 1])
-        return [self.options[o].of(robot) for o in able]
+        return [self.assignment(robot, int(o)) for o in able]
+
+    def assignment(self, robot: str, o: int) -> Assignment:
+        """That of an option, by its number, to a candidate."""
+        option, i = self.options[o], self.scorer.row_of[robot] - 1
+        return Assignment(
+            robot=robot,
+            algorithm=option.algorithm,
+            rate_hz=option.rate_hz,
+            places_hz=option.places_hz if self._asks[i, o] else 0.0,
+        )
+
+    def takes(self, robot: str, o: int) -> float:
+        """Bytes of a fused frame on average that an option of a candidate takes."""
+        return float(self._takes[self.scorer.row_of[robot] - 1, o])
 
     def option(self, algorithm: str, rate_hz: float) -> int | None:
         """The number of an option; None where there is no such one."""
@@ -250,7 +256,8 @@ class Mixes:
         """What the choice brings and costs."""
         scorer = self.scorer
         rows = np.flatnonzero(growing.chosen != NOBODY)
-        taken = {int(i): self.options[growing.chosen[i]] for i in rows}
+        chosen = {int(i): int(growing.chosen[i]) for i in rows}
+        taken = {i: self.options[o] for i, o in chosen.items()}
         names = tuple(scorer.scene.candidates[i].robot for i in taken)
         kinds = {option.algorithm for option in taken.values()}
         usual = all(option.rate_hz == scorer.pace.rate_hz for option in taken.values())
@@ -268,16 +275,15 @@ class Mixes:
             value=quality - price,
             pace=scorer.pace,
             assignments=tuple(
-                option.of(name) for name, option in zip(names, taken.values(), strict=True)
+                self.assignment(name, o) for name, o in zip(names, chosen.values(), strict=True)
             ),
         )
 
     def carries(self, score: Score) -> bool:
         """Whether the link carries a choice, its largest frame within the deadline, and the ego
         takes it up."""
-        known = self.scorer.knowledge
         busy_s = sum(
-            known.add_s(one.algorithm) * self.options[o].loads_hz
+            self._adds[self.scorer.row_of[one.robot] - 1, o]
             for one in score.assignments
             if (o := self.option(one.algorithm, one.rate_hz)) is not None
         )
@@ -290,9 +296,9 @@ class Mixes:
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer
         sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
+        by_robot = {candidate.robot: candidate for candidate in scorer.scene.candidates}
         places = {
-            one.robot: scorer.focused_size(scorer.row_of[one.robot], one.algorithm)
-            for one in score.assignments
+            one.robot: by_robot[one.robot].places_size(one.algorithm) for one in score.assignments
         }
         largest = burst(score.assignments, scorer.pace.rate_hz, sizes, places)
         return largest <= scorer.budget_bytes * _frames(scorer)
@@ -398,10 +404,14 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
     rates = [usual_hz, *(hz for hz in scorer.objective.rarer_hz if hz < usual_hz)]
 
     def option(name: Algorithm, hz: float) -> Option:
-        places_hz = min(known.places_hz(name), usual_hz)
-        focused = places_hz > hz
-        kept = known.rates.kept(name, hz, usual_hz, focused=focused)
-        return Option(name, hz, known.quality.gain(name), kept, places_hz if focused else 0.0)
+        gain, kept = known.quality.gain(name), known.rates.kept(name, hz, usual_hz)
+        places_hz = known.places_hz(name)
+        if not hz < places_hz <= usual_hz:
+            return Option(name, hz, gain, kept)
+        # Frames to which it contributes do not ask it about places.
+        between_hz = places_hz * (1.0 - hz / usual_hz)
+        with_places = known.rates.kept(name, hz, usual_hz, focused=True)
+        return Option(name, hz, gain, kept, places_hz, between_hz, max(kept, with_places))
 
     return tuple(
         option(name, hz)
@@ -416,14 +426,14 @@ def _frames(scorer: Scorer) -> float:
     return max(1.0, scorer.pace.deadline_s * scorer.pace.rate_hz)
 
 
-def _able(scorer: Scorer, i: int, option: Option) -> bool:
-    """Whether a candidate's own link and processor carry an option, and the cell one contribution
-    within the deadline."""
+def _able(scorer: Scorer, i: int, option: Option, between_hz: float) -> bool:
+    """Whether a candidate's own link and processor carry an option, with so many answers about
+    places a second, and the cell one contribution within the deadline."""
     candidate, name = scorer.scene.candidates[i], option.algorithm
     usual = option.rate_hz >= scorer.pace.rate_hz
     a_second = candidate.sizes[name] * option.rate_hz
-    a_second += scorer.focused_size(i + 1, name) * option.between_hz
-    share = (option.rate_hz + option.between_hz) / scorer.pace.rate_hz
+    a_second += candidate.places_size(name) * between_hz
+    share = (option.rate_hz + between_hz) / scorer.pace.rate_hz
     # At a lower rate the robot is asked on its own, not heard with others.
     needs_bps = scorer.needs_bps(candidate.robot, name) if usual else 8.0 * a_second
     if needs_bps > scorer.allowed_bps(candidate.robot):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.own_costs import LIGHTER
 from ego_agent.knowledge.pace import USUAL, Pace, paces
 from ego_agent.knowledge.quality import QualityModel
 from ego_agent.plan.choices.union import Union, Views
@@ -26,12 +26,6 @@ PREFERRED = 0.02
 """Quality that may be given up for each preferred robot that takes part: a `switch_gain`."""
 LIKED = 2.0
 """A preferred robot is tried before one that adds less than this many times as much."""
-
-PART = 0.2
-"""Of a whole observation's bytes, what an answer about places has, before any came."""
-LIGHTER = 0.25
-"""Of what a whole contribution takes of the ego, what an answer about places does; its robot works
-as long for it (docs/benchmarks.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,13 +220,6 @@ class Scorer:
         """Bytes of one observation. Raises KeyError where `known` is false."""
         return self.scene.candidates[self.row_of[robot] - 1].sizes[algorithm]
 
-    def focused_size(self, row: int, algorithm: Algorithm) -> int:
-        """Bytes of a candidate's answer about places. Raises KeyError where its size is not
-        `known`."""
-        candidate = self.scene.candidates[row - 1]
-        known = candidate.focused.get(algorithm)
-        return math.ceil(PART * candidate.sizes[algorithm]) if known is None else known
-
     def score(self, participants: Iterable[str], algorithm: Algorithm) -> Score:
         """The score of candidates (the ego is always part of it) with an available algorithm.
 
@@ -287,10 +274,10 @@ class Scorer:
             self._prices[row, algorithm] = price
         return price
 
-    def focused_price(self, row: int, algorithm: Algorithm) -> float:
+    def places_price(self, row: int, algorithm: Algorithm) -> float:
         """The same of asking about places in every fused frame."""
         compute_s = LIGHTER * self.knowledge.work_s(algorithm) + self._encode_s(row, algorithm)
-        return self._cost(self.focused_size(row, algorithm), compute_s)
+        return self._cost(self.scene.candidates[row - 1].places_size(algorithm), compute_s)
 
     def _encode_s(self, row: int, algorithm: Algorithm) -> float:
         answers = self.scene.candidates[row - 1].answers

@@ -24,6 +24,8 @@ from worlds.base import World
 from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
 from worlds.registry import open_world
 
+Places = bytes
+"""As `perception.codec.places` has them."""
 NOWHERE: Mapping[str, bytes] = MappingProxyType({})
 """Nobody is asked about places only."""
 
@@ -78,6 +80,8 @@ class FusedOnce:
     world_from_own: Matrix
     focused: frozenset[str] = frozenset()
     """Helpers that told of places only; they have no view."""
+    places: Places = b""
+    """Which."""
 
 
 class Driven:
@@ -186,6 +190,7 @@ class Driven:
             views,
             here,
             focused,
+            next(iter(places.values()), b""),
         )
 
     def _encoded(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from ego_agent.knowledge.compute import SINGLE, Work, packaged_compute
-from ego_agent.plan.choices.scoring import LIGHTER
+from ego_agent.knowledge.own_costs import LIGHTER
 from research.evaluation.ways.drive import Driven
 from research.evaluation.ways.planned import ALGORITHMS, Deciding
 from research.evaluation.ways.remembered import places_by_frame
@@ -91,19 +91,18 @@ def _ego_ms(driven: Driven, taken: Sequence[Work]) -> float:
 
 def _asked(
     driven: Driven, way: Way
-) -> tuple[list[Mapping[str, str]], list[Mapping[str, bytes]], list[int]]:
+) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, bytes]], list[int]]:
     """By frame: who is asked for what, who of them about which places only, and how many take
     part."""
     whole, about, taking_part = _wanted(driven, way)
-    places = [b""] * len(whole)
+    places: Sequence[Mapping[str, bytes]] = [{}] * len(whole)
     if way.memory and any(about):
         places = places_by_frame(driven, whole, about, way.max_error_m)
-    asked: list[Mapping[str, str]] = []
-    only: list[Mapping[str, bytes]] = []
-    for everything, some, where in zip(whole, about, places, strict=True):
-        asked.append({**everything, **some} if where else everything)
-        only.append(dict.fromkeys(some, where) if where else {})
-    return asked, only, taking_part
+    asked = [
+        {**everything, **{robot: forms[robot] for robot in only}}
+        for everything, forms, only in zip(whole, about, places, strict=True)
+    ]
+    return asked, places, taking_part
 
 
 def _wanted(

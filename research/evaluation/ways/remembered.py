@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from perception.detector.config import configuration
 from perception.memory.asking import places_of
 from perception.memory.memory import Frame, Memory, Remembered
-from perception.memory.remembering import held, remember
+from perception.memory.remembering import remember, suspected
 from perception.memory.reprocessing import ReprocessingMemory
 from research.evaluation.ways.drive import Driven, FusedOnce
 
@@ -30,29 +30,33 @@ def taken(
         fused.views,
         fused.world_from_own,
         focused=fused.focused,
+        places=fused.places,
     )
     return remember(memory, given, driven.world.detector, fused.scored_as, fused.known)
 
 
 def places_by_frame(
     driven: Driven, whole: Sequence[Asked], about: Sequence[Asked], max_error_m: float
-) -> list[bytes]:
-    """The places that the ego asks about in each frame of a drive; empty where nothing is
-    remembered yet. `whole`: who is asked for everything in each frame, `about`: who about places.
-    By what is remembered where everything arrives: what does not hardly changes where objects are.
+) -> list[dict[str, bytes]]:
+    """Who is asked about which places in each frame of a drive, as an ego does: none of whom it has
+    not got a whole scan yet, and nobody where nothing is remembered. `whole`: who is asked for
+    everything in each frame, `about`: who would be about places. By what is remembered where
+    everything arrives: what does not hardly changes where objects are.
     """
     world = driven.world
     memory = Memory(configuration(world.detector).usual_speed_m_s)
     known: deque[Remembered] = deque(maxlen=LAG_FRAMES)
+    shown: set[str] = set()
     found = []
     for number, frame in enumerate(driven.frames):
         here = world.pose(driven.ego, frame).matrix()
-        enough = len(known) == LAG_FRAMES and about[number]
+        enough = len(known) == LAG_FRAMES
         places = places_of(known[0], LAG_FRAMES / world.rate_hz, here) if enough else b""
-        found.append(places)
-        asked = {**whole[number], **(about[number] if places else {})}
-        only = dict.fromkeys(about[number], places) if places else {}
-        fused = driven.fused(frame, asked, max_error_m, only)
+        only = {robot: places for robot in about[number] if places and robot in shown}
+        found.append(only)
+        forms = {robot: about[number][robot] for robot in only}
+        fused = driven.fused(frame, {**whole[number], **forms}, max_error_m, only)
+        shown |= whole[number].keys()
         taken(memory, driven, frame, fused)
-        known.append(held(memory, fused.known))
+        known.append(suspected(memory, fused.known))
     return found

@@ -29,8 +29,11 @@ FORMS = ("early", "intermediate", "late")
 FOCUSING = ("early",)
 """Of these, whose robots can tell of places alone."""
 RATES_HZ = (10.0, 5.0, 2.0, 1.0, 0.5)
-RANDOM_WAYS = 26
+RANDOM_WAYS = 12
 """Of each drive, beside some that are always measured."""
+PAIRED = ((10.0, False), (5.0, False), (2.0, False), (2.0, True), (1.0, True), (0.5, True))
+"""Rates of points, and whether places are asked about in between, that the same robots are measured
+with: how much one is worth beside another must not depend on whom chance has given it to."""
 LOOKS = 5
 """How often on a drive what robots show is looked at."""
 
@@ -91,18 +94,16 @@ def sampled(drive: Drive) -> Sampled:
 
 
 def random_assignments(robots: list[str], seed: int) -> Iterator[tuple[Assignment, ...]]:
-    """Nobody; everybody with one form at some rates; and random robots, with one form and rate for
-    all as often as with one for each, every other time with places asked about in between."""
+    """Nobody; everybody with boxes; everybody, and a random half, with points as PAIRED; and random
+    robots, with one form and rate for all as often as with one for each, every other time with
+    places asked about in between."""
     rng = np.random.default_rng(seed)
     yield ()
-    for form, hz, focused in (
-        ("early", 10.0, False),
-        ("early", 2.0, False),
-        ("late", 10.0, False),
-        ("early", 2.0, True),
-        ("early", 1.0, True),
-    ):
-        yield tuple(_sends(robot, form, hz, places=focused) for robot in robots)
+    yield tuple(_sends(robot, "late", 10.0, places=False) for robot in robots)
+    half = [robots[i] for i in rng.permutation(len(robots))[: (len(robots) + 1) // 2]]
+    for some in (robots, half):
+        for hz, places in PAIRED:
+            yield tuple(_sends(robot, "early", hz, places=places) for robot in some)
     for way in range(RANDOM_WAYS if robots else 0):
         count = int(rng.integers(1, len(robots) + 1))
         chosen = [robots[i] for i in rng.permutation(len(robots))[:count]]

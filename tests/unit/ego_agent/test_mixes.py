@@ -19,7 +19,7 @@ from ego_agent.analyze.scene_file import read_scene
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.compute import Work
 from ego_agent.knowledge.journal import CycleRecord
-from ego_agent.knowledge.model import Proposal, UnifiedScene, Weights
+from ego_agent.knowledge.model import PART, Proposal, UnifiedScene, Weights
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import RARER_HZ, about_places, in_turn
 from ego_agent.knowledge.record import cycle_record
@@ -28,7 +28,7 @@ from ego_agent.plan.choices.explain import explain
 from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.hysteresis import best_option
 from ego_agent.plan.choices.mixes import Mixes, burst
-from ego_agent.plan.choices.scoring import PART, Score, Scorer
+from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.choices.validation import Unusable, validate
 from ego_agent.plan.decision import plan
 from ego_agent.plan.demand import ROUNDING, DemandMeter, need
@@ -273,9 +273,10 @@ def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     assert more is not None
     assert (plain.assignments[0].places_hz, more.assignments[0].places_hz) == (0.0, 5.0)
     size = asking.scorer.size("R2", "early")
-    places = asking.scorer.focused_size(asking.scorer.row_of["R2"], "early")
+    places = found.candidates[0].places_size("early")
     assert places == math.ceil(PART * size)
-    assert more.cost_bytes == math.ceil((size * 1.0 + places * 4.0) / 10.0)
+    # It contributes to one frame of ten, and is asked about places in half of the others.
+    assert more.cost_bytes == math.ceil((size * 1.0 + places * 4.5) / 10.0)
     assert more.cost > plain.cost
     assert more.quality > plain.quality
     # What has come counts in the place of a guess.
@@ -283,7 +284,14 @@ def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     again = replace(found, candidates=(known, *found.candidates[1:]))
     told = Mixes(Scorer(again, knowing(places_hz=5.0))).score(once)
     assert told is not None
-    assert told.cost_bytes == math.ceil((size * 1.0 + 77 * 4.0) / 10.0)
+    assert told.cost_bytes == math.ceil((size * 1.0 + 77 * 4.5) / 10.0)
+    # A robot of an older program answers with its whole scan: it is not asked about places.
+    older = replace(found.candidates[0], focused={"early": size})
+    again = replace(found, candidates=(older, *found.candidates[1:]))
+    told = Mixes(Scorer(again, knowing(places_hz=5.0))).score(once)
+    assert told is not None
+    assert (told.assignments, told.cost_bytes) == (plain.assignments, plain.cost_bytes)
+    assert told.quality == plain.quality
 
 
 def test_only_who_sends_points_rarely_is_asked_about_places() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.codec.places import within
+from perception.codec.places import encode_places, within
 from perception.memory.asking import places_of
 from perception.memory.memory import (
     FAINTEST,
@@ -21,7 +21,7 @@ from perception.memory.memory import (
     View,
 )
 from perception.types import Boxes
-from swarm.geometry import Matrix, Points, Pose
+from swarm.geometry import Matrix, Points, Pose, invert
 
 SIZE = (2.5, 1.2, 2.1)
 HERE = Pose(0.0, 0.0, 1.2).matrix()
@@ -323,61 +323,86 @@ class TestJumps:
         assert not len(memory.update(frame(-3.0, Boxes.empty(), BOTH, WALLED)).ids)
 
 
+def about_places(one: Frame, *middles: tuple[float, float]) -> Frame:
+    """The frame, where its helpers were asked about forklifts there only."""
+    asked = boxes(*middles).transformed(invert(HERE))
+    return replace(one, focused=one.helpers, places=encode_places(asked, 1.0))
+
+
 class TestPlaces:
     """Frames in which robots were asked about the places of tracks only."""
 
     def test_they_move_a_track_as_a_whole_view_does(self) -> None:
-        def after(focused: frozenset[str]) -> Remembered:
+        def after(*, places: bool) -> Remembered:
             memory = Memory(1.0)
             for i in range(20):
-                found = boxes((10.0 + 0.1 * i, 0.0))
-                told = memory.update(replace(frame(i / 10, found, BOTH, WALLED), focused=focused))
+                one = frame(i / 10, boxes((10.0 + 0.1 * i, 0.0)), BOTH, WALLED)
+                asks = places and i > 0
+                told = memory.update(about_places(one, (10.0 + 0.1 * i, 0.0)) if asks else one)
             return told
 
-        whole, places = after(frozenset()), after(BOTH)
+        whole, places = after(places=False), after(places=True)
         assert places.boxes.centers[0] == pytest.approx(whole.boxes.centers[0], abs=0.05)
         assert places.velocities[0] == pytest.approx([1.0, 0.0], abs=0.2)
 
     def test_what_is_found_beside_tracks_counts_as_the_ego_s_own(self) -> None:
-        def born(helpers: frozenset[str], focused: frozenset[str]) -> float:
+        def born(helpers: frozenset[str], *, places: bool = False) -> float:
             memory = Memory(1.0)
             seen(memory)
             found = Boxes.concatenate([boxes((10.0, 0.0)), boxes((3.0, 6.0))])
-            told = memory.update(replace(frame(0.5, found, helpers, WALLED), focused=focused))
+            one = frame(0.5, found, helpers, WALLED)
+            told = memory.update(about_places(one, (10.0, 0.0)) if places else one)
             return float(told.boxes.scores[told.boxes.centers[:, 1] > 3.0].max())
 
-        alone = born(frozenset(), frozenset())
-        assert born(BOTH, BOTH) == alone < born(BOTH, frozenset()) / 2
+        assert born(BOTH, places=True) == born(frozenset()) < born(BOTH) / 2
 
     def test_they_make_a_doubtful_track_surer_by_little(self) -> None:
-        def told(focused: frozenset[str]) -> float:
+        def told(*, places: bool) -> float:
             memory = Memory(1.0)
             memory.update(frame(0.0, boxes((10.0, 0.0), score=0.4), BOTH, WALLED))
             surer = frame(0.1, boxes((10.0, 0.0), score=0.95), BOTH, WALLED)
-            return float(memory.update(replace(surer, focused=focused)).boxes.scores[0])
+            surer = about_places(surer, (10.0, 0.0)) if places else surer
+            return float(memory.update(surer).boxes.scores[0])
 
-        assert 0.4 < told(BOTH) < told(frozenset()) - 0.1
+        assert 0.4 < told(places=True) < told(places=False) - 0.1
 
     def test_a_place_where_nothing_is_found_any_more_is_soon_empty(self) -> None:
         memory = Memory(1.0)
         seen(memory)
         for i in range(6):
             empty = frame(0.5 + i / 10, Boxes.empty(), BOTH, WALLED)
-            told = memory.update(replace(empty, focused=BOTH))
+            told = memory.update(about_places(empty, (10.0, 0.0)))
         assert told.boxes.scores.max(initial=0.0) < 0.05
+
+    def test_a_track_that_nobody_was_asked_about_lives_on(self) -> None:
+        memory = Memory(1.0)
+        before = seen(memory).boxes.scores[0]
+        for i in range(6):
+            empty = frame(0.5 + i / 10, Boxes.empty(), BOTH, WALLED)
+            told = memory.update(about_places(empty, (3.0, 6.0)))
+        assert told.boxes.scores[0] > before - 0.1
+
+    def test_what_the_ego_sees_alone_of_a_track_not_asked_about_is_a_part(self) -> None:
+        def after(*middles: tuple[float, float]) -> float:
+            memory = Memory(1.0)
+            seen(memory)
+            beside = frame(0.5, boxes((10.3, 0.0), score=0.7), BOTH, WALLED)
+            return float(memory.update(about_places(beside, *middles)).boxes.centers[0, 0])
+
+        assert 10.0 <= after((3.0, 6.0)) < after((10.0, 0.0)) - 0.01
 
     def test_what_is_too_unlikely_to_be_told_is_asked_about_too(self) -> None:
         memory = Memory(1.0)
         memory.update(frame(0.0, boxes((10.0, 0.0), score=FAINTEST + 0.05), BOTH, WALLED))
-        held = memory.held()
-        assert held.boxes.scores[0] < 0.2
-        assert len(within(places_of(held, 0.0, HERE), np.zeros((1, 3), np.float32))) == 1
+        suspected = memory.suspected()
+        assert suspected.boxes.scores[0] < 0.2
+        assert len(within(places_of(suspected, 0.0, HERE), np.zeros((1, 3), np.float32))) == 1
 
     def test_they_are_asked_about_where_a_track_will_be(self) -> None:
         memory = Memory(1.0)
         told = seen(memory, 20, vx=1.0)
         there = told.boxes.centers[0, 0] + 2.0 * told.velocities[0, 0]
-        places = places_of(memory.held(), 2.0, Pose(5.0, 0.0, 1.2, yaw=np.pi / 2).matrix())
+        places = places_of(memory.suspected(), 2.0, Pose(5.0, 0.0, 1.2, yaw=np.pi / 2).matrix())
         # Ahead of a sensor at x = 5 that looks along y, the world's x is to the right.
         point = np.array([[0.0, 5.0 - there, 0.0]], dtype=np.float32)
         assert within(places, point).all()

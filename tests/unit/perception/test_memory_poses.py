@@ -217,3 +217,25 @@ def test_many_frames_that_show_a_little_are_not_taken_for_a_lot() -> None:
         frame = swarm.memory.at(number / 10.0, number / 10.0, swarm.own)
         found = frame.corrected("R2", invert(swarm.own) @ swarm.sender, shown)
         assert found is None or np.allclose(found, np.eye(4))
+
+
+@pytest.mark.parametrize("every", [5, 10])
+def test_answers_without_an_outline_leave_what_is_known_as_it_is(every: int) -> None:
+    swarm, left = Swarm(), []
+    for number in range(FRAMES):
+        if number % every == 0:
+            swarm.frame(number / 10.0, ERROR)
+            continue
+        now = swarm.memory.at(number / 10.0, number / 10.0, swarm.own)
+        found = now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
+        left.append(off(RIGHT if found is None else swarm.as_move(found), ERROR))
+    assert max(left[2 * every :]) < 0.05
+    assert left[0] < 0.05
+
+
+def test_a_sender_of_which_nothing_was_shown_is_not_corrected() -> None:
+    swarm = Swarm()
+    now = swarm.memory.at(0.0, 0.0, swarm.own)
+    found = now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
+    assert found is None
+    assert len(swarm.memory) == 0

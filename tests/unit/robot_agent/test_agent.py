@@ -13,6 +13,7 @@ import pytest
 
 from perception.codec.boxes import BYTES_PER_BOX, decode_boxes
 from perception.codec.outlined import take_outline
+from perception.codec.places import encode_places
 from perception.codec.points import decode_points
 from perception.fusion.algorithms.late import SENT_BOXES
 from perception.fusion.base import EncodeOptions
@@ -161,6 +162,30 @@ def test_sizes_are_measured_in_the_form_that_was_last_asked_for() -> None:
     assert beacon is not None
     assert beacon.sizes["early"] == len(again.payload)
     assert min(len(fine.payload), len(again.payload)) > coarse.sizes["early"]
+
+
+def test_an_answer_about_places_is_no_size_of_a_whole_one() -> None:
+    robot = sensed(size_period_s=1e-6)
+    robot.measure_all()
+    before = robot.agent.beacon()
+    place = encode_places(one_box(), 1.0)
+    about = robot.agent.observe(request(reference=(0.0,) * 6, demand=place))
+    after = robot.agent.beacon()
+    assert before is not None
+    assert after is not None
+    assert len(about.payload) < before.sizes["early"]
+    assert after.sizes == before.sizes
+
+
+def test_what_is_no_list_of_places_is_refused_with_what_is_allowed() -> None:
+    with pytest.raises(PerceptionError, match="5 bytes are no places; allowed: up to 128 of 7"):
+        sensed().agent.observe(request(reference=(0.0,) * 6, demand=b"12345"))
+    with pytest.raises(PerceptionError, match="without where the ego is"):
+        sensed().agent.observe(request(demand=bytes(7)))
+
+
+def one_box() -> Boxes:
+    return Boxes(np.zeros((1, 3)), np.ones((1, 3)), np.zeros(1), np.ones(1), ("person",))
 
 
 def test_a_clock_that_is_off_shifts_all_times_of_the_robot_but_not_its_frames() -> None:
