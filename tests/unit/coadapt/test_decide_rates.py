@@ -33,6 +33,6 @@ def test_rates_are_assigned_where_the_scene_names_rarer_ones(
     rarer = decided(monkeypatch, capsys, rarer_hz=[5, 2, 1, 0.5])
     assert {(one["robot"], one["algorithm"], one["rate_hz"]) for one in rarer["assignments"]} == {
         ("R3", "early", 5.0),
-        ("R4", "late", 2.0),
+        ("R4", "early", 2.0),
     }
     assert "1 of 2 send 5 times a second, 1 of 2 send 2 times a second" in rarer["reason"]
