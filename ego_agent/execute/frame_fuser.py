@@ -110,7 +110,8 @@ class FrameFuser:
         self.suspected: Suspected | None = None
         """The same with what is too unlikely to be told. Any thread may read."""
         self.whole: frozenset[str] = frozenset()
-        """Robots whose newest whole contribution was fused. Any thread may read."""
+        """Robots whose newest whole contribution that came in time was fused, not refused. Any
+        thread may read."""
 
     def fuse(self, frame: AskedFrame, taken_at: float) -> FrameResult:
         """Takes up what arrives until the frame's round is closed, and fuses it; `taken_at`: when
@@ -155,12 +156,12 @@ class FrameFuser:
         self.suspected = None
         if tracks is not None and self._memory is not None:
             self.suspected = Suspected(own.capture_ns * 1e-9, suspected(self._memory, believed))
-        asked = done.questions.keys() - done.focused(done.questions)
-        self.whole = (self.whole - asked) | (asked & {*used})
+        places = done.focused(done.questions)
+        self.whole = (self.whole - (rejected.keys() - places)) | ({*used} - places)
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
-        places = len(done.focused(used))
-        contributions = len(used) - places + LIGHTER * places
+        lighter = len(places & {*used})
+        contributions = len(used) - lighter + LIGHTER * lighter
         own_costs = self._knowledge.own_costs
         own_costs.record(frame.algorithm, contributions, fixed_s, add_s, work_s)
         assert done.closed_at is not None

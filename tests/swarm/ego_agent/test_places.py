@@ -1,0 +1,113 @@
+"""Execute: who is asked about the places of what is remembered, and when."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+
+from ego_agent.execute.frame_fuser import FrameResult
+from perception.codec.places import within
+from swarm.messages import Assignment, Observation, ObservationRequest
+from swarm.session import Session
+from tests.support.ego_hall import (  # noqa: F401
+    Crates,
+    Ego,
+    Hall,
+    RobotStarter,
+    a_hall,
+    a_robot,
+    a_swarm,
+    decision,
+    honest,
+    observation,
+)
+from tests.support.ego_swarm import Swarm
+
+WHOLE, PLACES = 0, 4
+"""Numbers of frames, of ten, to which R2 sends a whole scan, and what is in places."""
+
+
+class Focusing(Crates):
+    """Crates, of which robots can tell place by place."""
+
+    focuses = True
+
+
+@pytest.fixture(name="ego")
+def an_ego(swarm: Swarm, hall: Hall) -> Iterator[Ego]:
+    with Session(swarm.address, "test", timeout_s=60) as session:
+        yield Ego(session, hall, {"early": Focusing("early")})
+
+
+def fused(ego: Ego, number: int) -> FrameResult:
+    """The next frame of that number, of ten; R2 sends once a second, with places in between."""
+    sends = Assignment(robot="R2", algorithm="early", rate_hz=1.0, places_hz=5.0)
+    wanted = msgspec.structs.replace(decision("R2"), assignments=(sends,))
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end:
+        own = ego.own()
+        if own.frame % 10 == number:
+            return ego.loop.fuse(wanted, own)
+        time.sleep(0.02)
+    raise AssertionError(f"no frame of number {number} came")
+
+
+def test_who_has_sent_a_whole_scan_is_asked_about_the_places_of_what_it_showed(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    asked: list[ObservationRequest] = []
+    answer = honest(hall, "R2")
+
+    def noting(request: ObservationRequest) -> Observation:
+        asked.append(request)
+        return answer(request)
+
+    robot("R2", noting)
+    # What its pose is off by is not known yet.
+    assert fused(ego, PLACES).round.questions == {}
+    whole = fused(ego, WHOLE)
+    assert (whole.participants, asked[-1].demand) == (("R1", "R2"), b"")
+    size = ego.known.payload_sizes("R2", {}, time.time_ns())["early"]
+    result = fused(ego, PLACES)
+    assert result.participants == ("R1", "R2")
+    assert result.round.focused(("R2",)) == {"R2"}
+    # The crates of both, 5 m ahead of each, in the ego's frame.
+    there = whole.boxes.centers - [*ego.own().world_from_sensor[:3, 3]]
+    assert within(asked[-1].demand, there.astype("float32")).all()
+    # It counts as what it is.
+    assert ego.known.payload_sizes("R2", {}, time.time_ns()) == {"early": size}
+    assert ego.known.focused_sizes("R2", time.time_ns()).keys() == {"early"}
+
+
+def test_whose_whole_scan_is_refused_is_not_asked_about_places(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    broken = False
+
+    def answer(request: ObservationRequest) -> Observation:
+        if broken:
+            return observation(hall, "R2", request, b"garbage")
+        return honest(hall, "R2")(request)
+
+    robot("R2", answer)
+    assert fused(ego, WHOLE).participants == ("R1", "R2")
+    assert fused(ego, PLACES).round.questions.keys() == {"R2"}
+    broken = True
+    assert fused(ego, WHOLE).missing["R2"].kind == "rejected"
+    assert fused(ego, PLACES).round.questions == {}
+
+
+def test_nobody_is_asked_where_nothing_is_remembered(
+    ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot("R2", honest(hall, "R2"))
+
+    def fails(*_: object) -> None:
+        raise ValueError("broken")
+
+    monkeypatch.setattr("ego_agent.execute.frame_fuser.remember", fails)
+    assert fused(ego, WHOLE).participants == ("R1", "R2")
+    assert fused(ego, PLACES).round.questions == {}
