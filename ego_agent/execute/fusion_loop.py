@@ -255,7 +255,7 @@ class FusionLoop:
 
     def _about_places(self, decision: Decision, number: int) -> dict[str, Algorithm]:
         """Participants that are asked about places in the frame of that number, and what for: those
-        whose whole contributions are fused, which tell what their poses are off by."""
+        whose whole contributions are fused, so that they stand where they say."""
         robots = about_places(decision.assignments, decision.rate_hz, number)
         forms = {r: algorithm_of(decision, r) for r in robots if r in self._fuser.whole}
         return {robot: form for robot, form in forms.items() if self._fusions[form].focuses}

@@ -66,7 +66,7 @@ def test_who_has_sent_a_whole_scan_is_asked_about_the_places_of_what_it_showed(
         return answer(request)
 
     robot("R2", noting)
-    # What its pose is off by is not known yet.
+    # Whether it stands where it says is not known yet.
     assert fused(ego, PLACES).round.questions == {}
     whole = fused(ego, WHOLE)
     assert (whole.participants, asked[-1].demand) == (("R1", "R2"), b"")
