@@ -108,7 +108,8 @@ class FrameFuser:
         self.remembered: Remembered | None = None
         """What was there at the newest frame; None without a memory. Any thread may read."""
         self.suspected: Suspected | None = None
-        """The same with what is too unlikely to be told. Any thread may read."""
+        """The same with what is too unlikely to be told; None where the decision asks nobody about
+        places. Any thread may read."""
         self.whole: frozenset[str] = frozenset()
         """Robots whose newest whole contribution that came in time was fused, not refused. Any
         thread may read."""
@@ -154,7 +155,8 @@ class FrameFuser:
         tracks = self._remembered(frame, judged_as, found, frozenset(used), believed, clouds)
         self.remembered = tracks
         self.suspected = None
-        if tracks is not None and self._memory is not None:
+        asks = any(one.places_hz > 0.0 for one in frame.decision.assignments)
+        if asks and tracks is not None and self._memory is not None:
             self.suspected = Suspected(own.capture_ns * 1e-9, suspected(self._memory, believed))
         places = done.focused(done.questions)
         self.whole = (self.whole - (rejected.keys() - places)) | ({*used} - places)

@@ -7,11 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from perception.codec.places import Places
 from perception.fusion.base import Contribution, FrameRequest
 from swarm.messages import Algorithm
 
-Places = bytes
-"""As `perception.codec.places` has them."""
 LATE_S = 1.25
 """How long after the deadline an answer may still come; its bytes are counted then."""
 MissingKind = Literal[

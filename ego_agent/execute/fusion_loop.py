@@ -221,8 +221,10 @@ class FusionLoop:
             for robot in decision.participants
             if robot != self._ego and due(decision, robot, own.frame // step)
         }
-        places = self._places(own)
-        about = self._about_places(decision, own.frame // step) if places else {}
+        about = self._about_places(decision, own.frame // step)
+        places = self._places(own) if about else b""
+        if not places:
+            about = {}
         algorithm, fusion = self._fusion_of(decision, [*forms.values(), *about.values()])
         scan = OwnScan(own.capture_ns * 1e-9, own.points, own.world_from_sensor)
         gathering = self._motion.begin(fusion, scan)

@@ -3,7 +3,7 @@
 The probability that what one contribution shows counts: less than 1 at any rate, since one view
 does not always suffice for a box in the right place, and less at lower ones. Fitted together with
 Q to random assignments on floors and streets that nothing else was set on (`coadapt eval
-fit-memory`, docs/results.md).
+fit-rates`, docs/results.md).
 """
 
 from __future__ import annotations

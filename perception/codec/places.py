@@ -16,6 +16,8 @@ from perception.types import Boxes
 from swarm.errors import PayloadError
 from swarm.geometry import Points
 
+Places = bytes
+"""As they are encoded here."""
 MOST_PLACES = 128
 MIDDLE_STEP_M = 0.02
 SIDE_STEP_M = 0.1
@@ -25,7 +27,7 @@ _FARTHEST = 32_767
 _LONGEST = 255
 
 
-def encode_places(boxes: Boxes, around_m: float) -> bytes:
+def encode_places(boxes: Boxes, around_m: float) -> Places:
     """The places of the first MOST_PLACES boxes in the sensor's frame, each with so much around it.
     Those beyond 655 m are left out; sides are 25.5 m at most."""
     middles = np.rint(boxes.centers[:, :2] / MIDDLE_STEP_M)
@@ -38,7 +40,7 @@ def encode_places(boxes: Boxes, around_m: float) -> bytes:
     return found.tobytes()
 
 
-def within(places: bytes, points: Points) -> NDArray[np.bool_]:
+def within(places: Places, points: Points) -> NDArray[np.bool_]:
     """Which points (N, 3) in the asking sensor's frame lie in one of the places, (N,).
 
     Raises PayloadError for what `encode_places` does not give.

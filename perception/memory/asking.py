@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from perception.codec.places import encode_places
+from perception.codec.places import Places, encode_places
 from perception.memory.memory import Remembered
 from swarm.geometry import Matrix, invert
 
@@ -21,9 +21,9 @@ LONGEST_S = 1.0
 """So long what is remembered says where to look."""
 
 
-def places_of(tracks: Remembered, after_s: float, world_from_sensor: Matrix) -> bytes:
+def places_of(tracks: Remembered, after_s: float, world_from_sensor: Matrix) -> Places:
     """The places of tracks, the likeliest first, so long after they were where they are said to be,
-    in the frame of the asking ego's sensor (`perception.codec.places`)."""
+    in the frame of the asking ego's sensor."""
     moved = tracks.boxes.centers.copy()
     moved[:, :2] += after_s * tracks.velocities
     boxes = replace(tracks.boxes, centers=moved).transformed(invert(world_from_sensor))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.boxes import SHARPNESS, iou_among, iou_bev
-from perception.codec.places import within
+from perception.codec.places import Places, within
 from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
 from perception.memory.registration import FRESH_S, Cloud, Look, displaced
@@ -101,8 +101,8 @@ class Frame:
     """Whether boxes were found in what helpers and ego show together, not each by itself."""
     focused: frozenset[str] = frozenset()
     """Helpers that were asked about places only."""
-    places: bytes = b""
-    """Which (`perception.codec.places`), in the frame of the ego's sensor."""
+    places: Places = b""
+    """Which, in the frame of the ego's sensor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,11 +182,6 @@ class Memory:
         if own is not None:
             self._look(own, frame.time_s)
         return self._told(frame.time_s)
-
-    @property
-    def time_s(self) -> float:
-        """Of the newest frame; minus infinity before any."""
-        return -np.inf if self._time_s is None else self._time_s
 
     def suspected(self) -> Remembered:
         """All that may be there at the newest frame's time, unless it is very unlikely."""

@@ -38,11 +38,6 @@ class ReprocessingMemory:
         self._memory.clear()
         self._past.clear()
 
-    @property
-    def time_s(self) -> float:
-        """See `Memory.time_s`."""
-        return self._memory.time_s
-
     def suspected(self) -> Remembered:
         """See `Memory.suspected`."""
         return self._memory.suspected()

@@ -296,9 +296,10 @@ class Mixes:
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer
         sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
-        by_robot = {candidate.robot: candidate for candidate in scorer.scene.candidates}
+        candidates = scorer.scene.candidates
         places = {
-            one.robot: by_robot[one.robot].places_size(one.algorithm) for one in score.assignments
+            one.robot: candidates[scorer.row_of[one.robot] - 1].places_size(one.algorithm)
+            for one in score.assignments
         }
         largest = burst(score.assignments, scorer.pace.rate_hz, sizes, places)
         return largest <= scorer.budget_bytes * _frames(scorer)

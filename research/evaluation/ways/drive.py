@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ego_agent.knowledge.objective import Objective
+from perception.codec.places import Places
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
@@ -24,8 +25,6 @@ from worlds.base import World
 from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
 from worlds.registry import open_world
 
-Places = bytes
-"""As `perception.codec.places` has them."""
 NOWHERE: Mapping[str, bytes] = MappingProxyType({})
 """Nobody is asked about places only."""
 
