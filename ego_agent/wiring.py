@@ -29,6 +29,7 @@ from perception.detector.calibration import calibration_of
 from perception.fusion.base import Fusion
 from perception.fusion.mixed import mixable
 from perception.fusion.registry import fusion_names, make_fusion
+from perception.memory.poses import PoseMemory
 from sensing.mark import mark_of
 from swarm.errors import SettingError
 from swarm.log import Logger
@@ -96,16 +97,18 @@ def ego_of(
         share=settings.share,
     )
     lead = _lead(settings, log)
+    poses = PoseMemory() if settings.memory else None
     fusion = FusionLoop(
         settings.ego,
         sensor,
         asker,
         fusions,
-        live_motion(world.detector, world.rate_hz, remembers=settings.memory),
+        live_motion(world.detector, world.rate_hz, poses),
         tally,
         log,
         detector=world.detector,
         memory=live_memory(world.detector) if settings.memory else None,
+        poses=poses,
         known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
         rate_hz=settings.fusion_rate_hz,
         deadline_s=settings.deadline_s,

@@ -157,6 +157,7 @@ class RobotAgent:
             pose=frame.scan.pose,
             reference=request.reference_pose(),
             demand=request.demand,
+            without_outline=request.without_outline,
         )
         try:
             with self._answers():

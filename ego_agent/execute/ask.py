@@ -192,6 +192,7 @@ class Asker:
                 max_bytes=max(MIN_PAYLOAD_BYTES, share),
                 reference=None if tell.reference is None else tell.reference.as_tuple(),
                 demand=tell.demand,
+                without_outline=tell.without_outline,
                 shares=sharing and self._shared.wants(robot, algorithm, now),
                 listens=robot in relied,
                 rate_hz=question.rate_hz if sharing else 0.0,

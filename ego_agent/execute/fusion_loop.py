@@ -46,10 +46,9 @@ TIMELY_SCANS = 1.1
 these are busy, and another pass through the detector would make them busier."""
 
 
-def live_motion(detector: str, scan_rate_hz: float, *, remembers: bool) -> MotionCompensation:
-    """What an ego with sensors of that rate remembers of motion and, where it `remembers`, of what
-    robots' poses are off by."""
-    poses = PoseMemory() if remembers else None
+def live_motion(detector: str, scan_rate_hz: float, poses: PoseMemory | None) -> MotionCompensation:
+    """What an ego with sensors of that rate remembers of motion, beside what robots' poses are off
+    by."""
     return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz, poses=poses)
 
 
@@ -74,6 +73,7 @@ class FusionLoop:
         detector: str,
         known: KnownRobots,
         memory: ReprocessingMemory | None = None,
+        poses: PoseMemory | None = None,
         rate_hz: float,
         deadline_s: float,
         probe_after_s: float = 0.0,
@@ -81,6 +81,7 @@ class FusionLoop:
         speaks: Callable[[], bool] = lambda: True,
     ) -> None:
         """`detector`: the world's. `known`: of whom beacons tell. `memory`: of objects.
+        `poses`: the motion's; whose error it knows is asked about places without an outline.
         `probe_after_s`: how old a decision is when its probe is sent. `on_result` hears of each
         published frame, on the fusing thread. `speaks`: whether detections are published."""
         self._ego = ego
@@ -89,6 +90,7 @@ class FusionLoop:
         self._asker = asker
         self._fusions = fusions
         self._motion = motion
+        self._poses = poses
         self._fuser = FrameFuser(
             ego, fusions, asker.knowledge, log, detector=detector, known=known, memory=memory
         )
@@ -240,7 +242,8 @@ class FusionLoop:
             shares = self._fusions[form].shareable and rate_hz >= decision.rate_hz
             questions[robot] = Question(form, tell[form], rate_hz, shares)
         for robot, form in about.items():
-            only = replace(tell[form], demand=places)
+            known = self._poses is not None and self._poses.knows(robot, scan.time_s)
+            only = replace(tell[form], demand=places, without_outline=known)
             questions[robot] = Question(form, only, focused=True)
         done = self._asker.ask(
             self._session, questions, own.capture_ns, decision.deadline_s or self._deadline_s

@@ -118,9 +118,10 @@ class Aligner:
             self._done = True
             settled = [one for one in self._senders if one.settled]
             others = [one for one in self._senders if not one.settled]
+            shown = [one for one in others if len(one.there)]
             _remember(settled, remembered)
-            if settled and others:
-                self._lay_over(others, settled)
+            if settled and shown:
+                self._lay_over(shown, settled)
             _remember(others, remembered)
         return [one.correction for one in self._senders]
 

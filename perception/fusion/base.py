@@ -28,6 +28,8 @@ class EncodeOptions:
     """The frame that feature maps shall lie in: the ego's sensor in the world."""
     demand: bytes = b""
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
+    without_outline: bool = False
+    """The ego knows by what the sender's pose is off: what is said of places needs no outline."""
     egos: tuple[Pose, ...] = ()
     """Where several egos stood that share the payload; of a `shareable` algorithm only, and in
     place of `reference` and `demand`."""
@@ -39,6 +41,8 @@ class FrameRequest:
 
     reference: Pose | None = None
     demand: bytes = b""
+    without_outline: bool = False
+    """As in `EncodeOptions`."""
 
     def size(self) -> int:
         """Bytes that this adds to a request."""

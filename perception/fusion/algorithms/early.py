@@ -46,8 +46,8 @@ class EarlyFusion(PointForm):
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
         nothing there. Where several do, without what lies outside of all of their areas. Where it
-        asks about places, only what lies there. Raises PerceptionError where it asks about places
-        and does not say where it is.
+        asks about places, only what lies there, and no outline unless it needs one. Raises
+        PerceptionError where it asks about places and does not say where it is.
         """
         cloud = clean_points(points)
         reach = np.abs(cloud)
@@ -55,7 +55,8 @@ class EarlyFusion(PointForm):
             # A stray return must not cost the whole scan; the codec would refuse it.
             cloud = cloud[(reach <= MAX_RANGE_M).all(axis=1)]
         ground = ground_mask(cloud)
-        places = thinned(outline(cloud, ground))
+        bare = bool(options.demand) and options.without_outline
+        places = np.zeros((0, 2)) if bare else thinned(outline(cloud, ground))
         if not options.keep_ground:
             cloud = cloud.compress(~ground, axis=0)
         if options.reference is not None and options.pose is not None:

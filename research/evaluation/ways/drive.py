@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -25,7 +25,17 @@ from worlds.base import World
 from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
 from worlds.registry import open_world
 
-NOWHERE: Mapping[str, bytes] = MappingProxyType({})
+
+@dataclass(frozen=True, slots=True)
+class Focus:
+    """What a robot is asked about that is not asked for everything."""
+
+    places: Places
+    without_outline: bool = False
+    """As in `EncodeOptions`."""
+
+
+NOWHERE: Mapping[str, Focus] = MappingProxyType({})
 """Nobody is asked about places only."""
 
 
@@ -95,7 +105,9 @@ class Driven:
         """The other robots as the drive begins."""
         self.seed = drive.seed
         self._fusions: dict[str, Fusion] = {}
-        self._payloads: dict[tuple[int, str, str, float, bytes], tuple[Contribution, int]] = {}
+        self._payloads: dict[
+            tuple[int, str, str, float, Focus | None], tuple[Contribution, int]
+        ] = {}
         self._heard: dict[tuple[int, tuple[str, ...]], Announced] = {}
         self._poses = PoseMemory()
         self._newest = -1
@@ -106,7 +118,7 @@ class Driven:
         frame: int,
         asked: Mapping[str, str],
         max_error_m: float,
-        places: Mapping[str, bytes] = NOWHERE,
+        places: Mapping[str, Focus] = NOWHERE,
     ) -> FusedOnce:
         """The frame with these robots, each in the form asked for; points within the error, of some
         robots only those of `places`. Where the ego remembers poses, frames follow each other, and
@@ -131,20 +143,30 @@ class Driven:
             self._heard[key] = heard(self.world, frame, self.ego, fusions, noise_m, reach_m)
         return self._heard[key]
 
+    def knows_pose(self, robot: str, frame: int) -> bool:
+        """Whether the ego, as it fused the frames until now, can do without the robot's outline."""
+        return self.drive.pose_memory and self._poses.knows(robot, frame / self.world.rate_hz)
+
     def size(
-        self, frame: int, robot: str, name: str, max_error_m: float, places: bytes = b""
+        self, frame: int, robot: str, name: str, max_error_m: float, focus: Focus | None = None
     ) -> int:
-        """Bytes that the robot sends, with those of asking for it; `places`: that it is asked
+        """Bytes that the robot sends, with those of asking for it; `focus`: what it is asked
         about, where not about everything."""
         own = self.world.scan(self.ego, frame).points
-        return self._payload(frame, robot, name, max_error_m, places, own)[1]
+        return self._payload(frame, robot, name, max_error_m, focus, own)[1]
 
     def _payload(
-        self, frame: int, robot: str, name: str, max_error_m: float, places: bytes, own: Points
+        self,
+        frame: int,
+        robot: str,
+        name: str,
+        max_error_m: float,
+        focus: Focus | None,
+        own: Points,
     ) -> tuple[Contribution, int]:
-        key = (frame, robot, name, max_error_m, places)
+        key = (frame, robot, name, max_error_m, focus)
         if key not in self._payloads:
-            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, places, own)
+            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, focus, own)
         return self._payloads[key]
 
     def _fuse(
@@ -152,7 +174,7 @@ class Driven:
         frame: int,
         asked: Mapping[str, str],
         max_error_m: float,
-        places: Mapping[str, bytes],
+        places: Mapping[str, Focus],
     ) -> FusedOnce:
         own = self.world.scan(self.ego, frame)
         forms = {name: self.fusion(name) for name in dict.fromkeys(asked.values())}
@@ -164,9 +186,8 @@ class Driven:
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
         for robot, name in asked.items():
-            where = places.get(robot, b"")
             contribution, sizes[robot] = self._payload(
-                frame, robot, name, max_error_m, where, own.points
+                frame, robot, name, max_error_m, places.get(robot), own.points
             )
             try:
                 gathering.add(contribution)
@@ -189,7 +210,7 @@ class Driven:
             views,
             here,
             focused,
-            next(iter(places.values()), b""),
+            next((one.places for one in places.values()), b""),
         )
 
     def _encoded(
@@ -198,7 +219,7 @@ class Driven:
         robot: str,
         name: str,
         max_error_m: float,
-        places: bytes,
+        focus: Focus | None,
         own: Points,
     ) -> tuple[Contribution, int]:
         """What the robot sends, and the bytes of that and of asking for it."""
@@ -207,15 +228,18 @@ class Driven:
         ask = fusion.begin(own, here).ask()
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         pose = disturbed(scan.pose, robot, frame, *noise)
+        if focus is not None:
+            ask = replace(ask, demand=focus.places, without_outline=focus.without_outline)
         options = EncodeOptions(
             max_error_m=max_error_m,
             pose=pose,
             reference=ask.reference,
-            demand=places or ask.demand,
+            demand=ask.demand,
+            without_outline=ask.without_outline,
         )
         payload = fusion.encode(scan.points, options)
         sent = Contribution(robot, payload, pose.matrix(), form=name)
-        return sent, len(payload) + len(places) + ask.size()
+        return sent, len(payload) + ask.size()
 
     def fusion(self, name: str) -> Fusion:
         """An algorithm with the world's detector, made once."""

@@ -25,7 +25,7 @@ from perception.fusion.registry import make_fusion
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember
 from perception.types import Boxes
-from research.evaluation.ways.drive import NOWHERE, Drive, Driven, FusedOnce
+from research.evaluation.ways.drive import NOWHERE, Drive, Driven, Focus, FusedOnce
 from swarm.geometry import Pose, invert
 from worlds.cooperative.fusing import SINGLE, disturbed, known_robots
 
@@ -82,7 +82,7 @@ class EtsiDriven(Driven):
         """What each robot tells in a frame; None where it sends nothing."""
 
     def size(
-        self, frame: int, robot: str, name: str, max_error_m: float, places: bytes = b""
+        self, frame: int, robot: str, name: str, max_error_m: float, focus: Focus | None = None
     ) -> int:
         """The bytes of what a robot sends in a frame. Frames must follow each other."""
         sent = self._tell(robot, frame)
@@ -93,7 +93,7 @@ class EtsiDriven(Driven):
         frame: int,
         asked: Mapping[str, str],
         max_error_m: float,
-        places: Mapping[str, bytes] = NOWHERE,
+        places: Mapping[str, Focus] = NOWHERE,
     ) -> FusedOnce:
         """The frame as the ego sees it, with what it has heard by then. `asked`: those whose
         messages of this frame come. Frames must follow each other."""

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from ego_agent.knowledge.compute import SINGLE, Work, packaged_compute
 from ego_agent.knowledge.own_costs import LIGHTER
-from research.evaluation.ways.drive import Driven
+from research.evaluation.ways.drive import Driven, Focus
 from research.evaluation.ways.planned import ALGORITHMS, Deciding
 from research.evaluation.ways.remembered import places_by_frame
 from research.evaluation.ways.way import Way
@@ -26,7 +26,7 @@ class Going:
 
     came: Mapping[str, str]
     """Who is in it, and with what."""
-    places: Mapping[str, bytes]
+    places: Mapping[str, Focus]
     """What those of them were asked about that were not asked for everything."""
     sizes: list[int]
     """Bytes of all that robots sent, in time or not, with those of asking for it."""
@@ -53,7 +53,7 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
     ]
     sent_bytes = [
         {
-            robot: driven.size(frame, robot, form, way.max_error_m, where.get(robot, b""))
+            robot: driven.size(frame, robot, form, way.max_error_m, where.get(robot))
             for robot, form in one.items()
         }
         for frame, one, where in zip(driven.frames, asked, places, strict=True)
@@ -91,11 +91,11 @@ def _ego_ms(driven: Driven, taken: Sequence[Work]) -> float:
 
 def _asked(
     driven: Driven, way: Way
-) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, bytes]], list[int]]:
+) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, Focus]], list[int]]:
     """By frame: who is asked for what, who of them about which places only, and how many take
     part."""
     whole, about, taking_part = _wanted(driven, way)
-    places: Sequence[Mapping[str, bytes]] = [{}] * len(whole)
+    places: Sequence[Mapping[str, Focus]] = [{}] * len(whole)
     if way.memory and any(about):
         places = places_by_frame(driven, whole, about, way.max_error_m)
     asked = [

@@ -89,6 +89,7 @@ def drives(link: Link, seeds: range, count: int, frames: int) -> list[Drive]:
             ego=i % link.robots,
             first=53 + i * 577 % 5000,
             frames=frames,
+            pose_memory=True,
         )
         for i in range(count)
     ]

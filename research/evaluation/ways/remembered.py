@@ -10,7 +10,7 @@ from perception.memory.asking import places_of
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember, suspected
 from perception.memory.reprocessing import ReprocessingMemory
-from research.evaluation.ways.drive import Driven, FusedOnce
+from research.evaluation.ways.drive import Driven, Focus, FusedOnce
 
 LAG_FRAMES = 2
 """A frame is asked for when that before it may not be fused yet: what is known is of so many before
@@ -37,7 +37,7 @@ def taken(
 
 def places_by_frame(
     driven: Driven, whole: Sequence[Asked], about: Sequence[Asked], max_error_m: float
-) -> list[dict[str, bytes]]:
+) -> list[dict[str, Focus]]:
     """Who is asked about which places in each frame of a drive, as an ego does: none of whom it has
     not got a whole scan yet, and nobody where nothing is remembered. `whole`: who is asked for
     everything in each frame, `about`: who would be about places. By what is remembered where
@@ -52,7 +52,11 @@ def places_by_frame(
         here = world.pose(driven.ego, frame).matrix()
         enough = len(known) == LAG_FRAMES
         places = places_of(known[0], LAG_FRAMES / world.rate_hz, here) if enough else b""
-        only = {robot: places for robot in about[number] if places and robot in shown}
+        only = {
+            robot: Focus(places, driven.knows_pose(robot, frame))
+            for robot in about[number]
+            if places and robot in shown
+        }
         found.append(only)
         forms = {robot: about[number][robot] for robot in only}
         fused = driven.fused(frame, {**whole[number], **forms}, max_error_m, only)

@@ -105,6 +105,7 @@ def floors(count: int, frames: int, pose_noise_m: float = 0.0) -> list[Drive]:
             first=37 + i * 613 % 5000,
             frames=frames,
             pose_noise_m=pose_noise_m,
+            pose_memory=True,
         )
         for i in range(count)
     ]

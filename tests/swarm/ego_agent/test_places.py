@@ -6,13 +6,19 @@ import time
 from collections.abc import Iterator
 
 import msgspec
+import numpy as np
 import pytest
 
 from ego_agent.execute.frame_fuser import FrameResult
 from perception.codec.places import within
+from perception.fusion.alignment import Estimate
+from perception.fusion.base import Contribution, Gathering
+from perception.types import clean_points
+from swarm.geometry import Matrix, Points, invert, transform
 from swarm.messages import Assignment, Observation, ObservationRequest
 from swarm.session import Session
 from tests.support.ego_hall import (  # noqa: F401
+    CrateClouds,
     Crates,
     Ego,
     Hall,
@@ -34,6 +40,24 @@ class Focusing(Crates):
     """Crates, of which robots can tell place by place."""
 
     focuses = True
+
+    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
+        return Laid(own, world_from_own)
+
+
+class Laid(CrateClouds):
+    """Senders are laid over what the ego sees, and found to stand where they say."""
+
+    def __init__(self, own: Points, world_from_own: Matrix) -> None:
+        super().__init__(transform(world_from_own, clean_points(own)))
+        self.own_from_world = invert(world_from_own)
+
+    def add(self, contribution: Contribution) -> None:
+        super().add(contribution)
+        assert self.remembered is not None
+        there = self.own_from_world @ contribution.world_from_sensor
+        clear = np.diag(np.square([0.03, 0.03, 0.002]))
+        self.remembered.corrected(contribution.robot, there, Estimate(np.zeros(3), clear, 0.0))
 
 
 @pytest.fixture(name="ego")
@@ -80,6 +104,30 @@ def test_who_has_sent_a_whole_scan_is_asked_about_the_places_of_what_it_showed(
     # It counts as what it is.
     assert ego.known.payload_sizes("R2", {}, time.time_ns()) == {"early": size}
     assert ego.known.focused_sizes("R2", time.time_ns()).keys() == {"early"}
+
+
+def test_whose_pose_is_known_is_asked_about_places_without_an_outline(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    asked: list[ObservationRequest] = []
+    answer = honest(hall, "R2")
+
+    def noting(request: ObservationRequest) -> Observation:
+        asked.append(request)
+        return answer(request)
+
+    robot("R2", noting)
+    fused(ego, WHOLE)
+    fused(ego, PLACES)
+    assert [(bool(request.demand), request.without_outline) for request in asked] == [
+        (False, False),
+        (True, False),
+    ]
+    for _ in range(8):
+        ego.fuse("R2")
+    fused(ego, WHOLE)
+    fused(ego, PLACES)
+    assert (bool(asked[-1].demand), asked[-1].without_outline) == (True, True)
 
 
 def test_whose_whole_scan_is_refused_is_not_asked_about_places(

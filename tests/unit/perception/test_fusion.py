@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from perception.codec.boxes import encode_boxes
-from perception.codec.outlined import add_outline
+from perception.codec.outlined import add_outline, take_outline
 from perception.codec.places import encode_places
 from perception.codec.points import encode_points
 from perception.detector import weight_files
@@ -224,6 +224,19 @@ def test_asked_about_places_early_sends_the_points_there_only() -> None:
     assert len(from_car) > 300
     assert (from_car <= (2.25 + 0.7, 0.95 + 0.7)).all()
     assert (np.abs(sent(whole)[:, :2] - [10.0, -8.0]) < 0.2).all(axis=1).any()
+
+
+def test_an_answer_about_places_has_no_outline_where_none_is_needed() -> None:
+    fusion, scan = CLUSTERED["early"], street(OTHER, ("front", "left"))
+    car = make((15.0, 2.0, 0.9, 4.5, 1.9, 1.5, 0.0)).transformed(invert(EGO.matrix()))
+    usual = EncodeOptions(pose=OTHER, reference=EGO)
+    about = replace(usual, demand=encode_places(car, 0.5))
+    points, outline = take_outline(fusion.encode(scan, about))
+    bare, nothing = take_outline(fusion.encode(scan, replace(about, without_outline=True)))
+    assert bare == points
+    assert len(outline) > 0 == len(nothing)
+    whole = fusion.encode(scan, usual)
+    assert fusion.encode(scan, replace(usual, without_outline=True)) == whole
 
 
 def test_places_mean_nothing_without_where_the_ego_is() -> None:

@@ -110,6 +110,35 @@ def test_errors_that_are_anew_in_each_frame_are_not_smeared(seed: int) -> None:
     assert known[20:].mean() < alone[20:].mean() + 0.005
 
 
+@pytest.mark.parametrize("error", [RIGHT, ERROR], ids=["none", "fixed"])
+def test_an_error_that_lasts_is_known_until_it_was_not_seen_for_a_second(error: Floats) -> None:
+    swarm = Swarm()
+    assert not swarm.memory.knows("R2", 0.0)
+    swarm.drive(lambda _: error)
+    last_s = (FRAMES - 1) / 10.0
+    assert swarm.memory.knows("R2", last_s + 0.5)
+    assert not swarm.memory.knows("R2", last_s + 1.1)
+    assert not swarm.memory.knows("R3", last_s)
+
+
+def test_an_error_that_is_anew_is_not_known_until_it_has_lasted() -> None:
+    swarm = Swarm()
+    swarm.drive(lambda _: ERROR)
+    swarm.drive(lambda _: -ERROR, first=FRAMES, frames=1)
+    assert not swarm.memory.knows("R2", FRAMES / 10.0)
+    swarm.drive(lambda _: -ERROR, first=FRAMES + 1)
+    assert swarm.memory.knows("R2", 2 * FRAMES / 10.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_that_are_anew_in_each_frame_are_never_known(seed: int) -> None:
+    swarm, rng = Swarm(seed), np.random.default_rng([seed, 1])
+    errors = rng.normal(0.0, [0.2, 0.2, math.radians(0.2)], (FRAMES, 3))
+    for number in range(FRAMES):
+        swarm.frame(number / 10.0, errors[number])
+        assert not swarm.memory.knows("R2", number / 10.0)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_pose_that_is_set_anew_is_believed_at_once(seed: int) -> None:
     swarm = Swarm(seed)
