@@ -16,6 +16,8 @@ ALL = ""
 """In place of a class: all boxes, whatever they are called."""
 WITH_KNOWN = "with-known"
 """In place of a class: all boxes, and the robots of which beacons tell."""
+CLASS_KEYS = ("ap_50", "ap_70", "ground_truth")
+"""Of `Precision`: what is told of a class."""
 OPERATING_IOU = 0.5
 """From which a published box is right."""
 
@@ -124,17 +126,16 @@ class Tally:
             ground_truth=truths,
         )
 
-    def labels(self) -> tuple[str, ...]:
-        """The classes that true boxes have."""
-        return tuple(
-            sorted(
-                label
-                for (label, iou), matches in self._matches.items()
-                if label not in (ALL, WITH_KNOWN)
-                and iou == OPERATING_IOU
-                and any(one.truths for one in matches)
-            )
+    def classes(self, *, per_frame: bool = False) -> dict[str, Precision]:
+        """The same of each class that true boxes have: there a box must have the right class."""
+        labels = sorted(
+            label
+            for (label, iou), matches in self._matches.items()
+            if label not in (ALL, WITH_KNOWN)
+            and iou == OPERATING_IOU
+            and any(one.truths for one in matches)
         )
+        return {label: self.precision(label, per_frame=per_frame) for label in labels}
 
 
 def _of_class(boxes: Boxes, label: str) -> Boxes:

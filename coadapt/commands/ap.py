@@ -46,27 +46,37 @@ def register(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Prints the figures. Raises CoAdaptError for bad data or names."""
+    from perception.tally import CLASS_KEYS
     from worlds.cooperative.fusing import Disturbance
-    from worlds.cooperative.judging import evaluate
+    from worlds.cooperative.judging import tallied
 
     if args.rate is not None and not args.tracks:
         raise SettingError("--rate needs --tracks: without memory every frame stands by itself")
     data = recorded_data(args)
     frames = data.judged()
-    precision = evaluate(
+    tally = tallied(
         data.world,
         chosen_fusion(args),
         args.ego or data.ego,
         Disturbance(pose_noise_m=args.pose_noise, delay_s=args.delay),
         frames,
-        per_frame=args.per_frame,
         remembered=args.tracks,
         rate_hz=args.rate,
     )
-    figures = {name: round(value, 4) for name, value in asdict(precision).items()}
+    figures = _rounded(asdict(tally.precision(per_frame=args.per_frame)))
+    classes = {
+        label: _rounded({name: getattr(one, name) for name in CLASS_KEYS})
+        for label, one in tally.classes(per_frame=args.per_frame).items()
+    }
     if args.json:
-        print(json.dumps(figures))
+        print(json.dumps({**figures, "classes": classes}))
         return 0
     for name, value in figures.items():
         print(f"{name:22} {value}")
+    for label, of_class in classes.items():
+        print(f"{label:22} " + "  ".join(f"{name} {value}" for name, value in of_class.items()))
     return 0
+
+
+def _rounded(figures: dict[str, float]) -> dict[str, float]:
+    return {name: round(value, 4) for name, value in figures.items()}

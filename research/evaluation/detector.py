@@ -15,7 +15,7 @@ from typing import Any
 from perception.detector.weight_files import has_weights
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
-from perception.tally import Tally
+from perception.tally import CLASS_KEYS, Precision, Tally
 from research.evaluation.machine import machine_facts
 from research.evaluation.result_store import ResultStore
 from research.evaluation.sharing import RememberingFusion
@@ -212,14 +212,13 @@ def _row(world: str, case: Case, tally: Tally) -> dict[str, Any]:
         "corrected": case.corrected,
         **_rounded(asdict(tally.precision())),
         "per_frame": _rounded({name: getattr(per_frame, name) for name in AP_KEYS}),
-        "classes": {label: _class_of(tally, label) for label in tally.labels()},
+        "classes": {label: _of_class(one) for label, one in tally.classes().items()},
         "detector": "learned" if has_weights(DETECTORS[world]) else "clustered",
     }
 
 
-def _class_of(tally: Tally, label: str) -> dict[str, float]:
-    figures = asdict(tally.precision(label))
-    return _rounded({name: figures[name] for name in ("ap_50", "ap_70", "ground_truth")})
+def _of_class(precision: Precision) -> dict[str, float]:
+    return _rounded({name: getattr(precision, name) for name in CLASS_KEYS})
 
 
 def _rounded(figures: dict[str, float]) -> dict[str, float]:

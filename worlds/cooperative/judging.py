@@ -38,12 +38,31 @@ def evaluate(
     remembered: bool = False,
     rate_hz: float | None = None,
 ) -> Precision:
-    """AP of one algorithm with all robots taking part, seen from one ego.
+    """AP of one algorithm with all robots taking part, seen from one ego: see `tallied`.
 
-    Counts what `judge` lets count; `per_frame` ranks as OpenCOOD does (perception.metrics).
-    `remembered`: what the ego tells from memory, frame after frame, where robots send `rate_hz`
-    times a second (None: in every frame), in place of what is found in each frame by itself. Raises
-    as `fuse_frame` and `remembered_frames` do.
+    `per_frame` ranks as OpenCOOD does (perception.metrics).
+    """
+    tally = tallied(
+        world, algorithm, ego, disturbance, frames, remembered=remembered, rate_hz=rate_hz
+    )
+    return tally.precision(per_frame=per_frame)
+
+
+def tallied(
+    world: World,
+    algorithm: str | Fusion,
+    ego: str,
+    disturbance: Disturbance | None = None,
+    frames: Sequence[int] | None = None,
+    *,
+    remembered: bool = False,
+    rate_hz: float | None = None,
+) -> Tally:
+    """What one algorithm finds with all robots taking part, seen from one ego.
+
+    Counts what `judge` lets count. `remembered`: what the ego tells from memory, frame after frame,
+    where robots send `rate_hz` times a second (None: in every frame), in place of what is found in
+    each frame by itself. Raises as `fuse_frame` and `remembered_frames` do.
     """
     allowed = (SINGLE, *fusion_names(world.detector))
     if isinstance(algorithm, str) and algorithm not in allowed:
@@ -60,7 +79,7 @@ def evaluate(
         )
     for frame, fused in told:
         add_frame(tally, world, frame, ego, fused)
-    return tally.precision(per_frame=per_frame)
+    return tally
 
 
 def add_frame(tally: Tally, world: World, frame: int, ego: str, fused: Fused) -> None:

@@ -36,6 +36,14 @@ def test_ap_of_a_recording_is_that_of_the_recorded_frames(
     assert told["frames"] == 3, "a frame that stands in for a missing one is not judged"
     assert told["ground_truth"] == expected.ground_truth > 0
     assert told["ap_50"] == pytest.approx(expected.ap_50, abs=1e-4)
+    classes = told["classes"]
+    assert len(classes) > 1
+    assert sum(of_class["ground_truth"] for of_class in classes.values()) == told["ground_truth"]
+    assert main(["ap", str(recording), "--algorithm", "early"]) == 0
+    lines = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert float(lines["ap_50"]) == told["ap_50"]
+    for label, of_class in classes.items():
+        assert f"ap_70 {of_class['ap_70']}" in lines[label]
 
 
 @pytest.mark.stumble(

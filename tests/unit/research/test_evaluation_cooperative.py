@@ -150,7 +150,7 @@ def test_frames_of_several_worlds_are_ranked_together() -> None:
 def test_a_class_counts_only_boxes_of_that_name() -> None:
     tally = Tally()
     tally.add(box(0, 0.9, "robot"), box(0, 1, "person"), [])
-    assert tally.labels() == ("person",)
+    assert [*tally.classes()] == ["person"]
     assert tally.precision().ap_50 == 1.0
     assert tally.precision("person").ap_50 == 0.0
     assert tally.precision("person").ground_truth == 1

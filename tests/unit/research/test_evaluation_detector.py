@@ -123,7 +123,7 @@ def test_what_was_kept_gives_the_same_precision(tmp_path: Path) -> None:
     late = kept.get("late")
     assert late is not None
     again = Tally.unpacked(late)
-    for label in ("", *tally.labels()):
+    for label in ("", *tally.classes()):
         assert again.precision(label) == tally.precision(label)
     (path,) = tmp_path.rglob("*.bin")
     path.write_bytes(path.read_bytes()[:-5])
