@@ -51,6 +51,8 @@ class Means:
     ap_30: float
     ap_50: float
     ap_70: float
+    ap_70_with_known: float
+    """Of the robots of which beacons tell, too."""
     delivered_ap_70: float
     bytes_per_frame: float
     ego_ms_per_frame: float
@@ -201,6 +203,7 @@ def _means(name: str, rows: Sequence[Row], beside: _Beside) -> Means:
         ap_30=float(np.mean([outcome.ap_30 for outcome in outcomes])),
         ap_50=float(np.mean([outcome.ap_50 for outcome in outcomes])),
         ap_70=float(np.mean([outcome.ap_70 for outcome in outcomes])),
+        ap_70_with_known=float(np.mean([outcome.ap_70_with_known for outcome in outcomes])),
         delivered_ap_70=float(np.mean([row.delivered_ap_70 for row in rows])),
         bytes_per_frame=used,
         ego_ms_per_frame=float(np.mean([one.arrived.ego_ms_per_frame for one in outcomes])),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.detector.config import configuration
+from perception.fusion.known import bodies
 from perception.fusion.publishing import publish
 from perception.memory.memory import Memory
 from perception.memory.reprocessing import ReprocessingMemory
@@ -113,7 +114,9 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
         if not settled:
             continue
         found, truth = judge(world, frame, driven.ego, told)
-        measured.tally.add(found, truth, now.sizes)
+        everything = Boxes.concatenate([bodies(fused.known), told])
+        with_known = judge(world, frame, driven.ego, everything, robots=True)
+        measured.tally.add(found, truth, now.sizes, with_known)
         measured.bytes += sum(now.sizes)
         measured.wanted_bytes += now.wanted_bytes
         measured.asked += now.asked

@@ -63,6 +63,8 @@ class Outcome:
     halves: tuple[float, float] | None
     """AP@0.7 of every other frame from the first, and of the rest; None unless both hold true
     boxes."""
+    ap_70_with_known: float = 0.0
+    """Of the robots of which beacons tell, too."""
     delivered: Delivered | None = None
     """What came in time; None where no time was played."""
 

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from perception.fusion.base import Fusion
+from perception.fusion.known import bodies
 from perception.metrics import Match, match
+from perception.types import Boxes
 from research.evaluation.windows.choice import Choice
 from worlds.base import World
 from worlds.cooperative.fusing import Disturbance, fuse_frame
@@ -24,6 +26,8 @@ class FusedFrame:
 
     matches: tuple[Match, ...]
     """By IOUS."""
+    with_known: Match
+    """The same at IoU 0.7 with the robots of which beacons tell."""
     bytes: Mapping[str, int]
     """Request and payload of each participant."""
 
@@ -44,15 +48,23 @@ def fused_frame(
     noise = Disturbance(pose_noise_m=pose_noise_m)
     fused = fuse_frame(world, frame, ego, participants, fusion, noise)
     found, truth = judge(world, frame, ego, fused.boxes)
-    return FusedFrame(tuple(match(found, truth, iou) for iou in IOUS), fused.bytes)
+    told = Boxes.concatenate([bodies(fused.known), fused.boxes])
+    return FusedFrame(
+        tuple(match(found, truth, iou) for iou in IOUS),
+        match(*judge(world, frame, ego, told, robots=True), IOUS[-1]),
+        fused.bytes,
+    )
 
 
 def packed_frames(frames: FusedFrames) -> list[Any]:
     """What `unpacked_frames` restores, as plain values."""
     return [
         [
-            frame, choice.participants, choice.algorithm, dict(one.bytes), one.matches[0].truths,
-            [[m.scores.astype("<f8").tobytes(), m.hits.tobytes()] for m in one.matches],
+            frame, choice.participants, choice.algorithm, dict(one.bytes),
+            [
+                [m.scores.astype("<f8").tobytes(), m.hits.tobytes(), m.truths]
+                for m in (*one.matches, one.with_known)
+            ],
         ]
         for (frame, choice), one in frames.items()
     ]  # fmt: skip
@@ -60,13 +72,12 @@ def packed_frames(frames: FusedFrames) -> list[Any]:
 
 def unpacked_frames(values: list[Any]) -> FusedFrames:
     """The frames whose `packed_frames` gave these values."""
-    return {
-        (frame, Choice(tuple(participants), algorithm)): FusedFrame(
-            tuple(
-                Match(np.frombuffer(scores, "<f8"), np.frombuffer(hits, np.bool_), truths)
-                for scores, hits in matches
-            ),
-            sizes,
+    found = {}
+    for frame, participants, algorithm, sizes, matches in values:
+        *by_iou, with_known = (
+            Match(np.frombuffer(scores, "<f8"), np.frombuffer(hits, np.bool_), truths)
+            for scores, hits, truths in matches
         )
-        for frame, participants, algorithm, sizes, truths, matches in values
-    }
+        choice = Choice(tuple(participants), algorithm)
+        found[frame, choice] = FusedFrame(tuple(by_iou), with_known, sizes)
+    return found

@@ -85,7 +85,17 @@ class Window:
         )
         halves = _halves([[(one.matches[2], 1.0)] for one in complete])
         size = sent / len(sampled)
-        return Outcome(ap_30, ap_50, ap_70, size, len(sampled), truths, halves, delivered)
+        return Outcome(
+            ap_30=ap_30,
+            ap_50=ap_50,
+            ap_70=ap_70,
+            bytes_per_frame=size,
+            frames=len(sampled),
+            ground_truth=truths,
+            halves=halves,
+            ap_70_with_known=precision_of([(one.with_known, 1.0) for one in complete]),
+            delivered=delivered,
+        )
 
     def _delivered(
         self, choice: Choice, sampled: Sequence[int], complete: Sequence[FusedFrame], timing: Timing

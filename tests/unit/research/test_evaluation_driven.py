@@ -33,7 +33,7 @@ from research.evaluation.windows.scenarios import chosen, factory_suite
 from swarm.errors import EvaluationError
 
 needs_weights = pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
-PLAIN = Brought(0.9, 0.8, 10, 0.1, 1000.0, 4.0, 30.0, 1.0, 1.0, 0.0, 0.9)
+PLAIN = Brought(0.9, 0.8, 0.85, 10, 0.1, 1000.0, 4.0, 30.0, 1.0, 1.0, 0.0, 0.9)
 
 
 def boxes(*places: float) -> Boxes:
@@ -45,8 +45,10 @@ def boxes(*places: float) -> Boxes:
 def test_figures_of_a_drive_count_skipped_frames_and_what_was_asked_for() -> None:
     one = Measured(bytes=600, wanted_bytes=800, asked=8, came=6, taking_part=4, due=4, ego_ms=60.0)
     for _ in range(2):
-        one.tally.add(boxes(0.0), boxes(0.0, 9.0), [300])
+        known = boxes(0.0, 5.0), boxes(0.0, 5.0, 9.0)
+        one.tally.add(boxes(0.0), boxes(0.0, 9.0), [300], known)
     found = brought(one, 10.0, 40_000.0)
+    assert (found.ap_70, found.ap_70_with_known) == (0.5, pytest.approx(2 / 3))
     assert found.bytes_per_frame == 150.0
     assert found.participants == 3.0
     assert (found.ego_ms_per_frame, found.in_time_ratio, found.fused_ratio) == (30.0, 0.75, 0.5)
