@@ -63,6 +63,22 @@ def test_ap_prints_the_figures(opv2v_dir: Path) -> None:
     assert per_frame["ground_truth"] == figures["ground_truth"]
 
 
+def test_a_vehicle_by_itself_is_judged_by_what_it_sees(opv2v_dir: Path, tmp_path: Path) -> None:
+    one = tmp_path / "one"
+    one.mkdir()
+    for path in opv2v_dir.iterdir():
+        if path.name != "311":
+            (one / path.name).symlink_to(path)
+    alone = json.loads(coadapt("ap", str(one), "--algorithm", "early", "--json").stdout)
+    with_other = json.loads(
+        coadapt("ap", str(opv2v_dir), "--ego", "302", "--algorithm", "early", "--json").stdout
+    )
+    assert (alone["frames"], alone["bytes_per_robot_frame"]) == (16, 0.0)
+    # What the other one alone shows does not count, and the other one itself is an object now.
+    assert 100 < alone["ground_truth"] < with_other["ground_truth"]
+    assert alone["precision"] > 0.9
+
+
 @pytest.mark.parametrize("algorithm", ["single", *fusion_names("road")])
 def test_every_algorithm_fuses_noisy_and_old_contributions(opv2v_dir: Path, algorithm: str) -> None:
     done = coadapt(

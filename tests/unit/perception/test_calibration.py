@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from perception.detector import calibration
 from perception.detector.calibration import (
     ALONE,
     Calibration,
@@ -64,6 +65,14 @@ def test_without_helpers_the_ego_s_own_curve_counts() -> None:
 def test_an_algorithm_that_nobody_calibrated_keeps_all_its_boxes_and_scores() -> None:
     for made in (MADE, uncalibrated("factory")):
         assert made.published(found(0.1, 0.9), "mine", 2).scores.tolist() == [0.1, 0.9]
+
+
+def test_a_detector_whose_calibration_is_gone_publishes_as_one_that_nobody_calibrated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibration, "calibration_file", lambda _: tmp_path / "gone.json")
+    made = calibration.calibration_of.__wrapped__("factory")
+    assert made == uncalibrated("factory")
 
 
 @pytest.mark.parametrize("detector", ["factory", "road"])
