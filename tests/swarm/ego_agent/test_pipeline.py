@@ -174,10 +174,11 @@ def test_a_robot_that_is_ten_times_slower_takes_nothing_from_the_others(
     # It costs its own part only: R2 is asked for ten frames each time, and is in all of them.
     assert asked["R2"] >= 30
     until(
-        lambda: sum("R2" in {*d.participants, *d.missing} for d in heard.all) == asked["R2"],
-        "every frame that R2 was asked for is told of",
+        lambda: sum("R2" in d.participants for d in heard.all) == asked["R2"],
+        "R2 is in every frame that it was asked for",
     )
-    assert [d.missing["R2"] for d in heard.all if "R2" in d.missing] == []
+    # Where the machine is busy, R2 may owe answers of its own, and is not asked meanwhile.
+    assert {d.missing_kinds["R2"] for d in heard.all if "R2" in d.missing} <= {"busy"}
 
 
 def test_a_robot_that_is_late_is_not_asked_again_before_it_has_answered(
