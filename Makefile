@@ -29,8 +29,10 @@ TIME_SCALE ?=
 CONFIG ?= factory
 ARGS ?=
 
-# One more than cores, as tests wait a lot; files stay whole, as their tests may share what is costly.
-PARALLEL = --numprocesses $(shell expr $$(nproc) + 1) --maxprocesses 8 --dist loadfile
+# Two more than cores, as tests wait a lot; files stay whole, as their tests may share what is costly,
+# in the order of tests/conftest.py.
+PARALLEL = --numprocesses $(shell expr $$(nproc) + 2) --maxprocesses 8 --dist loadfile \
+	--no-loadscope-reorder
 COADAPT = .venv/bin/coadapt
 PYTHON_ENV = .venv/bin/python
 BENCHMARKS = sam codec detector compute peers roundtrip cycle shaping priority trace adapt capacity loop narrow controller gateway embedded deadline console trust egos scale machines

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 
 import pytest
@@ -30,18 +30,36 @@ settings.load_profile("untimed")
 
 BEGUN = pytest.StashKey[float]()
 """When the run began, by the steady clock."""
+WAITING_PART = 0.75
+"""Of a run, the part in which files come that wait for other processes."""
 FRAMES = 16
 """Of real data: what the archive of the sample holds; `make data` brings more."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What a test's fixtures need is a mark, by which `make test` leaves it out."""
+    """What a test's fixtures need is a mark, by which `make test` leaves it out. Files that wait
+    take turns with those that compute, for the sake of runs with several processes."""
+    items.sort(key=_turns([item.path for item in items]))
     for item in items:
         names = getattr(item, "fixturenames", ())
         if "opv2v_dir" in names:
             item.add_marker(pytest.mark.data)
         if "tokens" in names:
             item.add_marker(pytest.mark.model)
+
+
+def _turns(paths: Sequence[Path]) -> Callable[[pytest.Item], float]:
+    """Where each test's file comes: files of `tests/unit`, which compute, evenly over the run; the
+    others, which mostly wait, over the first part of it, so that none is waited for at the end."""
+    kinds: tuple[list[Path], list[Path]] = ([], [])
+    for path in dict.fromkeys(paths):
+        kinds["unit" not in path.parts].append(path)
+    turn = {
+        path: part * number / len(files)
+        for files, part in zip(kinds, (1.0, WAITING_PART), strict=True)
+        for number, path in enumerate(files)
+    }
+    return lambda item: turn[item.path]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
