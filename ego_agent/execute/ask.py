@@ -332,7 +332,9 @@ class Asker:
         self._monitor.note_round_trip(ask.robot, answer.round_trip_s)
         if wrong is None:
             self._monitor.note_answer(seen)
-            size, at_ns = len(seen.payload), self._clock.now_ns()
+            # To say which places takes bytes like what is answered.
+            size = len(seen.payload) + len(ask.request.demand)
+            at_ns = self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, algorithm, size, at_ns, focused=focused)
         if late and wrong is None and ask.robot in done.missing and not done.probe:
             # Its frame is fused, but memory can still take it up.

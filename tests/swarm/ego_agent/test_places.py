@@ -103,7 +103,8 @@ def test_who_has_sent_a_whole_scan_is_asked_about_the_places_of_what_it_showed(
     assert within(asked[-1].demand, there.astype("float32")).all()
     # It counts as what it is.
     assert ego.known.payload_sizes("R2", {}, time.time_ns()) == {"early": size}
-    assert ego.known.focused_sizes("R2", time.time_ns()).keys() == {"early"}
+    told = result.round.bytes["R2"] + len(asked[-1].demand)
+    assert ego.known.focused_sizes("R2", time.time_ns()) == {"early": told}
 
 
 def test_whose_pose_is_known_is_asked_about_places_without_an_outline(

