@@ -1,11 +1,16 @@
-"""Ports for what tests start: no port is given out twice in a run."""
+"""Ports for what tests start: none is given out twice, by whatever process of this user's tests."""
 
 from __future__ import annotations
 
+import fcntl
 import itertools
+import os
 import random
 import socket
+import tempfile
 from contextlib import ExitStack
+from functools import cache
+from pathlib import Path
 
 # Below those that the kernel gives to outgoing connections, which may take one at any time.
 FIRST, END = 20_000, 32_000
@@ -24,6 +29,7 @@ def free_ports(count: int) -> int:
         with ExitStack() as stack:
             try:
                 for port in ports:
+                    _take(port)
                     taken = stack.enter_context(socket.socket())
                     taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                     taken.bind(("127.0.0.1", port))
@@ -33,3 +39,16 @@ def free_ports(count: int) -> int:
         if ports[-1] - ports[0] == count - 1:
             return ports[0]
     raise AssertionError(f"no {count} consecutive free ports from {FIRST} to {END}")
+
+
+def _take(port: int) -> None:
+    """Keeps a port for this process: what was given out is free until somebody listens on it.
+    Raises OSError where another process has taken it."""
+    fcntl.lockf(_locks(), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, port)
+
+
+@cache
+def _locks() -> int:
+    """A file of which each process locks the bytes of its ports, until it ends."""
+    path = Path(tempfile.gettempdir()) / f"coadapt-test-ports-{os.getuid()}"
+    return os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
