@@ -333,7 +333,7 @@ class Asker:
         if wrong is None:
             self._monitor.note_answer(seen)
             # To say which places takes bytes like what is answered.
-            size = len(seen.payload) + len(ask.request.demand)
+            size = len(seen.payload) + (len(ask.request.demand) if focused else 0)
             at_ns = self._clock.now_ns()
             self.knowledge.record_payload(ask.robot, algorithm, size, at_ns, focused=focused)
         if late and wrong is None and ask.robot in done.missing and not done.probe:

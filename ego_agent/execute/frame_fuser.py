@@ -105,6 +105,8 @@ class FrameFuser:
         self._known = known
         self._memory = memory
         self._recent: deque[_Fused] = deque(maxlen=RECENT)
+        self._corrections: dict[str, Matrix] = {}
+        """By what each participant's pose was put right last, 4 x 4 in the world frame."""
         self.remembered: Remembered | None = None
         """What was there at the newest frame; None without a memory. Any thread may read."""
         self.suspected: Suspected | None = None
@@ -147,6 +149,7 @@ class FrameFuser:
         taken = [c for c in done.contributions if c.robot not in rejected]
         used = tuple(c.robot for c in taken)
         self._recent.append(_Fused(frame, taken, corrections))
+        self._corrections |= corrections
         judged_as = self._judged_as(frame, used)
         known = seen_at(self._known.at(own.capture_ns), corrections)
         believed = _believed(known, frame)
@@ -200,9 +203,7 @@ class FrameFuser:
     def _amend(self, fused: _Fused, more: list[Contribution]) -> int:
         frame, own = fused.frame, fused.frame.own
         gathering = frame.fusion.begin(own.points, own.world_from_sensor)
-        held: dict[str, Matrix] = {}
-        for one in (*self._recent, fused):
-            held |= one.corrections
+        held = self._corrections | fused.corrections
         gathering.remembered = Held(held, own.world_from_sensor)
         taken: list[Contribution] = []
         for contribution in (*fused.used, *more):

@@ -47,8 +47,8 @@ these are busy, and another pass through the detector would make them busier."""
 
 
 def live_motion(detector: str, scan_rate_hz: float, poses: PoseMemory | None) -> MotionCompensation:
-    """What an ego with sensors of that rate remembers of motion, beside what robots' poses are off
-    by."""
+    """What an ego with sensors of that rate remembers of motion; by what robots' poses are off is
+    remembered in `poses`."""
     return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz, poses=poses)
 
 
@@ -81,7 +81,7 @@ class FusionLoop:
         speaks: Callable[[], bool] = lambda: True,
     ) -> None:
         """`detector`: the world's. `known`: of whom beacons tell. `memory`: of objects.
-        `poses`: the motion's; whose error it knows is asked about places without an outline.
+        `poses`: the motion's; where it knows all errors, answers about places need no outline.
         `probe_after_s`: how old a decision is when its probe is sent. `on_result` hears of each
         published frame, on the fusing thread. `speaks`: whether detections are published."""
         self._ego = ego
@@ -241,8 +241,12 @@ class FusionLoop:
             # Robots that contribute rarely take turns, in an order of this ego's own.
             shares = self._fusions[form].shareable and rate_hz >= decision.rate_hz
             questions[robot] = Question(form, tell[form], rate_hz, shares)
+        # Whose pose is not known may have to be laid over what the others show.
+        poses = self._poses
+        known = poses is not None and all(
+            poses.knows(robot, scan.time_s) for robot in (*forms, *about)
+        )
         for robot, form in about.items():
-            known = self._poses is not None and self._poses.knows(robot, scan.time_s)
             only = replace(tell[form], demand=places, without_outline=known)
             questions[robot] = Question(form, only, focused=True)
         done = self._asker.ask(

@@ -142,8 +142,8 @@ class Knowledge:
     def record_payload(
         self, robot: str, algorithm: str, size: int, now_ns: int, *, focused: bool = False
     ) -> None:
-        """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock, with those
-        of the request's demand; `focused`: of an answer about places."""
+        """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock; `focused`:
+        of an answer about places, with those that say which."""
         key = (robot, algorithm + FOCUSED if focused else algorithm)
         with self._lock:
             series = self._sizes.setdefault(key, deque(maxlen=self._receipts))

@@ -27,16 +27,14 @@ from perception.fusion.alignment import (
     correction,
     small,
 )
-from perception.jumps import FASTEST_M_S, Whereabouts
+from perception.jumps import Whereabouts
 from swarm.geometry import Matrix, yaw_of
 
 Floats = NDArray[np.float64]
 
 MOST_SENDERS = 64
 FORGOTTEN_S = 30.0
-"""Of a sender that was not heard for so long nothing is known."""
-SENDER_JUMP_M = 2.0
-"""A sender that is farther from where it was, and faster than anybody, has its pose set anew."""
+"""Of a sender of which nothing was shown for so long nothing is known."""
 UNIT = np.array([PRIOR_SHIFT_M, PRIOR_SHIFT_M, PRIOR_TURN_RAD])
 """Moves (x, y, turn) are kept in these, what poses usually err by: the usual covariance is 1."""
 OUTLINE = np.square(np.array([0.005, 0.005, math.radians(0.01)]) / UNIT)
@@ -53,8 +51,9 @@ DOUBT = 0.15
 were set on floors of the seeds from 1,780,000 on."""
 SURE = 4.0
 """By how much the log likelihood of an error must exceed that of none."""
-SELDOM = 0.1
-"""An error that is anew in fewer of the frames lasts."""
+SELDOM, AGAIN = 0.1, 3
+"""An error lasts that is anew in a smaller part of the frames, and was shown so often since it was
+anew."""
 KNOWN = np.square(np.array([0.1, 0.1, math.radians(0.2)]) / UNIT)
 """Variances of what is known well enough to do without an outline: after a second without one, no
 error is. Tried on floors of the seeds from 1,946,000 on."""
@@ -65,8 +64,9 @@ class _Sender:
     """What is known of one sender."""
 
     time_s: float
-    stands: Floats
-    """Where it believed to stand then, (2,) metres in the world frame."""
+    """When it was heard last."""
+    shown_s: float
+    """When anything was shown of its error last."""
     move: Floats
     """(3,): x and y in the world's axes and turn, in UNIT."""
     covariance: Floats
@@ -74,6 +74,10 @@ class _Sender:
     anew: float = ANEW * COUNTED
     frames: float = COUNTED
     """How often its error was anew, of so many frames."""
+    lasted: int = 0
+    """How often the same error was shown again."""
+    where: Whereabouts = field(default_factory=Whereabouts)
+    """Where it believes to stand."""
     told: Floats = field(default_factory=lambda: np.zeros(3))
     """The move (3,) in metres and radians by all that was shown; zeros where it is as likely that
     there is none. What shows nothing leaves it as it is."""
@@ -103,6 +107,7 @@ class _Sender:
         self.frames = fades * self.frames + 1.0
         if anew > DOUBT:
             inverse, known = fresh, np.zeros(3)
+        self.lasted = 0 if anew > DOUBT else self.lasted + 1
         self.covariance = np.asarray(np.linalg.inv(inverse + sure), dtype=np.float64)
         self.move = self.covariance @ (known + weighed)
         gain = 0.5 * self.move @ np.linalg.solve(self.covariance, self.move)
@@ -112,13 +117,14 @@ class _Sender:
 
     def known(self, time_s: float) -> bool:
         """Whether its error lasts, and is known well enough at that time."""
-        waited_s = max(0.0, time_s - self.time_s)
-        variances = np.diag(self.covariance) + WANDERS * waited_s
-        return self.anew < SELDOM * self.frames and bool((variances < KNOWN).all())
+        # The steady clock of captures may have been put back: then it is not known, either.
+        variances = np.diag(self.covariance) + WANDERS * abs(time_s - self.time_s)
+        lasts = self.lasted >= AGAIN and self.anew < SELDOM * self.frames
+        return lasts and bool((variances < KNOWN).all())
 
 
 class PoseMemory:
-    """By what each sender's pose is off. For one thread."""
+    """By what each sender's pose is off. For one thread, but for what any may ask."""
 
     def __init__(self) -> None:
         self._senders: dict[str, _Sender] = {}
@@ -154,26 +160,34 @@ class PoseMemory:
         self._followed_s = time_s
 
     def take(
-        self, time_s: float, robot: str, stands: Floats, move: Floats, covariance: Floats
+        self,
+        time_s: float,
+        robot: str,
+        world_from_sender: Matrix,
+        move: Floats,
+        covariance: Floats,
     ) -> Floats | None:
-        """What a frame shows of a sender that believes to stand at (2,): the move (3,) that would
+        """What a frame shows of a sender that believes to stand there: the move (3,) that would
         put it right, in the world's axes, and its covariance. Returns the move by all that was
         shown until now; None where its error was not known before."""
         one = self._senders.pop(robot, None)
         if one is not None and (
-            time_s - one.time_s > FORGOTTEN_S or _jumped(one.time_s, one.stands, time_s, stands)
+            time_s - one.shown_s > FORGOTTEN_S
+            or (time_s >= one.time_s and one.where.jumps(time_s, world_from_sender))
         ):
             one = None
         known = one is not None
         if one is None:
-            one = _Sender(time_s, stands, np.zeros(3), np.eye(3))
+            one = _Sender(time_s, time_s, np.zeros(3), np.eye(3))
+            one.where.jumps(time_s, world_from_sender)
         sure, weighed = _information(move, covariance)
         if not sure.any() and not known:
             return None
         one.wait(time_s)
         # What shows nothing is no evidence of another error, either.
-        lasts = one.take(sure, weighed) if sure.any() else True
-        one.stands = stands
+        lasts = True
+        if sure.any():
+            lasts, one.shown_s = one.take(sure, weighed), time_s
         self._senders[robot] = one
         if len(self._senders) > MOST_SENDERS:
             del self._senders[next(iter(self._senders))]
@@ -196,9 +210,12 @@ class PosesAt:
             # Frames look alike: many that show a little each would be taken for a lot.
             shown = Estimate.nothing()
         turn = _turn(yaw_of(self.world_from_own))
-        stands = (self.world_from_own @ own_from_sender)[:2, 3]
         move = self.memory.take(
-            self.time_s, robot, stands, turn @ shown.move, turn @ shown.covariance @ turn.T
+            self.time_s,
+            robot,
+            self.world_from_own @ own_from_sender,
+            turn @ shown.move,
+            turn @ shown.covariance @ turn.T,
         )
         return None if move is None else correction(turn.T @ move, own_from_sender[:2, 3])
 
@@ -223,10 +240,3 @@ def _evidence(before: float, weighed: Floats, covariance: Floats, inverse: Float
     covariance and are known with this `inverse` of one afterwards."""
     spread = np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(inverse)[1]
     return float(0.5 * (weighed @ np.linalg.solve(inverse, weighed) - before - spread))
-
-
-def _jumped(before_s: float, before: Floats, now_s: float, now: Floats) -> bool:
-    """Whether a sender is farther than one can drive from a place (2,) to another, both of them
-    where it believes to stand."""
-    away_m = float(np.hypot(*(now - before)))
-    return away_m > SENDER_JUMP_M + FASTEST_M_S * abs(now_s - before_s)

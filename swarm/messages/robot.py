@@ -108,7 +108,7 @@ class ObservationRequest(Message, frozen=True, kw_only=True):
     demand: Annotated[bytes, msgspec.Meta(max_length=4096)] = b""
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
     without_outline: bool = False
-    """The ego knows by what the robot's pose is off: an answer about places needs no outline."""
+    """The ego knows by what robots' poses are off: an answer about places needs no outline."""
     shares: bool = False
     """The ego would also take what the robot publishes for several egos (`keyspace.shared`)."""
     listens: bool = False

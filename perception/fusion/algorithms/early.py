@@ -46,7 +46,7 @@ class EarlyFusion(PointForm):
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
         nothing there. Where several do, without what lies outside of all of their areas. Where it
-        asks about places, only what lies there, and no outline unless it needs one. Raises
+        asks about places, only what lies there, without an outline where the ego says so. Raises
         PerceptionError where it asks about places and does not say where it is.
         """
         cloud = clean_points(points)

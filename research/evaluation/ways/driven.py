@@ -35,7 +35,7 @@ DEFAULT, EVERYONE, SINGLE_RATE = "coverage", "static-early", "coverage at 10 Hz"
 PLAIN = "coverage, no places asked about"
 NO_MEMORY = ", objects not remembered"
 RULES = ("everybody whole 1 Hz with places", "everybody whole 2 Hz with places")
-"""The simplest that the same means allow: the same of all, whatever the link."""
+"""The simplest that ask about places, too: the same of all, whatever the link."""
 CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, *RULES, RANDOM)
 MADE_FROM = (
     "ego_agent", "network_controller", "perception", "research/evaluation", "sensing", "swarm",
@@ -49,10 +49,10 @@ class Policy:
 
     name: str
     decided: Decided | None
-    """None: it is always the same."""
+    """None: always the same is asked for."""
     memory: bool = True
     forms: tuple[tuple[str, float], ...] = ()
-    """What is always the same: see `Way`. None: nobody is asked."""
+    """What always is, as in `Way`."""
     places_hz: float = 0.0
 
 

@@ -41,7 +41,7 @@ def places_by_frame(
     """Who is asked about which places in each frame of a drive, as an ego does: none of whom it has
     not got a whole scan yet, and nobody where nothing is remembered. `whole`: who is asked for
     everything in each frame, `about`: who would be about places. By what is remembered where
-    everything arrives: what does not hardly changes where objects are.
+    everything arrives: what does not hardly changes where objects are, or what poses are off by.
     """
     world = driven.world
     memory = Memory(configuration(world.detector).usual_speed_m_s)
@@ -52,11 +52,10 @@ def places_by_frame(
         here = world.pose(driven.ego, frame).matrix()
         enough = len(known) == LAG_FRAMES
         places = places_of(known[0], LAG_FRAMES / world.rate_hz, here) if enough else b""
-        only = {
-            robot: Focus(places, driven.knows_pose(robot, frame))
-            for robot in about[number]
-            if places and robot in shown
-        }
+        robots = [robot for robot in about[number] if places and robot in shown]
+        asked = (*whole[number], *robots)
+        without_outline = all(driven.knows_pose(robot, frame) for robot in asked)
+        only = dict.fromkeys(robots, Focus(places, without_outline))
         found.append(only)
         forms = {robot: about[number][robot] for robot in only}
         fused = driven.fused(frame, {**whole[number], **forms}, max_error_m, only)

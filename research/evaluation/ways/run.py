@@ -31,7 +31,7 @@ OURS = "early-1hz-places"
 """The fixed way that a fifth of the bytes was asked of; what an ego chooses by itself, at the usual
 prices of bytes and compute, is measured by `driven` and by `narrow`."""
 EVERYONE = "early-10hz-no-memory"
-"""What others are compared with: everybody's points in every frame, each frame by itself."""
+"""What others are compared with: everybody's points in every frame, no objects remembered."""
 RULED = ETSI, MITIGATED = ("etsi", "etsi-mitigated")
 """The standard's messages, by its generation rules; without and with redundancy mitigation."""
 TRACKING = ("mota", "idf1", "gospa_m", "identity_switches_per_track_minute")

@@ -178,7 +178,9 @@ def test_a_robot_that_is_ten_times_slower_takes_nothing_from_the_others(
         "R2 is in every frame that it was asked for",
     )
     # Where the machine is busy, R2 may owe answers of its own, and is not asked meanwhile.
-    assert {d.missing_kinds["R2"] for d in heard.all if "R2" in d.missing} <= {"busy"}
+    without = [d.missing_kinds["R2"] for d in heard.all if "R2" in d.missing]
+    assert set(without) <= {"busy"}
+    assert len(without) < asked["R2"] / 4
 
 
 def test_a_robot_that_is_late_is_not_asked_again_before_it_has_answered(

@@ -43,7 +43,7 @@ def test_ap_of_a_recording_is_that_of_the_recorded_frames(
     lines = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
     assert float(lines["ap_50"]) == told["ap_50"]
     for label, of_class in classes.items():
-        assert f"ap_70 {of_class['ap_70']}" in lines[label]
+        assert f"ap_70 {of_class['ap_70']}  " in lines[label]
 
 
 @pytest.mark.stumble(

@@ -13,8 +13,8 @@ from perception.fusion.alignment import Estimate
 from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.registry import make_fusion
-from perception.jumps import FASTEST_M_S
-from perception.memory.poses import FORGOTTEN_S, MOST_SENDERS, SENDER_JUMP_M, PoseMemory
+from perception.jumps import JUMP_M
+from perception.memory.poses import AGAIN, FORGOTTEN_S, MOST_SENDERS, PoseMemory
 from swarm.geometry import Matrix, Pose, invert
 from worlds.cooperative.fusing import disturbed
 from worlds.factory.world import FactoryWorld
@@ -121,13 +121,21 @@ def test_an_error_that_lasts_is_known_until_it_was_not_seen_for_a_second(error: 
     assert not swarm.memory.knows("R3", last_s)
 
 
-def test_an_error_that_is_anew_is_not_known_until_it_has_lasted() -> None:
+@pytest.mark.parametrize("other", [-ERROR, RIGHT], ids=["opposite", "none"])
+def test_an_error_that_is_anew_is_not_known_until_it_has_lasted(other: Floats) -> None:
     swarm = Swarm()
     swarm.drive(lambda _: ERROR)
-    swarm.drive(lambda _: -ERROR, first=FRAMES, frames=1)
-    assert not swarm.memory.knows("R2", FRAMES / 10.0)
-    swarm.drive(lambda _: -ERROR, first=FRAMES + 1)
+    for number in range(FRAMES, FRAMES + AGAIN):
+        swarm.frame(number / 10.0, other)
+        assert not swarm.memory.knows("R2", number / 10.0)
+    swarm.drive(lambda _: other, first=FRAMES + AGAIN)
     assert swarm.memory.knows("R2", 2 * FRAMES / 10.0)
+
+
+def test_a_clock_that_is_put_back_leaves_nothing_known() -> None:
+    swarm = Swarm()
+    swarm.drive(lambda _: ERROR)
+    assert not swarm.memory.knows("R2", FRAMES / 10.0 - 5.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -167,9 +175,14 @@ def test_a_sender_that_vanishes_for_three_seconds_is_known_when_it_is_back() -> 
     assert off(known, ERROR) < 0.1
 
 
-def test_a_sender_that_was_not_heard_for_long_is_estimated_anew() -> None:
+@pytest.mark.parametrize("heard", [False, True], ids=["silent", "shows nothing"])
+def test_a_sender_of_which_nothing_was_shown_for_long_is_estimated_anew(heard: bool) -> None:
     swarm = Swarm()
     swarm.drive(lambda _: ERROR)
+    for second in range(round(FORGOTTEN_S) if heard else 0):
+        now_s = FRAMES / 10.0 + second
+        now = swarm.memory.at(now_s, now_s, swarm.own)
+        now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
     then_s = FRAMES / 10.0 + FORGOTTEN_S + 1.0
     then = swarm.memory.at(then_s, then_s, swarm.own)
     shown = Estimate(RIGHT, COVARIANCE, 0.0)
@@ -180,7 +193,7 @@ def test_a_sender_that_was_not_heard_for_long_is_estimated_anew() -> None:
 def test_what_was_known_is_dropped_when_a_pose_jumps(who: str) -> None:
     swarm = Swarm()
     swarm.drive(lambda _: ERROR)
-    moved = Pose(0.0, -(SENDER_JUMP_M + 1.0 + FASTEST_M_S * 0.1), 0.0).matrix()
+    moved = Pose(0.0, -(JUMP_M + 0.5), 0.0).matrix()
     setattr(swarm, who, moved @ getattr(swarm, who))
     now = swarm.memory.at(FRAMES / 10.0, FRAMES / 10.0, swarm.own)
     shown = Estimate(RIGHT, COVARIANCE, 0.0)
