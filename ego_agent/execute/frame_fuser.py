@@ -19,6 +19,7 @@ from perception.fusion.known import KnownRobot, seen_at
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.publishing import operating_point, publish
 from perception.memory.memory import Frame, Remembered, View
+from perception.memory.poses import PoseMemory
 from perception.memory.remembering import remember, suspected
 from perception.memory.reprocessing import ReprocessingMemory
 from perception.types import Boxes
@@ -94,9 +95,10 @@ class FrameFuser:
         detector: str,
         known: KnownRobots,
         memory: ReprocessingMemory | None,
+        poses: PoseMemory | None,
     ) -> None:
         """`knowledge` learns what fusing costs. `detector`: the world's. `known`: of whom beacons
-        tell. `memory`: of objects."""
+        tell. `memory`: of objects. `poses`: by what poses are off."""
         self._ego = ego
         self._fusions = fusions
         self._knowledge = knowledge
@@ -104,6 +106,7 @@ class FrameFuser:
         self._detector = detector
         self._known = known
         self._memory = memory
+        self._poses = poses
         self._recent: deque[_Fused] = deque(maxlen=RECENT)
         self._corrections: dict[str, Matrix] = {}
         """By what each participant's pose was put right last, 4 x 4 in the world frame."""
@@ -151,7 +154,7 @@ class FrameFuser:
         self._recent.append(_Fused(frame, taken, corrections))
         self._corrections |= corrections
         judged_as = self._judged_as(frame, used)
-        known = seen_at(self._known.at(own.capture_ns), corrections)
+        known = self._known_at(own, corrections)
         believed = _believed(known, frame)
         boxes = publish(found, self._detector, judged_as, len(used), believed)
         clouds[self._ego] = (own.points, own.world_from_sensor)
@@ -218,7 +221,7 @@ class FrameFuser:
             return 0
         try:
             found, views = gathering.finish(), gathering.sent_points()
-            known = seen_at(self._known.at(own.capture_ns), gathering.corrections())
+            known = self._known_at(own, gathering.corrections())
         except Exception as error:
             self._fault(error, own)
             return 0
@@ -229,6 +232,13 @@ class FrameFuser:
         believed = _believed(known, frame)
         self._remembered(frame, judged_as, found, frozenset(used), believed, views)
         return count
+
+    def _known_at(self, own: OwnFrame, corrections: Mapping[str, Matrix]) -> tuple[KnownRobot, ...]:
+        """Robots of which beacons tell, where a frame and those before it show them to be."""
+        told = self._known.at(own.capture_ns)
+        if self._poses is None:
+            return seen_at(told, corrections)
+        return self._poses.put_right(told, corrections, own.capture_ns * 1e-9)
 
     def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
         """Whose calibration the scores of a frame have to which these robots contributed."""

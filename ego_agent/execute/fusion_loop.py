@@ -92,7 +92,14 @@ class FusionLoop:
         self._motion = motion
         self._poses = poses
         self._fuser = FrameFuser(
-            ego, fusions, asker.knowledge, log, detector=detector, known=known, memory=memory
+            ego,
+            fusions,
+            asker.knowledge,
+            log,
+            detector=detector,
+            known=known,
+            memory=memory,
+            poses=poses,
         )
         self._tally = tally
         self._log = log

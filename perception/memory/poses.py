@@ -14,6 +14,7 @@ estimated anew at once, and poses that err anew in each frame are believed frame
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,6 +28,7 @@ from perception.fusion.alignment import (
     correction,
     small,
 )
+from perception.fusion.known import KnownRobot, seen_at
 from perception.jumps import Whereabouts
 from swarm.geometry import Matrix, yaw_of
 
@@ -51,7 +53,7 @@ DOUBT = 0.15
 were set on floors of the seeds from 1,780,000 on."""
 SURE = 4.0
 """By how much the log likelihood of an error must exceed that of none."""
-SELDOM, AGAIN = 0.1, 3
+SELDOM, AGAIN = 0.15, 3
 """An error lasts that is anew in a smaller part of the frames, and was shown so often since it was
 anew."""
 KNOWN = np.square(np.array([0.1, 0.1, math.radians(0.2)]) / UNIT)
@@ -119,8 +121,11 @@ class _Sender:
         """Whether its error lasts, and is known well enough at that time."""
         # The steady clock of captures may have been put back: then it is not known, either.
         variances = np.diag(self.covariance) + WANDERS * abs(time_s - self.time_s)
-        lasts = self.lasted >= AGAIN and self.anew < SELDOM * self.frames
-        return lasts and bool((variances < KNOWN).all())
+        return self.lasts() and bool((variances < KNOWN).all())
+
+    def lasts(self) -> bool:
+        """Whether its error is the same in most frames, and was of late."""
+        return self.lasted >= AGAIN and self.anew < SELDOM * self.frames
 
 
 class PoseMemory:
@@ -145,6 +150,19 @@ class PoseMemory:
         its outline. Any thread may ask."""
         one = self._senders.get(robot)
         return one is not None and one.known(time_s)
+
+    def put_right(
+        self, known: Sequence[KnownRobot], corrections: Mapping[str, Matrix], time_s: float
+    ) -> tuple[KnownRobot, ...]:
+        """Known robots in the world frame where they are: by a frame's corrections, 4 x 4 in the
+        world frame, and whom it does not show by its error, where that lasts."""
+        remembered = {}
+        for one in known:
+            sender = self._senders.get(one.robot)
+            if sender is not None and sender.lasts() and time_s - sender.shown_s <= FORGOTTEN_S:
+                stands = one.here_from_sensor[:2, 3]
+                remembered[one.robot] = correction(sender.told, stands)
+        return seen_at(known, {**remembered, **corrections})
 
     def follow(self, time_s: float, world_from_own: Matrix) -> None:
         """Forgets everything where the ego, which stands there at that time, has jumped, or its

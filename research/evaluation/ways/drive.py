@@ -10,7 +10,7 @@ from types import MappingProxyType
 from ego_agent.knowledge.objective import Objective
 from perception.codec.places import Places
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
-from perception.fusion.known import KnownRobot, seen_at
+from perception.fusion.known import KnownRobot
 from perception.fusion.mixed import Mixed, scored_by
 from perception.fusion.registry import make_fusion
 from perception.memory.memory import View
@@ -180,8 +180,8 @@ class Driven:
         forms = {name: self.fusion(name) for name in dict.fromkeys(asked.values())}
         here = own.pose.matrix()
         gathering = Mixed(forms or {"early": self.fusion("early")}).begin(own.points, here)
+        now_s = frame / self.world.rate_hz
         if self.drive.pose_memory:
-            now_s = frame / self.world.rate_hz
             gathering.remembered = self._poses.at(now_s, now_s, here)
         sizes: dict[str, int] = {}
         helpers: set[str] = set()
@@ -206,7 +206,7 @@ class Driven:
             _scored_as([asked[robot] for robot in sorted(helpers)]),
             frozenset(helpers),
             sizes,
-            seen_at(known, gathering.corrections()),
+            self._poses.put_right(known, gathering.corrections(), now_s),
             views,
             here,
             focused,

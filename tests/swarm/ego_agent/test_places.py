@@ -15,7 +15,7 @@ from perception.fusion.alignment import Estimate
 from perception.fusion.base import Contribution, Gathering
 from perception.types import clean_points
 from swarm.geometry import Matrix, Points, invert, transform
-from swarm.messages import Assignment, Observation, ObservationRequest
+from swarm.messages import Assignment, Beacon, Observation, ObservationRequest
 from swarm.session import Session
 from tests.support.ego_hall import (  # noqa: F401
     CrateClouds,
@@ -31,6 +31,7 @@ from tests.support.ego_hall import (  # noqa: F401
     observation,
 )
 from tests.support.ego_swarm import Swarm
+from tests.support.message_samples import SAMPLES
 
 WHOLE, PLACES = 0, 4
 """Numbers of frames, of ten, to which R2 sends a whole scan, and what is in places."""
@@ -45,8 +46,13 @@ class Focusing(Crates):
         return Laid(own, world_from_own)
 
 
+BEACON = next(sample for sample in SAMPLES if isinstance(sample, Beacon))
+ERROR_M = 0.3
+
+
 class Laid(CrateClouds):
-    """Senders are laid over what the ego sees, and found to stand where they say."""
+    """Senders are laid over what the ego sees, and found to stand so far along its x from where
+    they say."""
 
     def __init__(self, own: Points, world_from_own: Matrix) -> None:
         super().__init__(transform(world_from_own, clean_points(own)))
@@ -57,7 +63,8 @@ class Laid(CrateClouds):
         assert self.remembered is not None
         there = self.own_from_world @ contribution.world_from_sensor
         clear = np.diag(np.square([0.03, 0.03, 0.002]))
-        self.remembered.corrected(contribution.robot, there, Estimate(np.zeros(3), clear, 0.0))
+        shown = Estimate(np.array([ERROR_M, 0.0, 0.0]), clear, 100.0)
+        self.remembered.corrected(contribution.robot, there, shown)
 
 
 @pytest.fixture(name="ego")
@@ -135,6 +142,22 @@ def test_whose_pose_is_known_is_asked_about_places_without_an_outline(
         ego.fuse("R2")
     fused_in_turn(ego)
     assert (bool(asked[-1].demand), asked[-1].without_outline) == (True, True)
+
+
+def test_a_robot_is_shown_where_frames_before_have_put_it(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    for _ in range(8):
+        ego.fuse("R2")
+    own = ego.own()
+    beacon = msgspec.structs.replace(
+        BEACON, robot="R2", pose=(9.0, 3.0, 1.2, 0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0),
+        capture_ns=own.capture_ns, sent_ns=time.time_ns(), body=None,
+    )  # fmt: skip
+    ego.monitor.on_beacon(beacon)
+    (known,) = ego.loop.fuse(decision(), own).known
+    assert known.here_from_sensor[:2, 3] == pytest.approx([9.0 + ERROR_M, 3.0], abs=0.05)
 
 
 def test_whose_whole_scan_is_refused_is_not_asked_about_places(

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from perception.fusion.alignment import Estimate
 from perception.fusion.base import Contribution, EncodeOptions
 from perception.fusion.compensation import MotionCompensation, OwnScan
+from perception.fusion.known import KnownRobot
 from perception.fusion.registry import make_fusion
 from perception.jumps import JUMP_M
 from perception.memory.poses import AGAIN, FORGOTTEN_S, MOST_SENDERS, PoseMemory
+from swarm.body import Body
 from swarm.geometry import Matrix, Pose, invert
 from worlds.cooperative.fusing import disturbed
 from worlds.factory.world import FactoryWorld
@@ -119,6 +121,24 @@ def test_an_error_that_lasts_is_known_until_it_was_not_seen_for_a_second(error: 
     assert swarm.memory.knows("R2", last_s + 0.5)
     assert not swarm.memory.knows("R2", last_s + 1.1)
     assert not swarm.memory.knows("R3", last_s)
+
+
+def test_known_robots_are_put_where_an_error_that_lasts_was_shown() -> None:
+    swarm = Swarm()
+    swarm.drive(lambda _: ERROR)
+    elsewhere = Pose(12.0, 7.0, 0.0, yaw=-0.5).matrix()
+    body = Body(label="robot", size=(1.0, 0.6, 0.5), center=(0.0, 0.0, 0.0))
+    known = [KnownRobot(name, body, elsewhere) for name in ("R2", "R3")]
+    last_s = (FRAMES - 1) / 10.0
+    one, other = swarm.memory.put_right(known, {}, last_s + 5.0)
+    moved = one.here_from_sensor[:2, 3] - elsewhere[:2, 3]
+    assert moved == pytest.approx(ERROR[:2], abs=0.02)
+    assert (other.here_from_sensor == elsewhere).all()
+    # What the frame itself shows counts before that.
+    one, _ = swarm.memory.put_right(known, {"R2": np.eye(4)}, last_s + 0.1)
+    assert (one.here_from_sensor == elsewhere).all()
+    one, _ = swarm.memory.put_right(known, {}, last_s + FORGOTTEN_S + 1.0)
+    assert (one.here_from_sensor == elsewhere).all()
 
 
 @pytest.mark.parametrize("other", [-ERROR, RIGHT], ids=["opposite", "none"])
