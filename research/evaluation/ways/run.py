@@ -23,7 +23,7 @@ from research.training.plans import TEST_SEEDS
 from swarm.errors import EvaluationError
 from swarm.files import write_whole
 
-WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 950_000)
+WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 940_000)
 """Floors that nothing was trained, fitted or set on."""
 FRAMES = 60
 ROBOTS = 6
