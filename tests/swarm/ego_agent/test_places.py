@@ -18,6 +18,7 @@ from swarm.geometry import Matrix, Points, invert, transform
 from swarm.messages import Assignment, Beacon, Observation, ObservationRequest
 from swarm.session import Session
 from tests.support.ego_hall import (  # noqa: F401
+    Answer,
     CrateClouds,
     Crates,
     Ego,
@@ -73,6 +74,16 @@ def an_ego(swarm: Swarm, hall: Hall) -> Iterator[Ego]:
         yield Ego(session, hall, {"early": Focusing("early")})
 
 
+def noting(answer: Answer, asked: list[ObservationRequest]) -> Answer:
+    """The answer, which notes what was asked."""
+
+    def noted(request: ObservationRequest) -> Observation:
+        asked.append(request)
+        return answer(request)
+
+    return noted
+
+
 def fused(ego: Ego, number: int) -> FrameResult:
     """The next frame of that number, of ten; R2 sends once a second, with places in between."""
     sends = Assignment(robot="R2", algorithm="early", rate_hz=1.0, places_hz=5.0)
@@ -100,13 +111,7 @@ def test_who_has_sent_a_whole_scan_is_asked_about_the_places_of_what_it_showed(
     ego: Ego, hall: Hall, robot: RobotStarter
 ) -> None:
     asked: list[ObservationRequest] = []
-    answer = honest(hall, "R2")
-
-    def noting(request: ObservationRequest) -> Observation:
-        asked.append(request)
-        return answer(request)
-
-    robot("R2", noting)
+    robot("R2", noting(honest(hall, "R2"), asked))
     # Whether it stands where it says is not known yet.
     assert fused(ego, PLACES).round.questions == {}
     whole = fused(ego, WHOLE)
@@ -128,13 +133,7 @@ def test_whose_pose_is_known_is_asked_about_places_without_an_outline(
     ego: Ego, hall: Hall, robot: RobotStarter
 ) -> None:
     asked: list[ObservationRequest] = []
-    answer = honest(hall, "R2")
-
-    def noting(request: ObservationRequest) -> Observation:
-        asked.append(request)
-        return answer(request)
-
-    robot("R2", noting)
+    robot("R2", noting(honest(hall, "R2"), asked))
     fused_in_turn(ego)
     found = [(bool(request.demand), request.without_outline) for request in asked]
     assert found[-2:] == [(False, False), (True, False)]
