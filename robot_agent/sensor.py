@@ -85,9 +85,10 @@ class Sensor:
         self._last = None
 
     def next_frame_in_s(self) -> float:
-        """Seconds until a frame is captured that was not taken yet; 0 when it is there."""
+        """Seconds until a frame is captured that was not taken yet; 0 when it is there. At most
+        what one frame takes: the clock may have been put back since the last one was taken."""
         due = capture_ns(self._epoch_ns, self._world.rate_hz, (self._last or 0) + 1)
-        return max(0.0, (due - time.time_ns()) / 1e9)
+        return max(0.0, min(1.0 / self._world.rate_hz, (due - time.time_ns()) / 1e9))
 
 
 def checked(scan: Scan) -> Scan:

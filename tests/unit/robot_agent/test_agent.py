@@ -199,6 +199,17 @@ def test_a_clock_that_is_off_shifts_all_times_of_the_robot_but_not_its_frames() 
         robot.agent.observe(request(capture_ns=beacon.capture_ns - 100_000_000_000))
 
 
+def test_a_robot_whose_clock_is_put_back_waits_for_one_frame_at_most(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot = sensed()
+    now_ns = time.time_ns()
+    monkeypatch.setattr("robot_agent.sensor.time.time_ns", lambda: now_ns - 86_400 * 10**9)
+    assert 0.0 < robot.agent.sensor.next_frame_in_s() <= 0.1
+    monkeypatch.setattr("robot_agent.sensor.time.time_ns", lambda: now_ns + 86_400 * 10**9)
+    assert robot.agent.sensor.next_frame_in_s() == 0.0
+
+
 def test_before_the_first_frame_there_is_no_beacon_no_scene_and_a_clear_refusal() -> None:
     robot = Robot(ChosenWorld())
     assert robot.agent.beacon() is None
