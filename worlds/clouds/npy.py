@@ -32,7 +32,7 @@ def read_npy(path: Path) -> NDArray[Any]:
             _check_size(file)
             file.seek(0)
             array: NDArray[Any] = npy.read_array(file, allow_pickle=False)
-    except (EOFError, SyntaxError, TokenError) as error:
+    except (EOFError, OverflowError, SyntaxError, TokenError) as error:
         # NumPy reads a header as Python's text, and lets some of that reader's errors through.
         raise ValueError(f"its header is malformed: {error}") from error
     except MemoryError as error:

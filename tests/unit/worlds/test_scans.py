@@ -160,6 +160,11 @@ def test_a_cloud_without_x_is_told_with_its_fields_and_what_is_needed(
         ("a.npy", npy_header("{'descr': '<f4', 'shape': (2, 3), ("), "header is malformed"),
         (
             "a.npy",
+            npy_header(f"{{'descr': '<f4', 'fortran_order': False, 'shape': (0, {10**40}), }}"),
+            "header is malformed",
+        ),
+        (
+            "a.npy",
             npy_header("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999, 3), }"),
             "it announces an array of",
         ),
