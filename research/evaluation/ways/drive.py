@@ -20,7 +20,7 @@ from research.evaluation.splits import nearest_first
 from research.evaluation.windows.announcements import Announced, heard
 from research.evaluation.windows.frames import OnceWorld
 from swarm.errors import PerceptionError
-from swarm.geometry import Matrix, Points
+from swarm.geometry import Matrix
 from worlds.base import World
 from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
 from worlds.registry import open_world
@@ -152,21 +152,14 @@ class Driven:
     ) -> int:
         """Bytes that the robot sends, with those of asking for it; `focus`: what it is asked
         about, where not about everything."""
-        own = self.world.scan(self.ego, frame).points
-        return self._payload(frame, robot, name, max_error_m, focus, own)[1]
+        return self._payload(frame, robot, name, max_error_m, focus)[1]
 
     def _payload(
-        self,
-        frame: int,
-        robot: str,
-        name: str,
-        max_error_m: float,
-        focus: Focus | None,
-        own: Points,
+        self, frame: int, robot: str, name: str, max_error_m: float, focus: Focus | None
     ) -> tuple[Contribution, int]:
         key = (frame, robot, name, max_error_m, focus)
         if key not in self._payloads:
-            self._payloads[key] = self._encoded(frame, robot, name, max_error_m, focus, own)
+            self._payloads[key] = self._encoded(*key)
         return self._payloads[key]
 
     def _fuse(
@@ -187,7 +180,7 @@ class Driven:
         helpers: set[str] = set()
         for robot, name in asked.items():
             contribution, sizes[robot] = self._payload(
-                frame, robot, name, max_error_m, places.get(robot), own.points
+                frame, robot, name, max_error_m, places.get(robot)
             )
             try:
                 gathering.add(contribution)
@@ -214,18 +207,12 @@ class Driven:
         )
 
     def _encoded(
-        self,
-        frame: int,
-        robot: str,
-        name: str,
-        max_error_m: float,
-        focus: Focus | None,
-        own: Points,
+        self, frame: int, robot: str, name: str, max_error_m: float, focus: Focus | None
     ) -> tuple[Contribution, int]:
         """What the robot sends, and the bytes of that and of asking for it."""
         fusion, scan = self.fusion(name), self.world.scan(robot, frame)
-        here = self.world.pose(self.ego, frame).matrix()
-        ask = fusion.begin(own, here).ask()
+        own, here = self.world.scan(self.ego, frame), self.world.pose(self.ego, frame)
+        ask = fusion.begin(own.points, here.matrix()).ask()
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         pose = disturbed(scan.pose, robot, frame, *noise)
         if focus is not None:
