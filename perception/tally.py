@@ -41,6 +41,10 @@ class Precision:
     frames: int
     ground_truth: int
 
+    def figures(self, *names: str) -> dict[str, float]:
+        """These, or all, by name, rounded to four digits."""
+        return {name: round(getattr(self, name), 4) for name in names or self.__slots__}
+
 
 @dataclass(slots=True)
 class Tally:

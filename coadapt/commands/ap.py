@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import asdict
 from typing import Any
 
 from coadapt.arguments import add_recorded_fusion, chosen_fusion, recorded_data
@@ -63,9 +62,9 @@ def run(args: argparse.Namespace) -> int:
         remembered=args.tracks,
         rate_hz=args.rate,
     )
-    figures = _rounded(asdict(tally.precision(per_frame=args.per_frame)))
+    figures = tally.precision(per_frame=args.per_frame).figures()
     classes = {
-        label: _rounded({name: getattr(one, name) for name in CLASS_KEYS})
+        label: one.figures(*CLASS_KEYS)
         for label, one in tally.classes(per_frame=args.per_frame).items()
     }
     if args.json:
@@ -76,7 +75,3 @@ def run(args: argparse.Namespace) -> int:
     for label, of_class in classes.items():
         print(f"{label:22} " + "  ".join(f"{name} {value}" for name, value in of_class.items()))
     return 0
-
-
-def _rounded(figures: dict[str, float]) -> dict[str, float]:
-    return {name: round(value, 4) for name, value in figures.items()}

@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 from perception.detector.weight_files import has_weights
 from perception.fusion.base import Fusion
 from perception.fusion.registry import fusion_names, make_fusion
-from perception.tally import CLASS_KEYS, Precision, Tally
+from perception.tally import CLASS_KEYS, Tally
 from research.evaluation.machine import machine_facts
 from research.evaluation.result_store import ResultStore
 from research.evaluation.sharing import RememberingFusion
@@ -210,19 +210,11 @@ def _row(world: str, case: Case, tally: Tally) -> dict[str, Any]:
         "pose_sigma_m": case.disturbance.pose_noise_m,
         "delay_s": case.disturbance.delay_s,
         "corrected": case.corrected,
-        **_rounded(asdict(tally.precision())),
-        "per_frame": _rounded({name: getattr(per_frame, name) for name in AP_KEYS}),
-        "classes": {label: _of_class(one) for label, one in tally.classes().items()},
+        **tally.precision().figures(),
+        "per_frame": per_frame.figures(*AP_KEYS),
+        "classes": {label: one.figures(*CLASS_KEYS) for label, one in tally.classes().items()},
         "detector": "learned" if has_weights(DETECTORS[world]) else "clustered",
     }
-
-
-def _of_class(precision: Precision) -> dict[str, float]:
-    return _rounded({name: getattr(precision, name) for name in CLASS_KEYS})
-
-
-def _rounded(figures: dict[str, float]) -> dict[str, float]:
-    return {name: round(value, 4) for name, value in figures.items()}
 
 
 def _write(

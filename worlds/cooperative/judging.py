@@ -8,9 +8,9 @@ import numpy as np
 
 from perception.boxes import iou_bev
 from perception.fusion.base import Fusion
-from perception.fusion.known import bodies
+from perception.fusion.known import KnownRobot, bodies
 from perception.fusion.registry import fusion_names
-from perception.tally import Precision, Tally
+from perception.tally import Tally
 from perception.types import Boxes
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix, invert
@@ -25,27 +25,6 @@ MIN_VISIBLE_POINTS = 5
 """True boxes with fewer points in all scans together do not count, found or not."""
 IGNORED_IOU = 0.3
 """A detected box that overlaps such a true box this much is neither right nor wrong."""
-
-
-def evaluate(
-    world: World,
-    algorithm: str | Fusion,
-    ego: str,
-    disturbance: Disturbance | None = None,
-    frames: Sequence[int] | None = None,
-    *,
-    per_frame: bool = False,
-    remembered: bool = False,
-    rate_hz: float | None = None,
-) -> Precision:
-    """AP of one algorithm with all robots taking part, seen from one ego: see `tallied`.
-
-    `per_frame` ranks as OpenCOOD does (perception.metrics).
-    """
-    tally = tallied(
-        world, algorithm, ego, disturbance, frames, remembered=remembered, rate_hz=rate_hz
-    )
-    return tally.precision(per_frame=per_frame)
 
 
 def tallied(
@@ -84,12 +63,19 @@ def tallied(
 
 def add_frame(tally: Tally, world: World, frame: int, ego: str, fused: Fused) -> None:
     """Adds a fused frame: its objects, and beside them all that is known with the robots."""
-    told = Boxes.concatenate([bodies(fused.known), fused.boxes])
     tally.add(
         *judge(world, frame, ego, fused.boxes),
         fused.bytes.values(),
-        with_known=judge(world, frame, ego, told, robots=True),
+        with_known=judge_with_known(world, frame, ego, fused.boxes, fused.known),
     )
+
+
+def judge_with_known(
+    world: World, frame: int, ego: str, boxes: Boxes, known: Sequence[KnownRobot]
+) -> tuple[Boxes, Boxes]:
+    """As `judge`, with known robots among what is found, and robots among what is true."""
+    told = Boxes.concatenate([bodies(known), boxes])
+    return judge(world, frame, ego, told, robots=True)
 
 
 def judge(

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.detector.config import configuration
-from perception.fusion.known import bodies
 from perception.fusion.publishing import publish
 from perception.memory.memory import Memory
 from perception.memory.reprocessing import ReprocessingMemory
@@ -23,7 +22,7 @@ from research.evaluation.ways.remembered import taken
 from research.evaluation.ways.tracking import NEAR_M, Following
 from research.evaluation.ways.way import Way
 from worlds.base import World
-from worlds.cooperative.judging import judge
+from worlds.cooperative.judging import judge, judge_with_known
 
 SETTLED_FRAMES = 10
 """From the first that counts: a memory begins empty."""
@@ -114,8 +113,7 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
         if not settled:
             continue
         found, truth = judge(world, frame, driven.ego, told)
-        everything = Boxes.concatenate([bodies(fused.known), told])
-        with_known = judge(world, frame, driven.ego, everything, robots=True)
+        with_known = judge_with_known(world, frame, driven.ego, told, fused.known)
         measured.tally.add(found, truth, now.sizes, with_known)
         measured.bytes += sum(now.sizes)
         measured.wanted_bytes += now.wanted_bytes

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from perception.fusion.base import Fusion
-from perception.fusion.known import bodies
 from perception.metrics import Match, match
-from perception.types import Boxes
 from research.evaluation.windows.choice import Choice
 from worlds.base import World
 from worlds.cooperative.fusing import Disturbance, fuse_frame
-from worlds.cooperative.judging import judge
+from worlds.cooperative.judging import judge, judge_with_known
 
 IOUS = (0.3, 0.5, 0.7)
 
@@ -48,10 +46,10 @@ def fused_frame(
     noise = Disturbance(pose_noise_m=pose_noise_m)
     fused = fuse_frame(world, frame, ego, participants, fusion, noise)
     found, truth = judge(world, frame, ego, fused.boxes)
-    told = Boxes.concatenate([bodies(fused.known), fused.boxes])
+    with_known = judge_with_known(world, frame, ego, fused.boxes, fused.known)
     return FusedFrame(
         tuple(match(found, truth, iou) for iou in IOUS),
-        match(*judge(world, frame, ego, told, robots=True), IOUS[-1]),
+        match(*with_known, IOUS[-1]),
         fused.bytes,
     )
 

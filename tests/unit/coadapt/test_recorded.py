@@ -12,7 +12,7 @@ from coadapt.recorded import open_recorded
 from swarm.errors import WorldError
 from tests.support.plain_scans import plain_scans
 from tests.support.recording_files import write_recording
-from worlds.cooperative.judging import evaluate
+from worlds.cooperative.judging import tallied
 from worlds.factory.world import FactoryWorld
 
 NUMBERS = (40, 42, 46)
@@ -32,7 +32,7 @@ def test_ap_of_a_recording_is_that_of_the_recorded_frames(
     assert main(["ap", str(recording), "--algorithm", "early", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     world = FactoryWorld(robots=3, rings=16)
-    expected = evaluate(world, "early", "R1", frames=NUMBERS)
+    expected = tallied(world, "early", "R1", frames=NUMBERS).precision()
     assert told["frames"] == 3, "a frame that stands in for a missing one is not judged"
     assert told["ground_truth"] == expected.ground_truth > 0
     assert told["ap_50"] == pytest.approx(expected.ap_50, abs=1e-4)

@@ -24,7 +24,7 @@ from swarm.errors import PerceptionError
 from swarm.geometry import Points, Pose, invert, transform
 from tests.unit.perception.test_boxes import make
 from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
-from worlds.cooperative.judging import evaluate
+from worlds.cooperative.judging import tallied
 from worlds.opv2v.world import Opv2vWorld
 
 CLUSTERED = {"early": EarlyFusion(Clustered("road")), "late": LateFusion(Clustered("road"))}
@@ -158,7 +158,8 @@ def world(opv2v_dir: Path) -> Opv2vWorld:
 def test_on_real_frames_two_vehicles_find_more_than_one(world: Opv2vWorld) -> None:
     frames = range(0, 16, 3)
     single, late, early = (
-        evaluate(world, name, "302", frames=frames).ap_50 for name in (SINGLE, "late", "early")
+        tallied(world, name, "302", frames=frames).precision().ap_50
+        for name in (SINGLE, "late", "early")
     )
     assert single + 0.03 < min(late, early)
     assert early > 0.97
@@ -166,10 +167,11 @@ def test_on_real_frames_two_vehicles_find_more_than_one(world: Opv2vWorld) -> No
 
 def test_noise_on_poses_costs_precision_and_repeats_exactly(world: Opv2vWorld) -> None:
     noisy = [
-        evaluate(world, "early", "302", Disturbance(pose_noise_m=0.6), range(4)) for _ in range(2)
+        tallied(world, "early", "302", Disturbance(pose_noise_m=0.6), range(4)).precision()
+        for _ in range(2)
     ]
     assert noisy[0] == noisy[1]
-    assert noisy[0].ap_70 < evaluate(world, "early", "302", frames=range(4)).ap_70
+    assert noisy[0].ap_70 < tallied(world, "early", "302", frames=range(4)).precision().ap_70
 
 
 def test_payload_bytes_are_those_of_the_senders(world: Opv2vWorld) -> None:

@@ -14,7 +14,7 @@ from research.evaluation.uncoded import UncodedEarly
 from swarm.errors import PerceptionError, WorldError
 from swarm.geometry import Matrix, Points
 from worlds.cooperative.fusing import SINGLE, Disturbance, fuse_frame
-from worlds.cooperative.judging import evaluate, judge
+from worlds.cooperative.judging import judge, tallied
 from worlds.factory.world import FactoryWorld
 
 NOISY = Disturbance(pose_noise_m=0.4)
@@ -80,7 +80,7 @@ def test_unknown_names_are_refused(world: FactoryWorld) -> None:
     with pytest.raises(WorldError, match="R9"):
         fuse_frame(world, 0, "R1", ["R9"], "late")
     with pytest.raises(PerceptionError, match="'magic' is not available; allowed: single, early"):
-        evaluate(world, "magic", "R1")
+        tallied(world, "magic", "R1")
 
 
 def test_uncoded_clouds_weigh_twelve_bytes_a_point_and_find_the_same(world: FactoryWorld) -> None:

@@ -44,7 +44,7 @@ from research.training.plans import TEST_SEEDS
 from swarm.errors import CoAdaptError, EvaluationError
 from swarm.messages import encode
 from worlds.cooperative.fusing import fuse_frame
-from worlds.cooperative.judging import evaluate
+from worlds.cooperative.judging import tallied
 from worlds.sample import data_folder
 
 pytestmark = pytest.mark.slow
@@ -189,7 +189,7 @@ def test_an_outcome_is_what_an_experiment_on_the_same_frames_finds() -> None:
     window = Window(SMALL, 1)
     others = tuple(robot for robot in window.world.robots if robot != window.ego)
     mine = window.outcome(Choice(others, "late"))
-    theirs = evaluate(window.world, "late", window.ego, frames=SMALL.sampled_frames(1))
+    theirs = tallied(window.world, "late", window.ego, frames=SMALL.sampled_frames(1)).precision()
     assert (mine.ap_30, mine.ap_50, mine.ap_70) == (theirs.ap_30, theirs.ap_50, theirs.ap_70)
     assert mine.ground_truth == theirs.ground_truth
     assert mine.bytes_per_frame == pytest.approx(theirs.bytes_per_robot_frame * len(others))

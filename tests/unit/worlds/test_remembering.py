@@ -9,7 +9,7 @@ import pytest
 from perception.fusion.registry import make_fusion
 from swarm.errors import PerceptionError
 from worlds.cooperative.fusing import SINGLE, Disturbance
-from worlds.cooperative.judging import evaluate
+from worlds.cooperative.judging import tallied
 from worlds.cooperative.remembering import remembered_frames
 from worlds.factory.world import FactoryWorld
 
@@ -38,8 +38,8 @@ def test_what_comes_late_is_taken_up_when_it_comes(floor: FactoryWorld) -> None:
 
 def test_memory_makes_up_for_late_contributions(floor: FactoryWorld) -> None:
     late = Disturbance(delay_s=0.5)
-    own = evaluate(floor, SINGLE, "R1", None, FRAMES, remembered=True)
-    told = evaluate(floor, "early", "R1", late, FRAMES, remembered=True)
+    own = tallied(floor, SINGLE, "R1", None, FRAMES, remembered=True).precision()
+    told = tallied(floor, "early", "R1", late, FRAMES, remembered=True).precision()
     assert told.ap_50 > own.ap_50
     assert told.frames == own.frames == len(FRAMES) - 3
 
@@ -56,7 +56,7 @@ def test_what_cannot_be_is_refused(
     floor: FactoryWorld, delay_s: float, rate_hz: float | None, said: str
 ) -> None:
     with pytest.raises(PerceptionError, match=said):
-        evaluate(
+        tallied(
             floor,
             "early",
             "R1",
@@ -64,11 +64,11 @@ def test_what_cannot_be_is_refused(
             FRAMES,
             remembered=True,
             rate_hz=rate_hz,
-        )
+        ).precision()
 
 
 def test_scores_that_nobody_calibrated_are_refused(floor: FactoryWorld) -> None:
     mine = make_fusion("late", "factory")
     mine.name = "mine"
     with pytest.raises(PerceptionError, match="'mine' finds cannot be remembered"):
-        evaluate(floor, mine, "R1", None, FRAMES, remembered=True)
+        tallied(floor, mine, "R1", None, FRAMES, remembered=True)
