@@ -113,6 +113,7 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             evidence=row,
             capacity_bps=member.capacity_bps,
             answers=learnt.of(member.robot, member.sizes) if knowledge.learns else {},
+            placed=knowledge.placing.share(member.robot) if knowledge.learns else 1.0,
             shared=member.shared,
             focused=knowledge.focused_sizes(member.robot, snapshot.now_ns),
         )

@@ -127,6 +127,7 @@ class FrameFuser:
         gathering.prepare()
         prepare_s = time.monotonic() - prepare_at
         rejected: dict[str, Missing] = {}
+        left_out: dict[str, str] = {}
         add_s = work_s = 0.0
         for contribution in done.contributions_in_turn():
             begun_at, work_begun_s = time.monotonic(), time.thread_time()
@@ -142,6 +143,8 @@ class FrameFuser:
         try:
             found, corrections = gathering.finish(), gathering.corrections()
             clouds = gathering.sent_points()
+            left_out = gathering.left_out()
+            rejected |= {robot: Missing("rejected", why) for robot, why in left_out.items()}
         except Exception as error:
             if not done.contributions:
                 raise
@@ -165,6 +168,8 @@ class FrameFuser:
         if asks and tracks is not None and self._memory is not None:
             self.suspected = Suspected(own.capture_ns * 1e-9, suspected(self._memory, believed))
         places = done.focused(done.questions)
+        for robot in {*used, *left_out} - places:
+            self._knowledge.placing.record(robot, placed=robot not in left_out)
         self.whole = (self.whole - (rejected.keys() - places)) | ({*used} - places)
         end_at = time.monotonic()
         fixed_s = prepare_s + end_at - fuse_at
@@ -216,15 +221,17 @@ class FrameFuser:
                 self._fault(error, own)
             else:
                 taken.append(contribution)
-        count = len(taken) - len(fused.used)
-        if count <= 0:
+        if len(taken) <= len(fused.used):
             return 0
         try:
             found, views = gathering.finish(), gathering.sent_points()
+            left_out = gathering.left_out()
             known = self._known_at(own, gathering.corrections())
         except Exception as error:
             self._fault(error, own)
             return 0
+        taken = [c for c in taken if c.robot not in left_out]
+        count = len(taken) - len(fused.used)
         fused.used = taken
         used = [c.robot for c in taken]
         views[self._ego] = (own.points, own.world_from_sensor)

@@ -17,6 +17,7 @@ from ego_agent.knowledge.compute import SINGLE, Work, packaged_compute
 from ego_agent.knowledge.experience import Experience
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.own_costs import OwnCosts
+from ego_agent.knowledge.placing import Placing
 from ego_agent.knowledge.quality import QualityModel, quality_of
 from ego_agent.knowledge.rates import FOCUSED, USUAL_DETECTOR, RateModel, rates_of
 from swarm.errors import DecisionError
@@ -80,6 +81,7 @@ class Knowledge:
         self.experience = Experience()
         """How long robots take to answer."""
         self.own_costs = OwnCosts()
+        self.placing = Placing()
         """What a frame takes the ego itself."""
         self.objective = objective or Objective()
         self.algorithms = tuple(dict.fromkeys(algorithms))

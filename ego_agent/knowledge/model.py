@@ -100,6 +100,8 @@ class Candidate:
     """What its own link delivers, where that is known to be less than C(t)."""
     answers: Mapping[Algorithm, AnswerTimes] = field(default_factory=dict)
     """How long its answers take, as far as anything is known."""
+    placed: float = 1.0
+    """Probability that what it sends can be laid where it belongs, as far as anything is known."""
     shared: frozenset[Algorithm] = frozenset()
     """What it sends anyway, for other egos: this one's part takes nothing of it."""
     focused: Mapping[Algorithm, int] = field(default_factory=dict)

@@ -10,6 +10,7 @@ import numpy as np
 
 from options.recordings.format import FUSED, Box, Fused, KnownBox, Vector3
 from options.recordings.world import RecordingWorld
+from perception.fusion.aligner import Known
 from perception.fusion.alignment import Estimate, correction
 from perception.fusion.known import KnownRobot
 from perception.fusion.mixed import scored_by
@@ -111,7 +112,7 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
             one.participants,
             one.algorithm,
             forms=one.forms,
-            poses=None if one.corrections is None else _Corrected(one.corrections),
+            poses=_Corrected(one.corrections),
         )
         scored_as = scored_by(one.forms.values()) if one.forms else one.algorithm
         helpers = len(one.participants) - 1
@@ -147,19 +148,27 @@ class _Corrected:
     """Senders' poses are put right by what the ego put them right by, whatever it had seen before:
     see `perception.fusion.aligner.Remembering`."""
 
-    moves: Mapping[str, Vector3]
-    """x, y and turn in the world frame; of those that were moved."""
+    moves: Mapping[str, Vector3] | None
+    """x, y and turn in the world frame; of those that were moved. None in older recordings: the
+    frame speaks for itself."""
     world_from_own: Matrix = field(default_factory=lambda: np.eye(4))
 
     def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> _Corrected:
         return replace(self, world_from_own=world_from_own)
 
-    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix:
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known | None:
+        if self.moves is None:
+            return None
         if robot not in self.moves:
-            return np.eye(4)
-        stands = (self.world_from_own @ own_from_sender)[:2, 3]
-        by = correction(np.array(self.moves[robot]), stands)
-        return invert(self.world_from_own) @ by @ self.world_from_own
+            return Known(np.eye(4), 0.0, 0.0)
+        move = np.array(self.moves[robot])
+        by = correction(move, (self.world_from_own @ own_from_sender)[:2, 3])
+        by = invert(self.world_from_own) @ by @ self.world_from_own
+        return Known(by, 0.0, float(np.hypot(*move[:2])))
+
+    def usual_m(self) -> float:
+        # Whoever is recorded as a participant was believed.
+        return 0.0
 
 
 def _known(box: KnownBox) -> KnownRobot:

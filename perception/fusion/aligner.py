@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.fusion.alignment import Estimate, Field, correction, estimate
+from perception.fusion.alignment import Estimate, Field, correction, estimate, move_of
 from perception.fusion.lines import Lines
 from perception.fusion.outline import standing
 from perception.types import clean_points
@@ -23,14 +24,34 @@ SETTLED_AGREEMENT = 0.25
 see other parts of the floor, which those who are settled show, too."""
 SECOND_HAND_GAIN = 3.0
 """What others show, or little of what the ego sees, is weaker evidence: see `align`."""
+PLACED_M = 0.14
+"""A sender that may be farther off than this (root of the mean square) is not known to be where it
+says: what it shows lies beside what others show. Set on floors of the seeds from 3,951,000 on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of one sender from the frames before and this one."""
+
+    correction: Matrix
+    """4 x 4 in the ego's frame."""
+    left_m: float
+    """By how much it is still off then, root of the mean square."""
+    shift_m: float
+    """By how much it was moved."""
 
 
 class Corrections(Protocol):
     """What is known of senders from the frames before, at the time of one frame."""
 
-    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
-        """The correction, 4 x 4 in the ego's frame, by all that was shown until now; None where
-        this frame is to speak for itself."""
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known | None:
+        """The correction by all that was shown until now; None where this frame is to speak for
+        itself."""
+        ...
+
+    def usual_m(self) -> float | None:
+        """By how much poses are usually off, root of the mean square, after all senders of the
+        frame were asked for; None where this frame is to speak for itself."""
         ...
 
 
@@ -42,12 +63,17 @@ class Held:
     """4 x 4 in the world frame, by robot."""
     world_from_own: Matrix
 
-    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known | None:
         """See `Corrections.corrected`."""
         found = self.in_world.get(robot)
         if found is None:
             return None
-        return invert(self.world_from_own) @ found @ self.world_from_own
+        by = invert(self.world_from_own) @ found @ self.world_from_own
+        return Known(by, 0.0, _shift_m(by, own_from_sender))
+
+    def usual_m(self) -> None:
+        """See `Corrections.usual_m`."""
+        return None
 
 
 class Remembering(Protocol):
@@ -68,11 +94,24 @@ class _Sender:
     shown: Estimate
     correction: Matrix
     settled: bool
+    known: Known | None = None
 
     @property
     def stands(self) -> Floats:
         """Where it believes to stand (2,)."""
         return self.own_from_sender[:2, 3]
+
+    def left_m(self) -> float:
+        """By how much it may still be off."""
+        if self.known is not None:
+            return self.known.left_m
+        return self.shown.left_m(np.array(move_of(self.correction, self.stands)))
+
+    def shift_m(self) -> float:
+        """By how much it was off before."""
+        if self.known is not None:
+            return self.known.shift_m
+        return math.hypot(*self.shown.move[:2])
 
 
 class Aligner:
@@ -84,6 +123,7 @@ class Aligner:
         self._lines: Lines | None = None
         self._senders: list[_Sender] = []
         self._done = False
+        self._usual_m: float | None = None
 
     def prepare(self) -> None:
         """Does what needs no sender."""
@@ -114,16 +154,39 @@ class Aligner:
         """The corrections, 4 x 4 in the ego's frame, in the order of `add`; the identity where
         nothing better can be told. `remembered`: what the frames before showed, which counts when
         they are asked for first."""
-        if not self._done:
-            self._done = True
-            settled = [one for one in self._senders if one.settled]
-            others = [one for one in self._senders if not one.settled]
-            shown = [one for one in others if len(one.there)]
-            _remember(settled, remembered)
-            if settled and shown:
-                self._lay_over(shown, settled)
-            _remember(others, remembered)
+        self._decide(remembered)
         return [one.correction for one in self._senders]
+
+    def unplaced(self) -> dict[int, str]:
+        """Senders that may be farther off than PLACED_M, by number in the order of `add`, with
+        why: where those whose error shows were off by more than that, too. After
+        `corrections`."""
+        if self._usual_m is None or self._usual_m <= PLACED_M:
+            return {}
+        left = [min(one.left_m(), self._usual_m) for one in self._senders]
+        return {
+            number: f"what it sees does not show where it is: it may be off by {off_m:.2f} m, as "
+            f"others are by {self._usual_m:.2f} m; allowed: {PLACED_M}"
+            for number, off_m in enumerate(left)
+            if off_m > PLACED_M
+        }
+
+    def _decide(self, remembered: Corrections | None) -> None:
+        if self._done:
+            return
+        self._done = True
+        settled = [one for one in self._senders if one.settled]
+        others = [one for one in self._senders if not one.settled]
+        shown = [one for one in others if len(one.there)]
+        _remember(settled, remembered)
+        if settled and shown:
+            self._lay_over(shown, settled)
+        _remember(others, remembered)
+        self._usual_m = None if remembered is None else remembered.usual_m()
+        if self._usual_m is None:
+            self._usual_m = usual(
+                [one.shift_m() for one in self._senders if one.left_m() <= PLACED_M]
+            )
 
     def _lay_over(self, others: Sequence[_Sender], settled: Sequence[_Sender]) -> None:
         """Lays senders over what the ego and the settled ones show together."""
@@ -148,9 +211,20 @@ def _remember(senders: Sequence[_Sender], remembered: Corrections | None) -> Non
     if remembered is None:
         return
     for one in senders:
-        found = remembered.corrected(one.robot, one.own_from_sender, one.shown)
-        if found is not None:
-            one.correction = found
+        one.known = remembered.corrected(one.robot, one.own_from_sender, one.shown)
+        if one.known is not None:
+            one.correction = one.known.correction
+
+
+def usual(shifts_m: Sequence[float]) -> float | None:
+    """By how much poses are usually off, root of the mean square, where some were by so much; None
+    where none was. From the median, as for a normal error along each of two axes: one sender that
+    was laid over the wrong wall says little of the others.
+
+    >>> usual([0.2, 0.2, 0.2, 1.0])
+    0.24022448175728997
+    """
+    return float(np.median(shifts_m)) / math.sqrt(math.log(2.0)) if shifts_m else None
 
 
 def in_world(
@@ -164,6 +238,11 @@ def in_world(
         robot: world_from_own @ by @ own_from_world
         for robot, by in zip(robots, aligner.corrections(), strict=True)
     }
+
+
+def _shift_m(by: Matrix, own_from_sender: Matrix) -> float:
+    x, y, _ = move_of(by, own_from_sender[:2, 3])
+    return math.hypot(x, y)
 
 
 def _moved(places: Floats, by: Matrix) -> Floats:

@@ -150,6 +150,12 @@ class Estimate:
         otherwise zeros."""
         return np.zeros(3) if self.gain < min_gain or small(self.move) else self.move
 
+    def left_m(self, by: Floats) -> float:
+        """By how much the sender is still off, once it was corrected by this move (3,): the root of
+        the mean square of the distance, metres."""
+        off = self.move[:2] - by[:2]
+        return float(np.sqrt(np.trace(self.covariance[:2, :2]) + off @ off))
+
 
 def small(move: Floats) -> bool:
     """Whether a move (3,) is within the outlines' own error."""

@@ -108,8 +108,13 @@ class Gathering(ABC):
         shows them, 4 x 4 in the world frame, by robot. Of those that are not corrected, none."""
         return {}
 
+    def left_out(self) -> dict[str, str]:
+        """After `finish`: robots that were taken up but are not in it, with why: what they see does
+        not show where they are."""
+        return {}
+
     def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
-        """After `finish`: the points that were sent, float32 (N, 3) in their sensors' frames, and
+        """After `finish`: the points that are in it, float32 (N, 3) in their sensors' frames, and
         the sensors in the world frame, corrected, by robot. Of those that sent none, none."""
         return {}
 
@@ -150,4 +155,5 @@ class Fusion(ABC):
                 gathering.add(item)
             except PerceptionError as error:
                 rejected[item.robot] = str(error)
-        return FusionResult(gathering.finish(), rejected)
+        boxes = gathering.finish()
+        return FusionResult(boxes, rejected | gathering.left_out())

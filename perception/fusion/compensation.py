@@ -148,6 +148,12 @@ class _Compensated(Gathering):
             found |= gathering.corrections()
         return found
 
+    def left_out(self) -> dict[str, str]:
+        found: dict[str, str] = {}
+        for gathering in self._gatherings.values():
+            found |= gathering.left_out()
+        return found
+
     def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
         # What is older shows another moment.
         return self._now.sent_points()

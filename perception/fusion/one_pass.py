@@ -107,6 +107,7 @@ class OnePass(Gathering):
         self._clouds: dict[int, Points] = {}
         self._maps: dict[MapForm, dict[int, SentMap]] = {}
         self._sent: dict[int, Boxes] = {}
+        self._left_out: dict[str, str] = {}
 
     def ask(self) -> FrameRequest:
         """See `Gathering.ask`."""
@@ -153,6 +154,7 @@ class OnePass(Gathering):
     def finish(self) -> Boxes:
         """See `Gathering.finish`."""
         senders, by = self._corrected()
+        self._leave_out()
         found = self._decoded(senders, by)
         if self._sent or self._boxes_only:
             others = [boxes.transformed(senders[number]) for number, boxes in self._sent.items()]
@@ -163,6 +165,10 @@ class OnePass(Gathering):
     def corrections(self) -> dict[str, Matrix]:
         """See `Gathering.corrections`."""
         return in_world(self._aligner, self._robots, self._world_from_own)
+
+    def left_out(self) -> dict[str, str]:
+        """See `Gathering.left_out`."""
+        return dict(self._left_out)
 
     def sent_points(self) -> dict[str, tuple[Points, Matrix]]:
         """See `Gathering.sent_points`."""
@@ -178,6 +184,20 @@ class OnePass(Gathering):
         if self._aligner is not None:
             by = self._aligner.corrections(self.remembered)
         return [turn @ sender for turn, sender in zip(by, self._senders, strict=True)], by
+
+    def _leave_out(self) -> None:
+        """Drops what was sent from who knows where: beside what others show of the same, it is
+        something else."""
+        if self._aligner is None:
+            return
+        for number, why in self._aligner.unplaced().items():
+            self._left_out[self._robots[number]] = why
+            self._clouds.pop(number, None)
+            self._sent.pop(number, None)
+            for form, maps in list(self._maps.items()):
+                maps.pop(number, None)
+                if not maps:
+                    del self._maps[form]
 
     def _align(self, places: NDArray[np.float64], sender: Matrix, robot: str) -> None:
         if self._aligner is not None:

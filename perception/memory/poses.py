@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.fusion.aligner import PLACED_M, Known, usual
 from perception.fusion.alignment import (
     MIN_GAIN,
     PRIOR_SHIFT_M,
@@ -83,6 +84,8 @@ class _Sender:
     told: Floats = field(default_factory=lambda: np.zeros(3))
     """The move (3,) in metres and radians by all that was shown; zeros where it is as likely that
     there is none. What shows nothing leaves it as it is."""
+    was_m: float | None = None
+    """By how much its pose was off when that was shown well last."""
 
     def wait(self, time_s: float) -> None:
         """Its error wanders."""
@@ -115,7 +118,17 @@ class _Sender:
         gain = 0.5 * self.move @ np.linalg.solve(self.covariance, self.move)
         move = self.move * UNIT
         self.told = np.zeros(3) if gain < SURE or small(move) else move
+        if self.left_m() <= PLACED_M:
+            self.was_m = math.hypot(*move[:2])
         return anew <= DOUBT
+
+    def left_m(self) -> float:
+        """By how much its pose is still off, once `told` has put it right: root of the mean
+        square. Nothing, where the error lasts: what was shown of it holds."""
+        if self.lasts():
+            return 0.0
+        shift = (self.move * UNIT)[:2] - self.told[:2]
+        return math.sqrt(float(np.diag(self.covariance)[:2] @ UNIT[:2] ** 2 + shift @ shift))
 
     def known(self, time_s: float) -> bool:
         """Whether its error lasts, and is known well enough at that time."""
@@ -184,10 +197,11 @@ class PoseMemory:
         world_from_sender: Matrix,
         move: Floats,
         covariance: Floats,
-    ) -> Floats | None:
+    ) -> tuple[Floats, float] | None:
         """What a frame shows of a sender that believes to stand there: the move (3,) that would
         put it right, in the world's axes, and its covariance. Returns the move by all that was
-        shown until now; None where its error was not known before."""
+        shown until now, and how far off that leaves it; None where its error was not known
+        before."""
         one = self._senders.pop(robot, None)
         if one is not None and (
             time_s - one.shown_s > FORGOTTEN_S
@@ -209,7 +223,18 @@ class PoseMemory:
         self._senders[robot] = one
         if len(self._senders) > MOST_SENDERS:
             del self._senders[next(iter(self._senders))]
-        return one.told if known and lasts else None
+        return (one.told, one.left_m()) if known and lasts else None
+
+    def usual_m(self, time_s: float) -> float | None:
+        """By how much poses are off, root of the mean square over senders of which it was shown
+        well; None where it was of none."""
+        return usual(
+            [
+                one.was_m
+                for one in self._senders.values()
+                if one.was_m is not None and time_s - one.shown_s <= FORGOTTEN_S
+            ]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,21 +246,29 @@ class PosesAt:
     stood_s: float
     world_from_own: Matrix
 
-    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix | None:
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known | None:
         """See `Corrections.corrected`."""
         self.memory.follow(self.stood_s, self.world_from_own)
         if shown.gain < MIN_GAIN and not small(shown.move):
             # Frames look alike: many that show a little each would be taken for a lot.
             shown = Estimate.nothing()
         turn = _turn(yaw_of(self.world_from_own))
-        move = self.memory.take(
+        taken = self.memory.take(
             self.time_s,
             robot,
             self.world_from_own @ own_from_sender,
             turn @ shown.move,
             turn @ shown.covariance @ turn.T,
         )
-        return None if move is None else correction(turn.T @ move, own_from_sender[:2, 3])
+        if taken is None:
+            return None
+        move, left_m = turn.T @ taken[0], taken[1]
+        by = correction(move, own_from_sender[:2, 3])
+        return Known(by, left_m, math.hypot(*move[:2]))
+
+    def usual_m(self) -> float | None:
+        """See `Corrections.usual_m`."""
+        return self.memory.usual_m(self.time_s)
 
 
 def _turn(yaw: float) -> Floats:

@@ -64,6 +64,22 @@ class CrateClouds(Gathering):
         return Boxes(centers, np.ones((n, 3)), np.zeros(n), np.ones(n), ("crate",) * n)
 
 
+class Strays(Crates):
+    """The same, but that nobody knows where R2 is."""
+
+    def begin(self, own: Points, world_from_own: Matrix) -> Gathering:
+        return _WithoutR2(transform(world_from_own, clean_points(own)))
+
+
+class _WithoutR2(CrateClouds):
+    def add(self, contribution: Contribution) -> None:
+        if contribution.robot != "R2":
+            super().add(contribution)
+
+    def left_out(self) -> dict[str, str]:
+        return {"R2": "R2 is somewhere"}
+
+
 class Hall:
     """A world with a floor and one crate, 5 m in front of whoever looks."""
 

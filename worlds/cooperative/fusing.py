@@ -159,6 +159,7 @@ def _gathered(
         except PerceptionError as error:
             rejected[robot] = str(error)
     found, corrections = gathering.finish(), gathering.corrections()
+    rejected |= gathering.left_out()
     fused = _published(world, frame, ego, fusion, found, sizes, rejected, disturbance, corrections)
     return replace(fused, sent_points=gathering.sent_points())
 

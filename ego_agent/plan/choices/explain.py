@@ -45,6 +45,7 @@ def explain(
                 if math.isfinite(candidate.capacity_bps)
                 else None,
                 "answers": _answers(scorer, candidate),
+                "placed": round(candidate.placed, 3),
                 "share": round(scorer.share([row]), 4),
                 "adds_to_ego": round(scorer.share([0, row]) - ego_share, 4),
                 **parts.get(candidate.robot, {}),
@@ -105,8 +106,23 @@ def _assigned_part(part: Brought | None, chosen: bool) -> dict[str, Any]:
 
 
 def told(scorer: Scorer) -> str:
-    """Half a sentence about the robot that is in time least often, by algorithm, where anybody is
-    known to be late; at the scorer's pace."""
+    """Half a sentence about whom little is had of: see `_late` and `_unplaced`."""
+    return "; ".join(part for part in (_late(scorer), _unplaced(scorer)) if part)
+
+
+def _unplaced(scorer: Scorer) -> str:
+    """About the robot of which most is left out, as nothing shows where it belongs."""
+    found = [(c.placed, c.robot) for c in scorer.scene.candidates if c.placed < TOLD_BELOW]
+    if not found:
+        return ""
+    placed, robot = min(found)
+    more = f" (and of {len(found) - 1} more)" if len(found) > 1 else ""
+    return f"{100 * (1 - placed):.0f} % of what {robot} sends cannot be laid in its place{more}"
+
+
+def _late(scorer: Scorer) -> str:
+    """About the robot that is in time least often, by algorithm, where anybody is known to be late;
+    at the scorer's pace."""
     late: list[tuple[float, str, str]] = []
     for candidate in scorer.scene.candidates:
         chances = {

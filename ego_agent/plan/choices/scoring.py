@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.base import Knowledge
-from ego_agent.knowledge.model import UnifiedScene
+from ego_agent.knowledge.model import Candidate, UnifiedScene
 from ego_agent.knowledge.own_costs import LIGHTER
 from ego_agent.knowledge.pace import USUAL, Pace, paces
 from ego_agent.knowledge.quality import QualityModel
@@ -136,16 +136,17 @@ class Scorer:
         return self.at(next(found, self.paces[0]))
 
     def arrival(self, algorithm: Algorithm) -> NDArray[np.float64]:
-        """Probability that each row's observation is in time, float64 (rows,); the ego's is 1."""
+        """Probability that each row's observation is in time and in its place, float64 (rows,); the
+        ego's is 1."""
         known = self._arrival.get(algorithm)
         if known is None:
-            chances = [1.0, *(self.in_time(c.robot, algorithm) for c in self.scene.candidates)]
+            chances = [1.0, *(self._arrives(c, algorithm) for c in self.scene.candidates)]
             known = np.round(np.array(chances) * ARRIVAL_STEPS) / ARRIVAL_STEPS
             self._arrival[algorithm] = known
         return known
 
     def counting(self, algorithm: Algorithm) -> NDArray[np.float64]:
-        """Probability that each row's observation is in time and suffices for what it shows,
+        """Probability that each row's observation is there and suffices for what it shows,
         float64 (rows,); the ego's is 1."""
         counts = self.arrival(algorithm) * self.knowledge.convinces(algorithm)
         counts[0] = 1.0
@@ -157,6 +158,10 @@ class Scorer:
             return 1.0
         answers = self.scene.candidates[self.row_of[robot] - 1].answers
         return answers.get(algorithm, UNTRIED).in_time(self.pace.deadline_s)
+
+    def _arrives(self, candidate: Candidate, algorithm: Algorithm) -> float:
+        placed = 1.0 if self.hopes else candidate.placed
+        return placed * self.in_time(candidate.robot, algorithm)
 
     def share(self, rows: Collection[int], algorithm: Algorithm | None = None) -> float:
         """The part of all that any living robot could show that these rows, the ego first, see, in

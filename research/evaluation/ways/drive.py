@@ -188,6 +188,7 @@ class Driven:
             except PerceptionError:
                 continue
         found = gathering.finish()
+        helpers -= gathering.left_out().keys()
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         known = known_robots(self.world, frame, self.ego, *noise)
         focused = frozenset(places) & helpers

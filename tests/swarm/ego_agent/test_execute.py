@@ -23,6 +23,7 @@ from tests.support.ego_hall import (  # noqa: F401
     Ego,
     Hall,
     RobotStarter,
+    Strays,
     a_hall,
     a_robot,
     a_swarm,
@@ -221,6 +222,23 @@ def test_a_payload_that_cannot_be_read_is_rejected_and_the_others_are_fused(
     assert result.participants == ("R1", "R3")
     assert len(result.boxes) == 2
     assert ego.tally.take().received["R2", algorithm] == len(payload)
+
+
+def test_what_has_no_place_is_left_out_with_why_and_that_is_learnt(
+    swarm: Swarm, hall: Hall, robot: RobotStarter
+) -> None:
+    with Session(swarm.address, "test", timeout_s=60) as session:
+        ego = Ego(session, hall, {"early": Strays("early")})
+        robot("R2", honest(hall, "R2"))
+        robot("R3", honest(hall, "R3"))
+        until(lambda: ego.monitor.is_alive("R2") and ego.monitor.is_alive("R3"), "both are seen")
+        for _ in range(5):
+            result = ego.fuse("R2", "R3")
+            assert result.missing["R2"] == Missing("rejected", "R2 is somewhere")
+            assert result.participants == ("R1", "R3")
+            assert len(result.boxes) == 2
+        assert ego.known.placing.share("R2") < 0.5
+        assert ego.known.placing.share("R3") == 1.0
 
 
 @pytest.mark.parametrize(

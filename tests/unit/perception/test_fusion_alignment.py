@@ -13,6 +13,7 @@ from perception.fusion.maps import moved
 from perception.fusion.outline import SENT_POINTS, outline, standing, thinned
 from swarm.errors import PayloadError
 from swarm.geometry import Matrix, Points, Pose, invert
+from worlds.cooperative.fusing import Disturbance, fuse_frame
 from worlds.factory.world import FactoryWorld
 
 Floats = NDArray[np.float64]
@@ -120,6 +121,64 @@ def test_corrections_that_were_found_before_count_whatever_the_frame_shows() -> 
     assert other == pytest.approx(np.eye(4)), "this frame shows that it stands right"
     back = in_world(aligner, ["R2", "R3"], world_from_own)
     assert back["R2"] == pytest.approx(found)
+
+
+def seen_by(near: Floats, off_m: float, *, strange: bool = True) -> Aligner:
+    """Two senders that are off by so much and see what the ego sees, and one that sees other walls,
+    if it is wanted."""
+    aligner = Aligner(upright(near))
+    for robot in ("R2", "R3"):
+        aligner.add(near[::4] - [15.0, 0.0] + [off_m, 0.0], at(15.0, 0.0), robot)
+    if strange:
+        elsewhere = np.random.default_rng(0).uniform(25.0, 40.0, (60, 2))
+        aligner.add(elsewhere - [15.0, 0.0], at(15.0, 0.0), "R4")
+    aligner.corrections()
+    return aligner
+
+
+def test_who_shows_nothing_of_its_error_is_not_in_its_place_where_others_are_off() -> None:
+    left = seen_by(corner(0.0), 0.4).unplaced()
+    assert [*left] == [2]
+    assert "may be off by 0.48 m, as others are by 0.48 m; allowed: 0.14" in left[2]
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.05])
+def test_it_is_believed_where_others_are_right(off_m: float) -> None:
+    assert seen_by(corner(0.0), off_m).unplaced() == {}
+
+
+def test_it_is_believed_where_nobody_shows_by_how_much_poses_are_off() -> None:
+    aligner = Aligner(upright(corner(0.0)))
+    elsewhere = np.random.default_rng(0).uniform(25.0, 40.0, (60, 2))
+    for robot in ("R2", "R3"):
+        aligner.add(elsewhere - [15.0, 0.0], at(15.0, 0.0), robot)
+    aligner.corrections()
+    assert aligner.unplaced() == {}
+
+
+def test_whom_frames_before_have_put_right_is_in_its_place() -> None:
+    near = corner(0.0)
+    aligner = Aligner(upright(near))
+    for robot in ("R2", "R3"):
+        aligner.add(near[::4] - [15.0, 0.0] + [0.4, 0.0], at(15.0, 0.0), robot)
+    aligner.add(np.zeros((0, 2)), at(20.0, 0.0), "R4")
+    aligner.add(np.zeros((0, 2)), at(20.0, 0.0), "R5")
+    aligner.corrections(Held({"R4": Pose(0.4, 0.0, 0.0).matrix()}, np.eye(4)))
+    assert [*aligner.unplaced()] == [3]
+
+
+@pytest.mark.parametrize("algorithm", ["early", "late", "intermediate-codebook"])
+def test_a_frame_is_fused_as_if_whose_place_is_not_known_had_not_been_asked(
+    algorithm: str,
+) -> None:
+    world, noise = FactoryWorld(robots=8, seed=1_000_008), Disturbance(pose_noise_m=0.4)
+    fused = fuse_frame(world, FRAME, "R1", [*world.robots], algorithm, noise)
+    assert 0 < len(fused.rejected) < 7, "this frame says nothing"
+    others = [robot for robot in world.robots if robot not in fused.rejected]
+    again = fuse_frame(world, FRAME, "R1", others, algorithm, noise)
+    assert not again.rejected
+    assert np.array_equal(fused.found.centers, again.found.centers)
+    assert not fused.rejected.keys() & fused.sent_points.keys()
 
 
 def test_a_sender_that_is_refused_takes_no_place() -> None:

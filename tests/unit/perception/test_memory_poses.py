@@ -66,7 +66,7 @@ class Swarm:
         found = self.memory.at(time_s, time_s + late_s, self.own).corrected(
             robot, invert(self.own) @ self.sender, shown
         )
-        return move, move if found is None else self.as_move(found)
+        return move, move if found is None else self.as_move(found.correction)
 
     def as_move(self, correction: Matrix) -> Floats:
         """A correction in the ego's frame as a move."""
@@ -191,7 +191,7 @@ def test_a_sender_that_vanishes_for_three_seconds_is_known_when_it_is_back() -> 
     later = swarm.memory.at(FRAMES / 10.0 + 3.0, FRAMES / 10.0 + 3.0, swarm.own)
     found = later.corrected("R2", invert(swarm.own) @ swarm.sender, weak)
     assert found is not None
-    assert off(swarm.as_move(found), ERROR) < 0.1
+    assert off(swarm.as_move(found.correction), ERROR) < 0.1
     assert off(known, ERROR) < 0.1
 
 
@@ -278,7 +278,7 @@ def test_many_frames_that_show_a_little_are_not_taken_for_a_lot() -> None:
         shown = Estimate(np.array([-0.3, -0.1, 0.0]), little, 1.0)
         frame = swarm.memory.at(number / 10.0, number / 10.0, swarm.own)
         found = frame.corrected("R2", invert(swarm.own) @ swarm.sender, shown)
-        assert found is None or np.allclose(found, np.eye(4))
+        assert found is None or np.allclose(found.correction, np.eye(4))
 
 
 @pytest.mark.parametrize("every", [5, 10])
@@ -290,7 +290,8 @@ def test_answers_without_an_outline_leave_what_is_known_as_it_is(every: int) -> 
             continue
         now = swarm.memory.at(number / 10.0, number / 10.0, swarm.own)
         found = now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
-        left.append(off(RIGHT if found is None else swarm.as_move(found), ERROR))
+        move = RIGHT if found is None else swarm.as_move(found.correction)
+        left.append(off(move, ERROR))
     assert max(left[2 * every :]) < 0.05
     assert left[0] < 0.05
 
@@ -301,3 +302,26 @@ def test_a_sender_of_which_nothing_was_shown_is_not_corrected() -> None:
     found = now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
     assert found is None
     assert len(swarm.memory) == 0
+
+
+def test_how_far_off_a_pose_may_be_is_told_and_nothing_of_an_error_that_lasts() -> None:
+    swarm = Swarm()
+    once = swarm.memory.at(0.0, 0.0, swarm.own)
+    assert once.usual_m() is None
+    swarm.drive(lambda _: ERROR)
+    now = swarm.memory.at(FRAMES / 10.0, FRAMES / 10.0, swarm.own)
+    found = now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
+    assert found is not None
+    assert found.left_m == 0.0
+    assert found.shift_m == pytest.approx(math.hypot(*ERROR[:2]), abs=0.05)
+
+
+@pytest.mark.parametrize("error", [ERROR, RIGHT], ids=["off", "right"])
+def test_by_how_much_poses_are_off_is_learnt_from_those_that_show_it(error: Floats) -> None:
+    swarm = Swarm()
+    swarm.drive(lambda _: error)
+    wide = Estimate(np.zeros(3), COVARIANCE * 1e4, 0.0)
+    now = swarm.memory.at(FRAMES / 10.0, FRAMES / 10.0, swarm.own)
+    now.corrected("R3", invert(swarm.own) @ swarm.sender, wide)
+    median_m = math.hypot(*error[:2])
+    assert now.usual_m() == pytest.approx(median_m / math.sqrt(math.log(2.0)), abs=0.05)

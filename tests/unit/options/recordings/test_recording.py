@@ -26,6 +26,7 @@ from options.recordings.recorder import Recorder
 from options.recordings.sink import Sink
 from options.recordings.world import RecordingWorld
 from options.ros.fused import Teller
+from perception.fusion.aligner import Known
 from perception.fusion.alignment import Estimate, correction, move_of
 from swarm.errors import RecordingError, WorldError
 from swarm.geometry import Matrix, invert
@@ -111,8 +112,11 @@ class Moved:
     def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> Moved:
         return self
 
-    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Matrix:
-        return self.by
+    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known:
+        return Known(self.by, 0.0, 0.0)
+
+    def usual_m(self) -> None:
+        return None
 
 
 def test_a_frame_is_fused_with_poses_as_the_ego_had_put_them_right(tmp_path: Path) -> None:
