@@ -78,7 +78,7 @@ class Snapshot:
         return self.capacity_source == "net/state"
 
 
-PART, MOST_PART = 0.2, 0.7
+PART, MOST_PART = 0.25, 0.7
 """Of a whole observation's bytes, what an answer about places has before any came, and what makes
 it no smaller."""
 
