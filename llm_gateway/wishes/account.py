@@ -16,6 +16,24 @@ _UP_TO = {"before", "till", "until", "by", "til"}
 """Before "then" they say nothing that the time itself does not."""
 _NUMBER = re.compile(r"[\d.,:]*\d[\d.,:]*")
 _LAST = {"last", "past", "letzte", "letzter", "letzten"}
+_POINTS = {"dann", "then"}
+_IS = {"ist", "haben", "hat", "macht", "machen", "schon", "is"}
+_AS_YOU_LIKE = {"as", "do", "macht", "normal", "wie", "whatever", "zurueck", "back"}
+"""Behind "then" they say that nothing more is wished."""
+_THEN = {"afterwards", "anschliessend", "danach", "dann", "then"}
+_AFTER = {"after", "before", "during", "nach", "vor", "waehrend"}
+_EVENTS = frozenset(
+    """audit besprechung break delivery dinner fruehstueck lieferung meeting mittagspause
+    pause schichtende schichtwechsel shift""".split()  # noqa: SIM905
+)
+"""What begins or ends when only people know."""
+_PAPERS = frozenset(
+    """auftrag batch bulletin case charge chapter day drill exercise experiment fall formula
+    incident item job log memo meldung no notice nr nummer number order page phase project
+    reviewer round run runde scenario schicht seite shift step schritt test ticket trial
+    uebung version versuch week""".split()  # noqa: SIM905
+)
+"""Before a number they make a name of it: "notice 14"."""
 _THAN = (["als"], ["than"], ["statt"], ["over"])
 
 
@@ -25,6 +43,8 @@ def settle(text: Text, reading: Reading) -> Reading:
     for mention, role in zip(text.mentions, reading.roles, strict=True):
         told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
         if told and mention.kind == "share" and _is_told(text, mention):
+            continue
+        if told and mention.kind == "class" and _has_part(text, mention, reading):
             continue
         if told and "first" in reading.roles and _is_compared(text, mention):
             continue
@@ -50,14 +70,27 @@ def _unread(text: Text) -> list[str]:
     for at, word in enumerate(text.words):
         if at in inside or _is_talk(text, at) or (ranged and word.text in {"then", "dann"}):
             continue
-        later = timed and word.text in {"then", "dann", "danach", "afterwards", "anschliessend"}
-        until = word.text == "bis" and text.words[min(at + 1, len(text.words) - 1)].text not in {
-            "auf",
-            "zu",
-        }
+        until = word.text == "bis" and _following(text, at, 1).isdisjoint({"auf", "zu"})
+        later = (timed and _puts_off(text, at)) or _waits(text, at)
         if word.text in LEFT or _NUMBER.fullmatch(word.text) or until or later:
             found.append(text.said(at, min(at + 4, len(text.words))))
     return found
+
+
+def _following(text: Text, at: int, words: int) -> set[str]:
+    """The words behind word `at`, so many of them."""
+    return {word.text for word in text.words[at + 1 : at + 1 + words]}
+
+
+def _puts_off(text: Text, at: int) -> bool:
+    """Whether something is to come after what is wished: "R2 until six, then R3"."""
+    lasting = any(m.first == at + 1 and m.when is not None and m.when.lasts for m in text.mentions)
+    return not lasting and text.words[at].text in _THEN
+
+
+def _waits(text: Text, at: int) -> bool:
+    """Whether word `at` ties the wish to something of which no clock tells: "after the break"."""
+    return text.words[at].text in _AFTER and not _following(text, at, 2).isdisjoint(_EVENTS)
 
 
 def _refers(text: Text, at: int) -> bool:
@@ -76,6 +109,19 @@ def _is_talk(text: Text, at: int) -> bool:
         return True  # "At it for hours".
     if word.text in {"week", "month", "woche", "monat"} and before in _LAST:
         return True
+    if word.text in _UP_TO and _following(text, at, 1) & _POINTS:
+        return True  # "Till then".
+    if word.text == "feierabend" and before in _IS:
+        return True
+    if (
+        word.text in {"then", "danach", "dann"}
+        and {w.text for w in text.words[at + 1 : at + 3]} & _AS_YOU_LIKE
+    ):
+        return True
+    if word.text == "1" and before in {"prio", "prioritaet", "priority"}:
+        return True
+    if word.text.isdigit() and before in _PAPERS:
+        return True
     if word.text in {"then", "dann"} and _refers(text, at):
         return True
     behind = text.words[at + 1] if at + 1 < len(text.words) else None
@@ -91,6 +137,13 @@ def _is_compared(text: Text, mention: Mention) -> bool:
         if other.kind == "robot" and other.names == mention.names and cue in _THAN:
             return True
     return False
+
+
+def _has_part(text: Text, mention: Mention, reading: Reading) -> bool:
+    """Whether it only is for whom a part of the link is kept, or who needs it."""
+    words = [word.text for word in text.words[max(0, mention.first - 4) : mention.last + 9]]
+    needs = {"brauchen", "braucht", "for", "fuer", "need", "needs", "weil", "because"} & {*words}
+    return bool({"free", "link"} & {*reading.roles}) and bool(needs) and "high" not in reading.roles
 
 
 def _is_told(text: Text, mention: Mention) -> bool:

@@ -5,26 +5,38 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
+from llm_gateway.wishes.cues import asides
 from llm_gateway.wishes.cues.spelling import KNOWN, SPELLING
 from llm_gateway.wishes.mention import Mention
-from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.mentions import POLITE, VERBS, Text
 from llm_gateway.wishes.words import alike
 
 _ENDS = {".", ";", "!", "?", "\n"}
 _BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "doch", "then", "dann",
            "because", "while", "sondern", "so", "denn", "weil", "though", "although", "as",
-           "damit", "whereas", "also", "adn", "udn", "since",
+           "→", "damit", "whereas", "also", "adn", "udn", "since",
            "dafuer", "plus", "yet", "hingegen", "jedoch"}  # fmt: skip
 _PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however",
               "dafuer"}  # fmt: skip
 """Behind a name alone they go on with its clause: "R2 aber nicht"."""
-_SHORTENED = {"min", "max", "mind", "ca", "approx"}
+_SHORTENED = {"approx", "ca", "hoechst", "max", "min", "mind"}
 """Behind them a full stop ends no sentence."""
 ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _CAPITALS = {
     "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
     "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
 }  # fmt: skip
+_ABBREVIATED = {"garned": "gar nicht", "garnet": "gar nicht", "garnich": "gar nicht",
+                "garnicht": "gar nicht", "lo": "low", "prio": "priority",
+                "prios": "priority"}  # fmt: skip
+_PAIRS = {
+    ("a", "o"), ("ab", "zu"), ("again", "again"), ("bread", "butter"), ("by", "large"),
+    ("far", "away"), ("first", "foremost"), ("front", "center"), ("front", "centre"),
+    ("gang", "gaebe"), ("klipp", "klar"), ("nach", "nach"), ("over", "over"), ("so", "so"),
+    ("time", "again"), ("voll", "ganz"),
+}  # fmt: skip
+"""Words around an "and" that parts nothing: "das A und O"."""
+_BESIDES = {"&", "+", "and", "sowie", "u", "und"}
 _WHOLE = (
     (r"\b(?:leave|keep|lass\w*) (?:it|them|das|es)"
      r" (?:like that|that way|at that|as it is|as is|so)\b", "SO"),
@@ -33,10 +45,13 @@ _WHOLE = (
      r"until then)\b(?! as)",
      "THEN"),
     (r"(?:\b(?:use|take|nimm|ask) )?\b(?:all|every\w*|any\w*|alle[sn]?)(?: of)?(?: the| them)?"
-     r"(?: others?| robots?| roboter| ones?| anderen)? (?:but|bar|except|besides|apart|excluding|"
-     r"ausser|bis auf)"
-     r"(?: for| from)?", "ALLBUT"),
-    (r"\b(?:nobody|no ?one|none|nothing|no robot)(?: else| other)? (?:but|except|than|besides|"
+     r"(?: others?| robots?| roboter| ones?| anderen)?"
+     r"(?: (?:can|may|could|should|is allowed to|darf|duerfen|will)(?: be)?(?: [a-z]+)?| help| "
+     r"helps)? (?:but|bar|barring|save|except|besides|apart|aside|excluding|other(?= than)|minus|"
+     r"without|ausser|bis auf|ohne|abgesehen von|mit ausnahme von)"
+     r"(?: for| from| than)?", "ALLBUT"),
+    (r"\b(?:nobody|no ?one|none|nothing|no robot)(?: else| other)?(?: (?:gets|is|may be|shall be|"
+     r"should be|to be) [a-z]+)? (?:but|except|than|besides|"
     r"other than|apart from)"
      r"(?: for)?", "NOBODYBUT"),
     (r"\b(?:niemand\w*|nichts|keine[rn]?)(?: ander\w+| sonst)? (?:ausser|als|bis auf)",
@@ -62,6 +77,8 @@ class Clause:
     first: int
     last: int
     """Its words."""
+    wished: bool = False
+    """Whether its sentence opens as a polite wish: "it would be nice if"."""
 
 
 def clauses(text: Text) -> list[Clause]:
@@ -98,7 +115,24 @@ def clauses(text: Text) -> list[Clause]:
             pieces.append(_spelt(word))
         at += 1
     asked = {clause.sentence for clause in found if clause.asked}
-    return [replace(clause, asked=clause.sentence in asked) for clause in found]
+    wished = {clause.sentence for clause in found if asides.WISHED.search(clause.text)}
+    return [
+        replace(
+            clause,
+            text=_bare(clause.text, wished=clause.sentence in wished),
+            asked=clause.sentence in asked,
+            wished=clause.sentence in wished,
+        )
+        for clause in found
+    ]
+
+
+def _bare(text: str, *, wished: bool) -> str:
+    """A clause without what only says who wishes, or how politely."""
+    plain = asides.RELAYED.sub("", text)
+    if wished:
+        plain = asides.WHETHER.sub("", asides.WISHED.sub("", plain).strip())
+    return plain.strip()
 
 
 def _capital(mention: Mention) -> str:
@@ -107,6 +141,8 @@ def _capital(mention: Mention) -> str:
 
 def _spelt(word: str) -> str:
     """A word without a slip, where it plainly is one of those that count."""
+    if word in _ABBREVIATED:
+        return _ABBREVIATED[word]
     if word in SPELLING or word in KNOWN:
         return word
     meant = [known for known in SPELLING if alike(word, known)]
@@ -122,29 +158,64 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
         return all(mention.first != at + 1 for mention in text.mentions)
     if word == "but":
         return bool(re.search(r"\b(?:all|every\w*|any\w*|nobody|no ?one|none|nothing|ones|robots?|"
-                              r"others?|else)$", before))  # fmt: skip
-    if (
-        word == "und"
-        and pieces[-1:] == ["a"]
-        and text.words[min(at + 1, len(text.words) - 1)].text == "o"
-    ):
-        return True  # "das A und O"
+                              r"others?|else|them)$", before))  # fmt: skip
+    following = text.words[at + 1].text if at + 1 < len(text.words) else ""
+    if (pieces[-1:] or [""])[0] and (pieces[-1], following) in _PAIRS:
+        return True
+    if word in _BESIDES and _beside(text, at, pieces):
+        return True
     if word == "-" and 0 < at < len(text.words) - 1:
         touches = text.words[at - 1].end == text.words[at].start
         return touches or text.words[at].end == text.words[at + 1].start
     if word == ",":
         # What is wished of "that R3 is asked" stands before it.
-        following = text.words[at + 1].text if at + 1 < len(text.words) else ""
-        return following in {"dass", "that"} or (following == "wenn" and "waere" in pieces)
+        supposed = following in {"if", "ob", "wenn"}
+        return following in {"dass", "that"} or (
+            supposed
+            and not {"ROBOT", "PLACE", "CLASS"} & {*pieces}
+            and bool(asides.SUBJUNCTIVE.search(" ".join(pieces)))
+        )
     if word == "so":
-        following = text.words[at + 1].text if at + 1 < len(text.words) else ""
-        measured = {"much", "many", "far", "long", "viel", "viele", "wenig", "lange", "oft", "gut"}
+        measured = {
+            "good",
+            "grateful",
+            "kind",
+            "nice",
+            "nett",
+            "lieb",
+            "freundlich",
+            "much",
+            "many",
+            "far",
+            "long",
+            "viel",
+            "viele",
+            "wenig",
+            "lange",
+            "oft",
+            "gut",
+        }
         no = {"not", "nicht", "dont", "ned", "net", "nich", "nid"}
         behind = pieces[-2:] if pieces[-1:] == ["mehr"] else pieces[-1:]
         return bool(no & {*behind}) or following in measured
     if word == "since":
         return any(mention.first <= at < mention.last for mention in text.mentions)
     return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}
+
+
+def _beside(text: Text, at: int, pieces: list[str]) -> bool:
+    """Whether "and" joins a place and a class: "people and the ramp" share what is said of them."""
+    if pieces[-1:] not in (["PLACE"], ["CLASS"]):
+        return False
+    behind = at + 1
+    while behind < len(text.words) and text.words[behind].text in ARTICLES:
+        behind += 1
+    after = next((mention for mention in text.mentions if mention.first == behind), None)
+    if after is None or after.kind not in ("place", "class"):
+        return False
+    follows = text.words[after.last].text if after.last < len(text.words) else ""
+    said = set(pieces[:-1]) - ARTICLES - POLITE
+    return not (said and follows in VERBS)
 
 
 def _whole(text: str) -> str:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 
+from llm_gateway.wishes.dates import date_at
 from llm_gateway.wishes.numbers import whole
 from llm_gateway.wishes.words import Word
 
@@ -25,7 +26,7 @@ PARTS = {
 """The hour at which a part of the day begins."""
 _EXACT = {"noon", "midday", "mittag", "midnight", "mitternacht", "lunch", "lunchtime"}
 _DAYS = {"today": 0, "heute": 0, "heut": 0, "tonight": 0, "tomorrow": 1, "morgen": 1,
-         "uebermorgen": 2}  # fmt: skip
+         "tmr": 1, "tmrw": 1, "tomoz": 1, "uebermorgen": 2}  # fmt: skip
 _WEEKDAYS = (
     ("monday", "montag"), ("tuesday", "dienstag"), ("wednesday", "mittwoch"),
     ("thursday", "donnerstag"), ("friday", "freitag"), ("saturday", "samstag"),
@@ -41,8 +42,10 @@ _NOISE = {"at", "um", "the", "in", "am", "on", "this", "diesen", "dieser", "dies
 _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
              "stunde", "minuten", "robots", "roboter", "days", "tage", "tagen"}  # fmt: skip
 """Behind a number they say that it is no hour."""
+_LEAP = 2000
+"""A year that has every date."""
 _UHR = {"uhr", "oclock", "h"}
-_MILITARY = re.compile(r"(?:[01]\d|2[0-4])[0-5]\d")
+MILITARY = re.compile(r"(?:[01]\d|2[0-4])[0-5]\d")
 """Hour and minute without a sign: 0600, 1730."""
 _MINUTES = {"fifteen": 15, "thirty": 30}
 """Behind an hour in words: "six thirty"."""
@@ -64,6 +67,8 @@ class Point:
     """After today."""
     weekday: int | None = None
     date: date | None = None
+    of_year: tuple[int, int] | None = None
+    """Month and day, in the year that comes next."""
     impossible: bool = False
     """Past, or no time that a clock shows."""
     uhr: bool = False
@@ -112,6 +117,8 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
     following = _text(words, at + 1)
     if text in _LAST and (following in PARTS or any(following in names for names in _WEEKDAYS)):
         return replace(found, impossible=True, part=found.part or "noon"), at + 2
+    if (named := date_at(words, at)) is not None:
+        return _dated(found, named.day, named.month, named.year), named.last
     if dated := _date(words, at):
         return replace(found, date=dated), at + 5
     for number, names in enumerate(_WEEKDAYS):
@@ -124,6 +131,15 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
         return replace(found, part="frueh"), at + 1
     part = "tonight" if text == "tonight" else found.part
     return replace(found, days=_DAYS[text], part=part), at + 1
+
+
+def _dated(found: Point, day: int, month: int, year: int | None) -> Point:
+    """A point on a named date; impossible where no calendar has it."""
+    try:
+        given = date(year or _LEAP, month, day)
+    except ValueError:
+        return replace(found, impossible=True)
+    return replace(found, of_year=(month, day)) if year is None else replace(found, date=given)
 
 
 def _date(words: Sequence[Word], at: int) -> date | None:
@@ -235,7 +251,7 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
             exact = head.startswith("0") or hour > 12
             break
     else:
-        if _MILITARY.fullmatch(text):
+        if MILITARY.fullmatch(text):
             behind = end + (_text(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
             return int(text[:2]), int(text[2:]), True, behind
         number = whole(text)

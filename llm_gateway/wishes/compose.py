@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
-from llm_gateway.wishes.times import When
+from llm_gateway.wishes.when import When
 from swarm.messages.intent import Focus, Intent
 
 _T = TypeVar("_T")
@@ -34,6 +34,7 @@ def compose(text: Text, reading: Reading, now: datetime) -> Intent:
     unclear = list(reading.unclear)
     out, only, first = (parts.robots.get(role, []) for role in ("out", "only", "first"))
     clashing = [name for name in out if name in (*only, *first)]
+    clashing += [name for name in parts.robots.get("doubt", []) if name in (*out, *only, *first)]
     clashing += [name for name in first if only and name not in only and name not in clashing]
     if clashing:
         unclear += [f"{name}" for name in clashing]
@@ -74,7 +75,7 @@ def _parts(text: Text, reading: Reading) -> _Parts:
     parts = _Parts()
     for mention, role in zip(text.mentions, reading.roles, strict=True):
         match role:
-            case "out" | "only" | "first":
+            case "out" | "only" | "first" | "doubt" if mention.kind == "robot":
                 held = parts.robots.setdefault(role, [])
                 held += [name for name in mention.names if name not in held]
             case "high" | "low":

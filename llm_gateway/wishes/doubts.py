@@ -14,14 +14,18 @@ from llm_gateway.wishes.clock import Point
 from llm_gateway.wishes.moments import resolve
 
 _HALF = timedelta(hours=12)
+_NOON = 12
 _EVENING = 18
 
 
 def halved(start: Point, until: Point) -> Point:
     """The start of a range in the half of the day that its end leaves: "8 to 10 pm" begins at
     20:00, "11 to 2 pm" and "8 bis 17 Uhr" before noon."""
-    if not _on_a_face(start) or start.hour is None or until.hour is None:
+    if not _on_a_face(start) or start.hour is None:
         return start
+    if until.hour is None:
+        noon = until.part in {"noon", "midday", "mittag"} and start.hour < _NOON
+        return replace(start, exact=True) if noon else start
     if until.half:
         hour = start.hour % 12 + (12 if until.hour >= 12 else 0)
         if (hour, start.minute) >= (until.hour, until.minute):
@@ -82,7 +86,7 @@ def _written(point: Point, now: datetime) -> datetime | None:
     words say which one is meant."""
     if point.hour is None or point.part or point.impossible or point.days:
         return None
-    if point.weekday is not None or point.date is not None:
+    if any(day is not None for day in (point.weekday, point.date, point.of_year)):
         return None
     today = now.replace(hour=0, minute=0, second=0, microsecond=0)
     return today + timedelta(hours=point.hour, minutes=point.minute)

@@ -29,7 +29,10 @@ FILLERS = frozenset(
     """please bitte danke thanks thx though halt mal eher rather dont doesnt wont arent much so
     wirklich really PLACE CLASS TIME the die den der das dem also auch nicht not too near at bei
     in im on an am a around beim about is are do does ist sind auf of especially besonders cant
-    cannot isnt arent either ned by um well as hingegen and""".split()  # noqa: SIM905
+    cannot isnt arent either ned by um well as hingegen and es nich nid net nix no none gar
+    hardly barely scarcely kaum little wenig all any likewise ebenso ebenfalls genauso dito ditto
+    same goes for dagegen wiederum less weniger neither nor weder noch auch u both beide we
+    schon sehr wohl though tho""".split()  # noqa: SIM905
 )
 """Words beside which something named has the role of the clause before it."""
 
@@ -55,6 +58,8 @@ class Draft:
     """Clauses that speak of all the others."""
     nobody: bool = False
     """Whether a clause wishes that no robot at all is asked."""
+    denied: set[str] = field(default_factory=set)
+    """Policies that are not to decide."""
     crossed: set[int] = field(default_factory=set)
     """Clauses that go on with the opposite of the one before, and share its verb."""
 
@@ -68,6 +73,13 @@ class Draft:
     def of(self, clause: Clause, *kinds: str) -> list[int]:
         """The numbers of what a clause names, of some kinds."""
         return [n for n in clause.mentions if self.text.mentions[n].kind in kinds]
+
+    def linked(self, number: int, role: Role | None = None) -> float | None:
+        """The part of the link that a part leaves to this swarm, by its role or the given one."""
+        share, role = self.text.mentions[number].share, role or self.roles[number]
+        if share is None or role not in ("link", "free"):
+            return None
+        return round(1 - share.value if role == "free" else share.value, 3)
 
     def set(self, numbers: list[int], role: Role | None) -> None:
         """Gives mentions a role."""

@@ -2,99 +2,69 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from datetime import datetime
 
 from llm_gateway.wishes import lexicon
+from llm_gateway.wishes.forms import called, is_head
 from llm_gateway.wishes.mention import Kind, Mention
-from llm_gateway.wishes.numbers import NAMED, share_at, whole
+from llm_gateway.wishes.names import LIST, NO_NAMES, Cut, other_words
+from llm_gateway.wishes.numbers import share_at, whole
+from llm_gateway.wishes.people import CALLED, ENDS, SPEAKS, TITLES
+from llm_gateway.wishes.plain import known
+from llm_gateway.wishes.roster import Roster
 from llm_gateway.wishes.times import when_at
 from llm_gateway.wishes.words import Word, alike, key
 from swarm.messages.intent import Site
 
-LIST = {
-    ",",
-    "and",
-    "or",
-    "und",
-    "oder",
-    "&",
-    "/",
-    "+",
-    "sowie",
-    "plus",
-    "nor",
-    "noch",
-    "as",
-    "well",
-    "adn",
-    "nad",
-    "n",
-    "udn",
-}
-_RANGE = {"to", "through", "thru", "bis", "-", "–", ".."}
-_PLURALS = ("s", "es", "n", "en", "e", "er", "ern", "r")
-_NO_NAMES = frozenset(
-    """% percent prozent per minutes minute hours hour min h uhr am pm oclock minuten
-    stunden""".split()  # noqa: SIM905
+LEADS = frozenset(
+    """a also am an and around at auch auf bei beim by dem den der die das for fuer hinter im
+    in into near of on or our that the this to um und unser unsere vor watch weil zum
+    zur""".split()  # noqa: SIM905
 )
-"""Behind a number they say that it is no robot's."""
+"""Before a place's main word they say that no other place is meant."""
 _GREETINGS = {"hello", "hi", "hey", "dear", "hallo", "liebe", "liebes", "geehrte", "geehrter",
               "geehrten", "moin", "servus", "thanks",
               "danke"}  # fmt: skip
 """Whom they greet is nobody whom the detector finds."""
-_INFLECTED = {"achte", "neune", "sechse", "siebene", "fuenfe"}
-"""Rather a verb or an hour than a name's number."""
-_NUMBERED = re.compile(r"\d+")
 
 
 class Finder:
     """Looks at one wish on one site."""
 
-    def __init__(self, cut: Sequence[Word], site: Site) -> None:
+    def __init__(self, wish: str, cut: Sequence[Word], site: Site) -> None:
+        self._wish = wish
         self._words = cut
-        self._robots = {key(name): name for name in site.robots}
-        self._numbers = {
-            digits[0].lstrip("0"): name
-            for name in site.robots
-            if len(digits := _NUMBERED.findall(name)) == 1
-        }
-        heads = {k[0] for k in self._robots if len(k) == 2 and k[0].isalpha()}
-        self._prefixes = heads | {head + "s" for head in heads if len(head) > 1}
+        self._cut = Cut(cut)
+        self._text = self._cut.text
+        self._named = self._cut.named
+        self._roster = Roster(self._cut, site.robots)
         self._places = {
             key(said): name for name in site.places for said in site.words.get(name, ())
         } | {key(name): name for name in site.places}
         self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
         self._classes = {key(name): name for name in site.classes}
         self._policies: set[str] = set()
+        self._seen: list[str] = []
 
     def at(self, at: int, now: datetime) -> Mention | None:
-        """What is named from word `at` on."""
+        """What is named from word `at` on; to be asked for in order."""
+        found = self._at(at, now)
+        if found is not None and found.kind == "place":
+            self._seen += [name for name in found.names if name not in self._seen]
+        return found
+
+    def _at(self, at: int, now: datetime) -> Mention | None:
         return (
             self._place(at)
-            or self._robot(at)
+            or self._roster.at(at)
             or self._when(at, now)
             or self._share(at)
             or self._class(at)
             or self._plain(at)
+            or self._again(at)
             or self._stranger(at)
         )
-
-    def _text(self, at: int) -> str:
-        return self._words[at].text if 0 <= at < len(self._words) else ""
-
-    def _named(self, name: Sequence[str], at: int, *, also: bool) -> int | None:
-        """The word behind a name that is written from word `at` on; `also` in other words."""
-        here = at
-        for part in name:
-            if here > at and self._text(here) in {"-", "_"}:
-                here += 1
-            said = self._text(here)
-            if not said or not (_same(said, part) or (also and said in _others(part))):
-                return None
-            here += 1
-        return here
 
     def _place(self, at: int) -> Mention | None:
         hits: dict[str, int] = {}
@@ -115,13 +85,27 @@ class Finder:
             return Mention("unknown", at, end)
         return self._more_places(Mention("place", at, end, (best[0],)))
 
+    def _again(self, at: int) -> Mention | None:
+        """The place that was named before, by its main word: "the hall", "the area"."""
+        text = self._text(at)
+        pointed = self._text(at - 1) in {"the", "that", "this", "den", "dem", "der", "die", "das"}
+        pointed &= self._text(at + 1) not in {"of", "to", "where", "wo"}
+        if text in lexicon.PLACES and pointed and len(self._seen) == 1:
+            return Mention("place", at, at + 1, (self._seen[0],))
+        held = [name for name in self._seen if is_head(text, key(name))]
+        rest, before = self._text(at + 1), self._text(at - 1)
+        other = before.isalpha() and before not in LEADS
+        if other or len(held) != 1 or rest.isdigit() or whole(rest) is not None:
+            return None
+        return Mention("place", at, at + 1, (held[0],))
+
     def _more_places(self, mention: Mention) -> Mention:
         """Bare numbers that go on with a list: "aisles 1 and 2"."""
         head, *number = key(mention.names[0])
         names, last = list(mention.names), mention.last
         while len(number) == 1 and number[0].isdigit() and self._text(last) in LIST:
             place = self._places.get((head, self._text(last + 1)))
-            if place is None or self._text(last + 2) in _NO_NAMES:
+            if place is None or self._text(last + 2) in NO_NAMES:
                 break
             names.append(place)
             last += 2
@@ -131,82 +115,6 @@ class Finder:
         """Whether a place's name, or a word that the site has for it, is written so."""
         said = tuple(word.text for word in self._words[at:end] if word.text not in "-_")
         return self._places.get(said) == place
-
-    def _robot(self, at: int) -> Mention | None:
-        for name, robot in sorted(self._robots.items(), key=lambda item: -len(item[0])):
-            end = self._named(name, at, also=False)
-            if end is not None and not self._text(end).isdigit():
-                return self._more(self._range(Mention("robot", at, end, (robot,))))
-        if self._text(at) in self._prefixes:
-            sign = 1 if self._text(at + 1) in {"-", "_"} else 0
-            digits = self._text(at + 1 + sign).lstrip("0")
-            if self._text(at + 1 + sign).isdigit():
-                robot = self._numbers.get(digits, "")
-                names = (robot,) if robot else ()
-                found = Mention("robot" if robot else "unknown", at, at + 2 + sign, names)
-                return self._more(found) if robot else found
-        if self._text(at) in lexicon.ROBOT_WORDS:
-            return self._counted(at)
-        return None
-
-    def _range(self, mention: Mention) -> Mention:
-        """R1 to R4, where all of them exist."""
-        if self._text(mention.last) not in _RANGE:
-            return mention
-        other = self._robot_alone(mention.last + 1)
-        if other is None:
-            return mention
-        low, high = (_NUMBERED.findall(name) for name in (mention.names[0], other.names[0]))
-        if len(low) != 1 or len(high) != 1 or int(low[0]) >= int(high[0]):
-            return mention
-        between = [self._numbers.get(str(n)) for n in range(int(low[0]), int(high[0]) + 1)]
-        if None in between:
-            return Mention("unknown", mention.first, other.last)
-        names = tuple(name for name in between if name)
-        return Mention("robot", mention.first, other.last, names)
-
-    def _more(self, mention: Mention) -> Mention:
-        """Bare numbers that go on with a list: "R2, R4 and 7"."""
-        names, last = list(mention.names), mention.last
-        while self._text(last) in LIST:
-            here = last
-            while self._text(here) in LIST:
-                here += 1
-            robot = self._numbers.get(self._text(here).lstrip("0"))
-            if robot is None or self._text(here + 1) in _NO_NAMES:
-                break
-            names.append(robot)
-            last = here + 1
-        return Mention("robot", mention.first, last, tuple(dict.fromkeys(names)))
-
-    def _robot_alone(self, at: int) -> Mention | None:
-        for name, robot in self._robots.items():
-            end = self._named(name, at, also=False)
-            if end is not None:
-                return Mention("robot", at, end, (robot,))
-        return None
-
-    def _counted(self, at: int) -> Mention | None:
-        """ "robots 2 and 5", "robot number three", "Roboter drei und vier"."""
-        here = at + 1
-        while self._text(here) in {"number", "no", "nr", "nummer", "."}:
-            here += 1
-        names: list[str] = []
-        unknown = False
-        last = here
-        while (number := whole(self._text(here))) is not None:
-            if self._text(here + 1) in {"%", "percent", "prozent", "minutes", "hours"}:
-                break
-            robot = self._numbers.get(str(number))
-            unknown |= robot is None
-            names += [robot] if robot else []
-            last = here + 1
-            here = last
-            while self._text(here) in LIST:
-                here += 1
-        if last == here == at + 1 or not (names or unknown):
-            return None
-        return Mention("unknown" if unknown else "robot", at, last, () if unknown else tuple(names))
 
     def _when(self, at: int, now: datetime) -> Mention | None:
         when = when_at(self._words, at, now)
@@ -218,12 +126,11 @@ class Finder:
 
     def _class(self, at: int) -> Mention | None:
         hits = {}
-        if self._text(at - 1) in _GREETINGS:
+        if self._text(at - 1) in _GREETINGS or self._calls(at):
             return None
         for name, label in self._classes.items():
             end = self._named(name, at, also=False)
-            others = lexicon.CLASSES.get(" ".join(name), "").split()
-            if end is None and {self._text(at), self._text(at).removesuffix("n")} & {*others}:
+            if end is None and called(self._text(at), " ".join(name)):
                 end = at + 1
             if end is not None:
                 hits[label] = end
@@ -236,18 +143,43 @@ class Finder:
         kind: Kind = "class" if len(best) == 1 else "unknown"
         return Mention(kind, at, end, tuple(best) if kind == "class" else ())
 
+    def _calls(self, at: int) -> bool:
+        """Whether somebody is called so, and nothing is wished: "thanks, folks", "Frau Yilmaz"."""
+        text, before, behind = self._text(at), self._text(at - 1), self._text(at + 1)
+        if text in TITLES and behind.isalpha() and not known(behind):
+            return self._wish[self._words[at + 1].start].isupper()
+        opens = before in {"", ".", "!", "?"} and behind in {",", "!"}
+        if behind in SPEAKS:
+            return True
+        closes = before == "," and behind in {"", ".", "!"}
+        ends = text in ENDS and behind in {"", ".", "!"} and before not in LEADS | LIST
+        return ends or (text in CALLED and (opens or closes))
+
     def _plain(self, at: int) -> Mention | None:
         text = self._text(at)
-        if text == "net" and self._text(at - 1) not in {"the", "our", "this", "that", "your", "on"}:
+        articles = {"the", "our", "this", "that", "your", "on"}
+        if text == "net" and not articles & {self._text(at - 1), self._text(at - 2)}:
             return None  # "Nicht" in the south.
-        if text in lexicon.NETWORK or alike(text, "bandwidth") or alike(text, "bandbreite"):
+        one = text.removesuffix("s")
+        slip = alike(text, "bandwidth") or alike(text, "bandbreite")
+        if text == "links" and self._text(at + 1) == "liegen":
+            return None  # "Links liegen lassen".
+        if {text, one} & lexicon.NETWORK or slip or lexicon.NETWORKS.fullmatch(text):
             return Mention("network", at, at + 1)
-        if text in lexicon.COMPUTE:
+        if {text, one} & lexicon.COMPUTE or lexicon.COMPUTERS.fullmatch(text):
+            return Mention("compute", at, at + 1)
+        near = {self._text(n) for n in range(at - 3, at + 4)}
+        if text in lexicon.ENERGY and near & lexicon.SAVING:
             return Mention("compute", at, at + 1)
         return self._policy(at)
 
     def _policy(self, at: int) -> Mention | None:
         near = {self._text(n) for n in range(at - 5, at + 6)}
+        near |= {self._text(n) for n in range(at - 9, at + 10)} & {
+            "policy",
+            "strategie",
+            "strategy",
+        }
         taken = {self._text(n) for n in range(at - 3, at + 4)} & lexicon.TAKE
         known = (*lexicon.PLAIN_POLICIES.items(), *lexicon.POLICIES.items())
         hits = {
@@ -270,27 +202,9 @@ class Finder:
     def _stranger(self, at: int) -> Mention | None:
         """A name as the site's, of something that it does not have: R9, aisle 9."""
         text, following = self._text(at), self._text(at + 1)
-        heads = {word for head in self._heads for word in _others(head) | {head}}
+        heads = {word for head in self._heads for word in other_words(head) | {head}}
         if text in heads and (following.isdigit() or whole(following) is not None):
             return Mention("unknown", at, at + 2)
         if text == "r" and following.isdigit():
             return Mention("unknown", at, at + 2)
         return None
-
-
-def _same(said: str, meant: str) -> bool:
-    """Whether a word is another one, in another form of it, or with a slip."""
-    if said == meant or alike(said, meant):
-        return True
-    if meant.isdigit() and said in NAMED and said not in _INFLECTED:
-        return NAMED[said] == int(meant[:9])
-    if not (said.isalpha() and meant.isalpha()) or min(len(said), len(meant)) < 3:
-        return False
-    longer, shorter = (said, meant) if len(said) > len(meant) else (meant, said)
-    return longer in {shorter + ending for ending in _PLURALS} or (
-        shorter.endswith("y") and longer == shorter[:-1] + "ies"
-    )
-
-
-def _others(part: str) -> set[str]:
-    return set(lexicon.HEADS.get(part, "").split())

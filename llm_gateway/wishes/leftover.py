@@ -22,9 +22,10 @@ _ACTS = re.compile(
 _CLOSING = re.compile(r"(?:gruess\w*|regards|cheers|lg|mfg|vg)$")
 """Behind it stands who writes."""
 _TOO = re.compile(r"(?:and |und )?([a-z]{4,}) (?:too|also|auch|as well)")
+_ABOVE_ALL = re.compile(r"\b(?:above|after|at|first of|in|of|over|vor) all(?:em|en)?\b")
 _POLICY = re.compile(r"\b(?:policy|strategy|strategie)\b")
 _OTHERS = re.compile(
-    r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waers?|sofort|same|needs|wants|has|runs|comes)$|t$"
+    r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waere?s?|sofort|same|needs|wants|has|runs|comes)$|t$"
 )
 """Ends what begins like an article and is none, or names nothing that a site has."""
 
@@ -45,7 +46,11 @@ def _wishes_unread(draft: Draft, clause: Clause) -> bool:
     """Whether a clause that names nothing wishes something all the same."""
     text = clause.text
     acts = robots.OUT.search(text) or robots.UNUSED.search(text) or robots.ONLY.search(text)
-    if set(text.split()) & lexicon.EVERYBODY and "out" not in draft.roles and acts:
+    if (
+        set(_ABOVE_ALL.sub(" ", text).split()) & lexicon.EVERYBODY
+        and "out" not in draft.roles
+        and acts
+    ):
         return True
     if STRONG.search(text) and not THERE.search(text):
         return not _bound(draft, clause) or unknown_thing(text)

@@ -23,6 +23,21 @@ _ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", 
 
 def length_at(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
     """The length of time that is written from word `at` on, and the word behind it."""
+    found = _length(words, at)
+    return None if found is None else with_more(words, found)
+
+
+def with_more(words: Sequence[Word], found: tuple[timedelta, int]) -> tuple[timedelta, int]:
+    """A length with the smaller one that goes on with it: "an hour and ten minutes"."""
+    here = found[1] + (_text(words, found[1]) in {"and", "und", "plus"})
+    more = _length(words, here)
+    whole_hours = found[0].seconds % UNITS["hour"] == 0
+    if more is None or not whole_hours or more[0].total_seconds() >= UNITS["hour"]:
+        return found
+    return found[0] + more[0], more[1]
+
+
+def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
     text = _text(words, at)
     if text in {"half", "halbe", "halben"}:
         skip = 2 if _text(words, at + 1) in _ONES else 1
@@ -36,6 +51,8 @@ def length_at(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
         return _times(1.5, words, at + 1)
     if text.endswith("einhalb") and (number := whole(text.removesuffix("einhalb"))) is not None:
         return _times(number + 0.5, words, at + 1)
+    if text in _ONES and _text(words, at + 1) == "second":
+        return None  # "A second look".
     if text in _ONES:
         found = _times(1, words, at + 1)
         if found and [word.text for word in words[found[1] : found[1] + 3]] == ["and", "a", "half"]:

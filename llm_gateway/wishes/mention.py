@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from llm_gateway.wishes.numbers import Share
-from llm_gateway.wishes.times import When
+from llm_gateway.wishes.when import When
 
 Kind = Literal[
     "robot", "place", "class", "share", "time", "network", "compute", "policy", "unknown"

@@ -7,20 +7,21 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from llm_gateway.wishes import lexicon
-from llm_gateway.wishes.finder import LIST, Finder
+from llm_gateway.wishes.finder import Finder
 from llm_gateway.wishes.mention import Kind, Mention
+from llm_gateway.wishes.names import LIST
 from llm_gateway.wishes.words import Word, words
 from swarm.messages.intent import Site
 
 _ARTICLES = {"the", "teh", "hte", "den", "die", "der", "dem", "das"}
-_VERBS = frozenset(
+VERBS = frozenset(
     """i we you is isnt are arent can cant cannot do dont does doesnt should shouldnt may must stays
     stay needs need not no kann koennen darf duerfen ist sind bleibt bleiben soll sollen muss
     muessen interessiert interessieren nicht nich ned kein egal ich wir ihr brauchen brauche
     brauchts gehen geht matter matters dagegen less weniger please bitte""".split()  # noqa: SIM905
 )
 """Behind a name they begin to say something of it alone."""
-_POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
+POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Text:
 def find(wish: str, site: Site, now: datetime) -> Text:
     """What a wish names. `now`: with a time zone."""
     cut = words(wish)
-    finder = Finder(cut, site)
+    finder = Finder(wish, cut, site)
     found: list[Mention] = []
     at = 0
     while at < len(cut):
@@ -88,4 +89,4 @@ def _parted(cut: Sequence[Word], held: Mention, mention: Mention) -> bool:
     while opens > 0 and cut[opens].text in _ARTICLES:
         opens -= 1
     before, behind = cut[opens].text, cut[mention.last].text
-    return behind in _VERBS and before.isalpha() and before not in {"and", "und", "so", *_POLITE}
+    return behind in VERBS and before.isalpha() and before not in {"and", "und", "so", *POLITE}

@@ -7,6 +7,10 @@ from datetime import datetime, timedelta
 
 from llm_gateway.wishes.clock import PARTS, Point
 
+_YEARS = 9
+"""In so many there is every date once, the 29th of February too."""
+_RECENT = timedelta(days=183)
+
 
 def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
     """The time that is meant, later than `after`; None where there is none, or several.
@@ -17,6 +21,14 @@ def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
         return None
     hours = _hours(point)
     today = datetime(now.year, now.month, now.day, tzinfo=now.tzinfo)
+    if point.of_year is not None:
+        month, of_month = point.of_year
+        years = (now.year + n for n in range(-1, _YEARS))
+        dated = [_midnight(now, year, month, of_month) for year in years]
+        there = [day for day in dated if day is not None]
+        # What just was is meant rather than its next year's.
+        meant = [day for day in there if today - _RECENT < day <= today] or there
+        return _first([time for day in meant for time in _on(day, hours, point.minute)], after)
     if point.date is not None:
         day = datetime(point.date.year, point.date.month, point.date.day, tzinfo=now.tzinfo)
         return _first(_on(day, hours, point.minute), after)
@@ -38,11 +50,20 @@ def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
     return _first([time for day in days for time in _on(day, hours, point.minute)], after)
 
 
+def _midnight(now: datetime, year: int, month: int, day: int) -> datetime | None:
+    """The beginning of a date; None in a year that does not have it."""
+    try:
+        return datetime(year, month, day, tzinfo=now.tzinfo)
+    except ValueError:
+        return None
+
+
 def _hours(point: Point) -> list[int]:
     """The hours of 24 that a point may mean."""
     if point.hour is None:
         return [PARTS[point.part]]
-    on_another_day = point.days or point.weekday is not None or point.date is not None
+    dated = point.date is not None or point.of_year is not None
+    on_another_day = point.days or point.weekday is not None or dated
     if point.exact or point.hour > 12 or point.hour == 0 or (point.uhr and on_another_day):
         return [point.hour]
     early, late = point.hour % 12, point.hour % 12 + 12

@@ -5,16 +5,32 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses import Clause
-from llm_gateway.wishes.cues import common, resources, robots, speech
+from llm_gateway.wishes.cues import asides, common, resources, robots, speech
 from llm_gateway.wishes.draft import FILLERS, Draft
 from llm_gateway.wishes.mention import Mention
 from llm_gateway.wishes.reading import Role
-from llm_gateway.wishes.roles import certain, negated, robot_role, share_role, weight_role
+from llm_gateway.wishes.roles import (
+    certain,
+    denies,
+    needless,
+    negated,
+    robot_role,
+    share_role,
+    weight_role,
+)
+from llm_gateway.wishes.words import Word
 
 _TOO = frozenset({"ROBOT", "too", "also", "auch", "ebenfalls", "likewise", "ebenso", "TIME"})
 _NO_NO = re.compile(r"no ROBOT(?: no ROBOT)+(?: TIME)?(?: please)?")
 _NAMES = re.compile(r"\b(?:ROBOT|PLACE|CLASS|SHARE|POLICY|UNKNOWN)\b")
-_NEITHER = re.compile(r"\b(?:auch (?:nicht|nich|ned|net|nid)|either|neither|nor)\b")
+NEITHER = re.compile(
+    r"\b(?:auch (?:nicht|nich|ned|net|nid)|(?:also|too) no[tr]?|not also|either|neither|nor)\b"
+)
+_JUDGED = re.compile(
+    r"\bPOLICY (?:(?:policy|strategy) )?(?:is|was|ist|war|seems|works|worked|performs)\b"
+    r"(?! (?:to|the|your|our|in|on|what|zu|die|der|dran|am|best|better|fine|ok|okay|good)\b)"
+)
+"""Tells how good a policy is."""
 _SAME = re.compile(
     r"(?:the )?same (?:goes |thing |holds |applies )?(?:for|with|to) ROBOT(?: too)?|"
     r"(?:das|da)?(?:selbe|gleiche)s? (?:gilt )?(?:auch )?(?:fuer|mit) (?:(?:den|die|das) )?ROBOT|"
@@ -63,11 +79,26 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
         if len(numbers) == 1:
             draft.suspected[numbers[0]] = role
         role = None if role == "out" else "doubt"
+    listed = {word.text for n in numbers for word in _words(draft, n)}
+    said_no = any(negated(c.text) for c in draft.clauses if c.sentence == clause.sentence)
+    if role in ("only", "out") and listed & {"or", "oder"} and not said_no:
+        role = "doubt"  # "Skip R2 or R3".
     if _crosses(draft, at, clause):
         draft.crossed |= {at, at + 1}
+    if at and re.fullmatch(r"(?:not|nicht) ROBOT", clause.text):
+        named_first = draft.clauses[at - 1]
+        if named_first.text == "ROBOT" and named_first.sentence == clause.sentence:
+            # "R2, not R3, stays out".
+            draft.crossed.add(at)
     if role is not None and (len(numbers) > 1 or at in draft.crossed):
         role = "doubt"
     draft.set(numbers, role)
+
+
+def _words(draft: Draft, number: int) -> tuple[Word, ...]:
+    """The words with which something is named."""
+    mention = draft.text.mentions[number]
+    return draft.text.words[mention.first : mention.last]
 
 
 def _crosses(draft: Draft, at: int, clause: Clause) -> bool:
@@ -85,12 +116,20 @@ def _weights(draft: Draft, at: int, clause: Clause) -> None:
     if len(numbers) > 1 and _each_weight(draft, clause, numbers):
         return
     role = weight_role(clause.text)
-    near = draft.clauses[at - 1] if at else None
+    near = _nearest(draft, at)
     if near is not None and near.sentence != clause.sentence and not _ALSO.search(clause.text):
         near = None
     if role is None and near is not None:
         role = _inherited(draft, clause, near)
     draft.set(numbers, role)
+
+
+def _nearest(draft: Draft, at: int) -> Clause | None:
+    """The clause before it, or behind a clause that names nothing the one that names something."""
+    for near in range(at - 1, max(-1, at - 4), -1):
+        if draft.clauses[near].mentions or near == 0:
+            return draft.clauses[near]
+    return None
 
 
 def _each_weight(draft: Draft, clause: Clause, numbers: list[int]) -> bool:
@@ -113,16 +152,16 @@ def _inherited(draft: Draft, clause: Clause, before: Clause) -> Role | None:
     if role not in ("high", "low"):
         return None
     bare = set(clause.text.split()) <= FILLERS
-    if clause.opener in ("but", "aber", "sondern") and not common.NOT.search(clause.text):
+    if clause.opener in ("but", "aber", "sondern") and not denies(clause.text):
         return None
     other: Role = "low" if role == "high" else "high"
-    if common.NOT.search(clause.text):
-        same = _NEITHER.search(clause.text) and role == "low"
+    if denies(clause.text):
+        same = NEITHER.search(clause.text) and role == "low"
         return (role if same else other) if bare else None
     if re.search(
         r"(?:PLACE|CLASS) (?:\w+ ){0,2}(?:do|does|can|are|is|schon|doch|very much)$", clause.text
     ):
-        return other if common.NOT.search(before.text) else role
+        return other if denies(before.text) else role
     return role if bare else None
 
 
@@ -133,15 +172,20 @@ def _shares(draft: Draft, at: int, clause: Clause) -> None:
     if len(numbers) > 1:
         _several_shares(draft, clause, numbers)
         return
-    role = share_role(clause.text)
+    titled = at and clause.opener == ":" and not draft.clauses[at - 1].mentions
+    role = share_role(f"{draft.clauses[at - 1].text} {clause.text}" if titled else clause.text)
     bounded = resources.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
-    free = resources.FREE.search(clause.text)
+    given = asides.GIVEN.search(clause.text) and not asides.OURS.search(clause.text)
+    free = resources.FREE.search(clause.text) or (
+        given and not resources.AT_MOST.search(clause.text)
+    )
     if role == "doubt" and (bounded or free) and at:
         near = draft.clauses[max(0, at - 3) : at]
-        if any("NET" in c.text.split() for c in near) and not any(
-            draft.of(c, "share") for c in near
-        ):
-            role = "free" if free else "link"
+        said: Role = "free" if free else "link"
+        before = [draft.linked(n) for c in near for n in draft.of(c, "share")]
+        fits = all(part in (None, draft.linked(numbers[0], said)) for part in before)
+        if any("NET" in c.text.split() for c in near) and fits:
+            role = said
     _bound_share(draft, numbers[0], role)
 
 
@@ -174,7 +218,9 @@ def _resources(draft: Draft, clause: Clause) -> None:
         if role is None:
             draft.wasted += numbers
     elif resources.SAVE.search(clause.text):
-        role = "doubt" if negated(clause.text) else "save"
+        role = "doubt" if negated(clause.text) or needless(clause.text) else "save"
+    elif negated(clause.text) and resources.AT_MOST.search(clause.text):
+        role = "doubt"
     draft.set(numbers, role)
 
 
@@ -184,7 +230,9 @@ def _others(draft: Draft, clause: Clause) -> None:
         if mention.kind == "policy":
             other = "policy" in draft.roles
             said: Role = "none" if other else "doubt"
-            draft.roles[number] = said if negated(clause.text) else "policy"
+            judged = _JUDGED.search(clause.text)
+            draft.roles[number] = said if negated(clause.text) or judged else "policy"
+            draft.denied |= {*mention.names} if negated(clause.text) else set()
         elif mention.kind == "time":
             draft.roles[number] = _time_role(mention, clause.text)
         elif mention.kind == "unknown":

@@ -10,16 +10,47 @@ from llm_gateway.wishes.cues.robots import SUFFICES
 from llm_gateway.wishes.draft import FILLERS, POINTS, THERE, Draft
 from llm_gateway.wishes.plain import strange, unknown_thing
 from llm_gateway.wishes.reading import Role
-from llm_gateway.wishes.roles import others_role, robot_role, weight_role
+from llm_gateway.wishes.roles import needless, negated, others_role, robot_role, weight_role
 
 _ONLY_FIRST = re.compile(r"(?:\w+ ){0,2}(?:only|just|nur|bloss|ask|use|fragt?|nimm|nehmt)\b")
 _OVER = {"out", "over", "over and out", "ende", "end"}
 """Ends what is said by radio."""
+_LEFTOVER = re.compile(
+    r"\b(?:gets?|has|have|takes?|keeps?|for|fuer|bekomm\w*|krieg\w*|nimmt|nehmen|brauch\w*|needs?) "
+    r"(?:the |den |das )?(?:rest|remainder|uebrige)$|\b(?:rest|remainder) (?:is|goes|geht|ist|"
+    r"bleibt) (?:for|to|fuer|an|bei)\b|\bhave the rest$"
+)
+"""Tells who gets the part of the link that is kept free."""
+_NO = {"nein", "no", "nope"}
+_AFTER = {"then", "dann"}
+"""Before the others they say that who is named comes first."""
+_DECIDES = re.compile(
+    r"\b(?:let|have|lass\w*|soll\w*|should|may|can) (?:\w+ )?(?:it|that|them|this|das|die|es|sie|"
+    r"diese)\b(?: \w+){0,3} (?:decid\w*|choos\w*|run|do|pick|entscheid\w*|waehl\w*|laufen|machen|"
+    r"ran)\b"
+)
+"""Says when a policy decides that is named beside it."""
+_BELOW = re.compile(
+    r"\b(?:darunter|drunter|below (?:that|this|it)|under (?:that|this|it)|less than that|lower "
+    r"than that|nothing (?:below|under|less|lower)|nichts (?:darunter|drunter))\b"
+)
+"""Says again that quality may not fall below a bound."""
 
 
 def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     """Gives what a clause says of "it" to what was named before it, or right behind."""
+    if clause.opener in _AFTER and robots.REST.fullmatch(clause.text):
+        _give(draft, at, "first", "robot")
     if robots.REST.match(clause.text) and not _moved(clause.text):
+        draft.handled.add(at)
+        return
+    parted = any(draft.linked(n) is not None for n in range(len(draft.roles)))
+    settled = "policy" in draft.roles and _DECIDES.search(clause.text)
+    floor = "quality" in draft.roles and _BELOW.search(clause.text)
+    if (settled or floor) and not draft.of(clause, "robot", "place", "class", "share", "unknown"):
+        draft.handled.add(at)
+        return
+    if parted and not clause.mentions and _LEFTOVER.search(clause.text):
         draft.handled.add(at)
         return
     if clause.text in _OVER and at + 1 == len(draft.clauses):
@@ -30,6 +61,10 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     if weighs and _give(draft, at, "high", "place", "class"):
         draft.handled.add(at)
         return
+    refused = at and clause.text in _NO and robots.OTHERS.fullmatch(draft.clauses[at - 1].text)
+    if refused and _give(draft, at, "only", "robot"):
+        draft.handled.add(at)
+        return
     if (role := others_role(clause.text)) is not None and not draft.of(
         clause, "robot", "share", "network", "compute", "policy"
     ):
@@ -37,6 +72,11 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         if not _give(draft, at, role, "robot"):
             draft.doubt(clause)
         return
+    if resources.SAVE.search(clause.text) and not clause.mentions:
+        saves: Role = "doubt" if needless(clause.text) or negated(clause.text) else "save"
+        if _give(draft, at, saves, "network", "compute"):
+            draft.handled.add(at)
+            return
     weighed = draft.of(clause, "place", "class")
     both = common.BOTH.search(clause.text) and not draft.of(clause, "robot") and not weighed
     if both and (role := robot_role(clause.text, alone=True)) is not None:
@@ -60,8 +100,6 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         weight = weight_role(clause.text)
         if weight == "high":
             _give(draft, at, weight, "place")
-    if resources.SAVE.search(clause.text) and not clause.mentions:
-        _give(draft, at, "save", "network", "compute")
     if not clause.text.split() or not clause.mentions:
         return
     numbers = draft.of(clause, "place", "class")
@@ -79,8 +117,11 @@ def _pointed_role(draft: Draft, clause: Clause, *, pointed: bool) -> Role | None
     robotless = not any(m.kind in ("robot", "unknown") for m in draft.text.mentions)
     asks = robots.UNUSED.search(clause.text) or unknown_thing(clause.text)
     first = robots.FIRST.search(clause.text) and asks
+    at = draft.clauses.index(clause)
+    before = draft.clauses[max(0, at - 2) : at]
     out = robots.OUT.search(clause.text) and not common.PRONOUN.search(clause.text)
-    weighs = weight_role(clause.text) is not None and not first and not out
+    placed = any(draft.of(near, "place", "class") for near in before)
+    weighs = weight_role(clause.text) is not None and not first and (placed or not out)
     told = role == "only" and not _ONLY_FIRST.match(clause.text)
     if robotless and (role == "doubt" or weighs or told):
         return None

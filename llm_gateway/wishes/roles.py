@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes import lexicon
-from llm_gateway.wishes.cues import common, resources, robots, weights
+from llm_gateway.wishes.cues import asides, common, resources, robots, weights
 from llm_gateway.wishes.plain import bare, strange
 from llm_gateway.wishes.reading import Role
 
+_TWICE = re.compile(
+    r"\b(?:never|dont|do not|not|nie|nicht)\b.*\b(?:nobody|no ?one|none|niemand\w*|keine[nr]?)\b"
+)
+_REFUSED = re.compile(r"(?:and |but |und |aber )?(?:no|nope|not|nein|nicht|nich|net|ned)")
 _NOBODY_ELSE = re.compile(
     r"\b(?:ausser|except|besides|apart from|bis auf) (?:(?:der|dem|den|die|the) )?ROBOT\b.*"
     r"\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
@@ -18,7 +22,32 @@ _ALL_OUT_BUT = re.compile(
     r"schliesst?) ALLBUT (?:\w+ )?ROBOT\b"
 )
 _NO_LONGER = re.compile(r"\b(nicht|nich|ned|net|nid|not|no|nie) (?:mehr|more|any ?more|longer)\b")
-_COMPARED = re.compile(r"\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b")
+_NOT_ENOUGH = re.compile(
+    r"\b(?:cant|cannot|can not|kann\w*|koenn\w*) (?:\w+ )*(?:enough|genug|too careful|zu "
+    r"vorsichtig)\b"
+)
+"""No to too little: "can't be watched enough"."""
+_NOT_ONLY = re.compile(r"\b(?:dont|do not|not|never|nicht) (?:bloss|just|merely|nur|only|purely)\b")
+_OVER = re.compile(
+    r"\b(?:over|than|als|statt|anstatt|instead of|anstelle von|in preference to) "
+    r"(?:(?:the|den|die|das|der) )?ROBOT\b"
+)
+"""To the robot something else is preferred."""
+_RECENTLY = re.compile(
+    r"\b(?:nur(?: noch)?|only|just)(?: [a-z]+){0,2} SHARE\b|"
+    r"\bonly (?:just|now|recently|yesterday)\b|\b(?:have|has|just) only\b|\bnur (?:kurz|eben|"
+    r"schnell)\b|^(?:nur|just|only|bloss) (?:um|so|to|because|weil|damit)\b"
+)
+"""Tells how long ago, or why."""
+_SHUT = re.compile(r"\bauge\w* (?:fest )?zu\w*\b|\bturn\w* a blind eye\b.*\b(?:not?|dont|never)\b")
+_NEEDLESS = re.compile(
+    r"\b(?:no need|need ?nt|need not|dont (?:need|have) to|no reason to|nicht noetig|unnoetig|"
+    r"(?:brauch\w*|muss\w*|muesst?) (?:\w+ ){0,3}(?:nicht|nich|ned|net))\b"
+)
+_COMPARED = re.compile(
+    r"\b(?:PLACE|CLASS) .*\b(?:vor|before|over|above|ahead of|outranks?) (?:(?:the|den|die|der|"
+    r"dem) )?(?:PLACE|CLASS)\b|\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b"
+)
 _PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
 _NOT_AT_ALL = re.compile(
     r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
@@ -29,9 +58,9 @@ _TURNED = re.compile(
     r"\b(?:nobody|no ?one|keiner|niemand)\b(?: \w+){0,3} (?:skip|ignore|exclude|leave|drop|avoid|"
     r"ROBOT (?:weg|aus|ignor)\w*)|\b(?:skip|ignore|exclude|drop|avoid) (?:nobody|no ?one|none)\b|"
     r"\b(?:stop|quit|cease) (?:skipp|ignor|exclud|leav|avoid|omitt|dropp|bench)\w*|"
-    r"\b(?:should|could|would) have\b|\b(?:too|so|very) often\b|\bzu oft\b|\balways\b|\bimmer\b|"
-    r"\bthe only (?:one|robot|bot)\b|\b(?:is|are) left\b(?! out)|\bleft is\b|"
-    r"\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|das) einzigen?\b|\bout and about\b"
+    r"\b(?:should|could|would) have\b|\b(?:too|so|very) often\b|\bzu oft\b|\balways\b|(?<!wo "
+    r")(?<!wann )\bimmer\b|\bthe only (?:one|robot|bot)\b|\b(?:is|are) left\b(?! out)|\bleft "
+    r"is\b|\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|das) einzigen?\b|\bout and about\b"
 )
 """Words that turn around what is said of a robot, or tell how things are."""
 _AT = re.compile(
@@ -44,22 +73,35 @@ SHORT = 4
 
 def nobody(text: str) -> bool:
     """Whether a clause wishes that no robot at all is asked."""
-    if "ROBOT" in text or robots.OTHERS.search(text) or re.search(r"[A-Z]{3}BUT|\bUNKNOWN\b", text):
+    found = robots.NOBODY.search(text)
+    if found is None or "ROBOT" in text or robots.OTHERS.search(text.replace(found[0], " ")):
         return False
-    return bool(robots.NOBODY.search(text)) and not robots.SOMEBODY.search(text)
+    if _TWICE.search(found[0]) or re.search(r"[A-Z]{3}BUT|\bUNKNOWN\b", text):
+        return False
+    return not robots.SOMEBODY.search(text)
 
 
 def bounds(text: str) -> str:
     """A clause without "no more than", which negates nothing and takes nothing back."""
     return re.sub(
-        r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|mehr|weniger)"
-        r"(?: than| als|(?= SHARE))|"
+        r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|worse|higher|lower|mehr|weniger|"
+        r"schlechter|hoeher)(?: than| als|(?= SHARE))|"
         r"\bno (?:need|matter|doubt|worries|rush|hurry|question|offen[cs]e)\b|"
         r"\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
         r"\blike (?:to|ROBOT)\b",
         "BOUND",
         text,
     )
+
+
+def needless(text: str) -> bool:
+    """Whether a clause says that something need not be done."""
+    return bool(_NEEDLESS.search(text))
+
+
+def denies(text: str) -> bool:
+    """Whether a clause says no, or hardly, to what was said before it."""
+    return bool(common.NOT.search(text) or weights.MINIMISED.search(text))
 
 
 def negated(text: str) -> bool:
@@ -77,16 +119,21 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         return "doubt"
     if _turned(text):
         return "doubt"
+    if _NOT_ONLY.search(text) or ("NOBODYBUT" in text and robots.OUT.search(text)):
+        return None if alone else "doubt"
     if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
         return "only"
-    plain = robots.ONLY.sub("ONLYTHESE", robots.OVER_OTHERS.sub("first", text))
+    plain = robots.OVER_OTHERS.sub("first", _RECENTLY.sub(" ", text))
+    plain = robots.ONLY.sub("ONLYTHESE", plain)
+    if "ONLYTHESE" in plain:
+        plain = re.sub(r"\bROBOT (?:alone|allein)\b", "ROBOT", plain)
     out = bool(robots.OUT.search(plain))
     bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let|left)\b", text)
     no = negated(robots.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
     only = "ONLYTHESE" in plain
     first = bool(robots.FIRST.search(plain))
     unused = bool(robots.UNUSED.search(plain))
-    if bare or (no and (out or only or first)) or robots.LAST.search(text):
+    if (bare and not only) or (no and (out or only or first)) or robots.LAST.search(text):
         return None if alone else "doubt"
     if alone and _NOT_AT_ALL.fullmatch(text):
         return "out"
@@ -105,6 +152,9 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         return "first" if robots.POSSIBLY.search(text) else None
     if hits == {"out"} and alone and not (common.PRONOUN.search(text) or no or _plain_out(text)):
         return None
+    backup = hits == {"only"} and robots.BACKUP.search(text) and not robots.OTHERS.search(text)
+    if backup or (hits == {"first"} and text.count("ROBOT") == 1 and _OVER.search(text)):
+        return "doubt"
     return hits.pop() if len(hits) == 1 else ("doubt" if hits else None)
 
 
@@ -142,6 +192,8 @@ def others_role(text: str) -> Role | None:
     if not robots.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
         return None
     plain = robots.OTHERS.sub(" ", text, count=1)
+    if _REFUSED.fullmatch(plain.strip()):
+        return "only"
     if robots.BACKUP.search(plain):
         return "first"
     out = robots.OUT.search(plain) or robots.IDLE.search(plain)
@@ -154,14 +206,23 @@ def others_role(text: str) -> Role | None:
 def weight_role(text: str) -> Role | None:
     """What a clause says of the place or the class that it names."""
     text = _NO_LONGER.sub(r"\1", text)
-    if _COMPARED.search(text) or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text):
+    if (
+        "ALLBUT" in text
+        or _SHUT.search(text)
+        or _COMPARED.search(text)
+        or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text)
+    ):
         return "doubt"
     low = bool(weights.LOW.search(text))
     rest = weights.LOW.sub(" ", text) if low else text
     high = bool(weights.HIGH.search(rest))
     no = bool(common.NOT.search(bounds(rest)))
+    if high and _NOT_ENOUGH.search(rest):
+        return "high"
     if low and high and no:
         return "doubt"
+    if high and not low and weights.MINIMISED.search(rest):
+        return "low"
     if low:
         return "high" if no else "low"
     if high:
@@ -175,16 +236,18 @@ def share_role(text: str) -> Role:
     quality = bool(words & lexicon.QUALITY)
     network = "NET" in words
     least, most = resources.AT_LEAST.search(text), resources.AT_MOST.search(text)
-    falls = re.search(r"\b(?:below|under|unter)\b", text) and not re.search(
-        r"\b(?:not?|nothing|nichts|never|nie|nicht|dont|doesnt|mustnt|cant|cannot|shouldnt|ned)\b",
-        text,
+    falls = re.search(r"\b(?:below|under|unter)\b", text) and not (
+        common.NOT.search(text) or "nothing" in words
     )
     if words & lexicon.BATTERY:
         return "none"
     if quality and not network:
         return "doubt" if (most and not least) or falls else "quality"
     if network and not quality:
-        if resources.FREE.search(text):
+        if asides.REPORTED.search(text) and not (most or asides.OURS.search(text)):
+            return "doubt"
+        given = asides.GIVEN.search(text) and not (most or asides.OURS.search(text))
+        if given or resources.FREE.search(text):
             return "doubt" if most and not least else "free"
         if least and not re.search(r"\b(?:under|unter|below|ueber|above|or less)\b", text):
             return "doubt"

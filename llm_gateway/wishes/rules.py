@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import re
 
+from llm_gateway.wishes.clashes import doubt_clashes
 from llm_gateway.wishes.draft import STRONG, Draft
+from llm_gateway.wishes.elliptic import read_elliptic
 from llm_gateway.wishes.leftover import doubt_leftover, doubt_told
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.named import read_named
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 from llm_gateway.wishes.referred import read_referred
 from llm_gateway.wishes.roles import nobody
-from llm_gateway.wishes.voids import foreign, tells
+from llm_gateway.wishes.strangers import doubt_strangers
+from llm_gateway.wishes.voids import foreign, reasons, tells
 
 
 def read(text: Text) -> Reading:
@@ -33,18 +36,22 @@ def read(text: Text) -> Reading:
         elif not tells(draft.clauses, clause) and (clause.mentions or STRONG.search(clause.text)):
             draft.doubt(clause)
     for at, clause in enumerate(draft.clauses):
-        if not draft.void[at] and at not in draft.handled:
+        if not draft.void[at] and at not in draft.handled and not reasons(clause):
             read_referred(draft, at, clause)
             doubt_leftover(draft, clause)
+    read_elliptic(draft)
     _repeat(draft)
+    doubt_strangers(draft)
     for clause in draft.clauses:
         if tells(draft.clauses, clause):
             doubt_told(draft, clause)
     _tell_times(draft)
+    doubt_clashes(draft)
     roles = tuple[Role, ...](role or "none" for role in draft.roles)
     if draft.nobody and any(m.kind == "robot" for m in text.mentions):
         # Who is named beside it may be an exception.
         draft.nobody = False
+        roles = tuple[Role, ...]("doubt" if role in ("only", "first") else role for role in roles)
         draft.unclear.append(text.wish.strip())
     wished = draft.nobody or any(role not in ("none", "doubt", "when") for role in roles)
     verdict: Verdict = "all" if wished else "nothing"
@@ -54,6 +61,8 @@ def read(text: Text) -> Reading:
     return Reading(roles, verdict, tuple(dict.fromkeys(draft.unclear)), suspected, draft.nobody)
 
 
+_THEN = {"then", "dann", "da"}
+"""In a time they point to one that is told before."""
 _BOUNDS = re.compile(
     r"\b(?:start|begin|stop|end|finish|wrap|clos|shut|over|done|leav|beginn|schluss|aufhoer|fertig|"
     r"vorbei|feierabend|los|knock)\w*"
@@ -67,10 +76,24 @@ def _tell_times(draft: Draft) -> None:
     whens = [mention.when for mention in draft.text.mentions if mention.when is not None]
     if not any(when.clear and (when.start or when.until) for when in whens):
         return
+    days = {
+        time.date() for when in whens if when.clear for time in (when.start, when.until) if time
+    }
+    for number, mention in enumerate(draft.text.mentions):
+        if mention.when is not None and mention.when.day in days and draft.roles[number] == "doubt":
+            draft.roles[number] = "none"  # "Today until five".
+    words = draft.text.words
+    pointed = any(
+        mention.when is not None and words[mention.first + 1].text in _THEN
+        for mention in draft.text.mentions
+        if mention.last - mention.first > 1
+    )
     for clause in draft.clauses:
-        if len(clause.mentions) != 1 or _BOUNDS.search(clause.text):
+        numbers = draft.of(clause, "time")
+        lonely = len(clause.mentions) == 1 and not _BOUNDS.search(clause.text)
+        if len(numbers) != 1 or not (lonely or pointed):
             continue
-        number = clause.mentions[0]
+        number = numbers[0]
         mention = draft.text.mentions[number]
         loose = mention.when is not None and not mention.when.clear and not mention.when.question
         at = draft.text.words[mention.first].text in ("at", "um")

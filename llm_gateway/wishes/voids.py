@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from llm_gateway.wishes.clauses import Clause
-from llm_gateway.wishes.cues import robots, speech
+from llm_gateway.wishes.cues import asides, robots, speech
 from llm_gateway.wishes.mentions import Text
 from llm_gateway.wishes.roles import bounds
 
@@ -16,6 +16,11 @@ _GREETING = re.compile(
 )
 
 
+_HELD = re.compile(
+    r"\b(?:cut|dial|hang|held|hold|keep|kept|lean|pull|put|scale|sit|stay|step)\w* (?:\w+ )?back\b|"
+    r"\bback (?:burner|door|office|off|seat|yard)\b"
+)
+"""Takes nothing back, though it says "back"."""
 _SUPPOSES = re.compile(r"(?:if|unless|falls|sobald|wenn|as soon as|in case|sofern|once)\b")
 """Opens a sentence of which all is supposed."""
 _CALLED = r"(?:(?:the|der|die|robot|roboter|unit|einheit|number|nummer) )*(?:ROBOT|UNKNOWN)\b"
@@ -25,12 +30,12 @@ _SPEAKER = re.compile(
     r"(?:message|note|mail|email|signal|call|request|order|wish|greetings|nachricht|funkspruch|"
     r"meldung|wunsch|befehl|gruesse) (?:from|of|by|von)|on behalf of|im namen von|im auftrag von"
     rf") {_CALLED}|"
-    r"\bROBOT (?:speaking|speaks|calling|spricht|am apparat|reporting|wants|requests?|asks|orders|"
-    r"commands|suggests|recommends|insists|begs|confirms|writes|sends|informs|thinks|believes|"
-    r"complains|moechte|bittet|fordert|empfiehlt|schlaegt vor|besteht|funkt|schickt|bestaetigt|"
-    r"teilt|meint|glaubt|befiehlt|meldet|reports?|here [,.:!;]|hier [,.:!;]|over [,.:!;])|"
-    r"^(?:from |von )?ROBOT : (?:(?:the|der|die|robot|roboter) )*"
-    r"(?:ROBOT|i|im|we|my|ich|wir|mein)\b"
+    r"\bROBOT (?:says|said|sagt|sagte|tells|told|speaking|speaks|calling|spricht|am apparat|"
+    r"reporting|wants|requests?|asks|orders|commands|suggests|recommends|insists|begs|confirms|"
+    r"writes|sends|informs|thinks|believes|complains|moechte|bittet|fordert|empfiehlt|schlaegt "
+    r"vor|besteht|funkt|schickt|bestaetigt|teilt|meint|glaubt|befiehlt|meldet|reports?|here "
+    r"[,.:!;]|hier [,.:!;]|over [,.:!;])|^(?:from |von )?ROBOT : (?:(?:the|der|die|robot|"
+    r"roboter) )*(?:ROBOT|i|im|we|my|ich|wir|mein)\b"
 )
 """A robot speaks, or somebody speaks for it."""
 _MYSELF = re.compile(
@@ -40,19 +45,21 @@ _MYSELF = re.compile(
     r"bevorzugt?|nur|ausser|ohne|lasst|bloss|einzig|hoert auf|hoer auf|als|statt|instead of|over) "
     r"(?:(?:only|just|nur|always|immer|bitte|please|zuerst|allein|lieber) ){0,2}"
     r"(?:me|mich|mir|myself|us|uns)\b(?! (?:to|get|know|have|see|look|watch|make|zeigen|auf|das)"
-    r"\b)|"
-    r"\b(?:my|our|mein\w*|unser\w*) (?:own |eigene[nr]? |lidar |camera )?(?:data|cameras?|sensors?|"
-    r"sensing|lidar|view|readings?|detections?|observations?|picture|daten|kameras?|sensor\w*|"
-    r"sicht|bild|messungen|beobachtungen|erkennung)\b|\b(?:we|us|wir|uns) (?:robots|roboter)\b|"
-    r"\bi (?:see|detect|know|perceive) (?:it |them |everything )?(?:best|better|most)\b|"
-    r"\bich (?:sehe|erkenne|weiss) (?:es |alles )?(?:am besten|besser|am meisten)\b"
+    r"\b)|\b(?:my|our|mein\w*|unser\w*) (?:own |eigene[nr]? |lidar |camera )?(?:data|cameras?|"
+    r"sensors?|sensing|lidar|view|readings?|detections?|observations?|picture|daten|kameras?|"
+    r"sensor\w*|sicht|bild|messungen|beobachtungen|erkennung)\b|\b(?:we|us|wir|uns) (?:robots|"
+    r"roboter)\b|\bi (?:see|detect|know|perceive) (?:it |them |everything )?(?:best|better|"
+    r"most)\b|\bich (?:sehe|erkenne|weiss) (?:es |alles )?(?:am besten|besser|am meisten)\b"
 )
 """The one who speaks is one of those who are asked: a robot."""
 
 
 def foreign(text: Text) -> bool:
     """Whether these are the words of a robot, or of somebody who only is quoted."""
-    said = " ".join(word.text for word in text.words)
+    said = asides.RELAYED.sub(" ", " ".join(word.text for word in text.words))
+    corrected = re.search(r", (?:no|nein|nee|quatsch|wait|moment|halt) ,", said)
+    if corrected or speech.CORRECTED.search(re.sub(r"[^a-z ]+ ?", "", said)):
+        return True
     named = _named(text)
     return bool(speech.FOREIGN.search(said) or _SPEAKER.search(named) or _MYSELF.search(named))
 
@@ -80,15 +87,25 @@ def tells(clauses: Sequence[Clause], clause: Clause) -> bool:
     )
 
 
+def reasons(clause: Clause) -> bool:
+    """Whether a clause that names nothing only tells why, or of whom."""
+    return not clause.mentions and bool(
+        clause.opener in asides.REASONS or asides.WHY.match(clause.text)
+    )
+
+
 def _plain(clause: Clause) -> str:
-    return speech.POLITE.sub("", clause.text)
+    plain = speech.POLITE.sub("", clause.text)
+    return asides.WERE.sub(" ", plain) if clause.wished else plain
 
 
 def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
     opening = next(c for c in clauses if c.sentence == clause.sentence)
     asks = speech.QUESTION.match(_GREETING.sub("", opening.text))
-    if asks and (clause.asked or not opening.text.startswith(("when", "where", "do ", "must"))):
+    if asks and (
+        clause.asked or not opening.text.startswith(("can we", "when", "where", "do ", "must"))
+    ):
         return True
     supposed = speech.NO_CONDITION.sub("", _GREETING.sub("", opening.text))
     if _SUPPOSES.match(supposed) and not _reaches(opening.text):
@@ -98,7 +115,7 @@ def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     if speech.CONDITION.search(speech.NO_CONDITION.sub("", clause.text)):
         return not ("reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text))
     kinds = {text.mentions[n].kind for n in clause.mentions}
-    taken = speech.AGAIN.search(bounds(clause.text))
+    taken = speech.AGAIN.search(_HELD.sub(" ", bounds(clause.text)))
     if taken and taken[0] in ("again", "wieder") and not robots.UNUSED.search(clause.text):
         return False  # "is broken again".
     return bool(taken) and (not kinds or "robot" in kinds)

@@ -6,7 +6,17 @@ import re
 import unicodedata
 from dataclasses import dataclass
 
-_WORD = re.compile(r"(?<!\w)\.\d+|\d+(?:[.,:]\d+)*|[^\W\d_]+(?:['’][^\W\d_]+)*|\S")
+_SHORT = {"w/o": "without", "w/": "with", "u.": "und", "1st": "first", "2nd": "second",
+          "3rd": "next"}  # fmt: skip
+"""What people write for a word, signs and all."""
+_BOUNDS = {">=": "mindestens", "≥": "mindestens", "<=": "hoechstens", "≤": "hoechstens"}
+_ARROW = re.compile(r"[-=]+>")
+_WORD = re.compile(
+    r"\bw/o\b|\bw/(?=\s)|\bu\.(?=\s)|"
+    r"\b(?:1st|2nd|3rd)(?= choice| pick| best| prio|[ ,;.!]*$|[,;.!] )|"
+    r"[<>]=|[-=]+>|(?<!\w)\.\d+|\d+(?:[.,:]\d+)*|[^\W\d_]+(?:['’][^\W\d_]+)*|\S",
+    re.IGNORECASE,
+)
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "’": "", "'": ""})
 _LEAST_FUZZY = 5
 """Letters of a word in which one slip of the keyboard is forgiven."""
@@ -35,7 +45,15 @@ def fold(text: str) -> str:
 
 def words(text: str) -> list[Word]:
     """The words of a wish, in order."""
-    return [Word(fold(m.group()), m.start(), m.end()) for m in _WORD.finditer(text)]
+    return [Word(_long(m.group()), m.start(), m.end()) for m in _WORD.finditer(text)]
+
+
+def _long(said: str) -> str:
+    """A word folded, in full; arrows are one sign."""
+    folded = fold(said)
+    if _ARROW.fullmatch(folded):
+        return "→"
+    return _SHORT.get(folded) or _BOUNDS.get(folded, folded)
 
 
 def key(name: str) -> tuple[str, ...]:

@@ -6,7 +6,8 @@ from datetime import datetime
 
 import pytest
 
-from llm_gateway.wishes.times import When, when_at
+from llm_gateway.wishes.times import when_at
+from llm_gateway.wishes.when import When
 from llm_gateway.wishes.words import words
 
 NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
@@ -43,6 +44,10 @@ def when(text: str, now: datetime = NOW) -> When:
         ("bis morgen früh", "2026-11-24T06:00"),
         ("bis 8 am Abend", "2026-11-23T20:00"),
         ("bis 8 Uhr am Morgen", "2026-11-24T08:00"),
+        ("until the 3rd of December 18:00", "2026-12-03T18:00"),
+        ("bis zum 3. Dezember 12 Uhr", "2026-12-03T12:00"),
+        ("until March 1, 2027 noon", "2027-03-01T12:00"),
+        ("until tmrw 6am", "2026-11-24T06:00"),
     ],
 )
 def test_an_end_is_the_next_time_that_is_meant(text: str, until: str) -> None:
@@ -63,6 +68,8 @@ def test_an_end_is_the_next_time_that_is_meant(text: str, until: str) -> None:
         ("during the next 45 minutes", 45),
         ("eine halbe Stunde lang", 30),
         ("anderthalb Stunden", 90),
+        ("for an hour and ten minutes", 70),
+        ("eine Stunde und zehn Minuten", 70),
         ("für die nächsten 20 Minuten", 20),
     ],
 )
@@ -91,6 +98,9 @@ def test_a_length_is_read(text: str, minutes: int) -> None:
         ("zwischen 15 und 16 Uhr", "15:00", "16:00"),
         ("in ten minutes", "14:15", None),
         ("ab morgen früh", "06:00", None),
+        ("1800 to 2200", "18:00", "22:00"),
+        ("after 6 pm", "18:00", None),
+        ("nach 18 Uhr", "18:00", None),
         ("tomorrow from 8 am", "08:00", None),
     ],
 )
@@ -111,6 +121,8 @@ def test_a_beginning_is_read(text: str, start: str, until: str | None) -> None:
         "bis heute um 14 Uhr",
         "bis gestern",
         "until Friday",
+        "until 31 June 18:00",
+        "until October 20 6 pm",
         "today",
         "heute Abend",
     ],
@@ -135,8 +147,40 @@ def test_six_is_the_next_six() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["R1 bis R4", "at the docks", "two robots", "90 percent", "good morning"]
+    "text",
+    [
+        "R1 bis R4",
+        "at the docks",
+        "two robots",
+        "90 percent",
+        "good morning",
+        "a second look",
+        "robots 2 and 5 may help",
+        "it's the Saturday before",
+    ],
 )
 def test_other_words_are_no_times(text: str) -> None:
     cut = words(text)
     assert all(when_at(cut, at, NOW) is None for at in range(len(cut)))
+
+
+def _in(text: str, word: str) -> When | None:
+    cut = words(text)
+    return when_at(cut, [said.text for said in cut].index(word), NOW)
+
+
+def test_then_is_the_hour_that_was_told() -> None:
+    found = _in("a truck comes at 17:15, so from then until 18:00 watch the gate", "from")
+    assert found is not None
+    assert found.start == datetime.fromisoformat("2026-11-23T17:15+01:00")
+    assert found.until == datetime.fromisoformat("2026-11-23T18:00+01:00")
+
+
+def test_before_ends_a_no_and_is_doubtful_otherwise() -> None:
+    found = _in("nobody is to be asked before quarter to five", "before")
+    assert found is not None
+    assert found.until == datetime.fromisoformat("2026-11-23T16:45+01:00")
+    for text in ("R2 first, but not before six", "ask R2 before 17:00"):
+        doubtful = _in(text, "before")
+        assert doubtful is not None
+        assert not doubtful.clear

@@ -1,0 +1,69 @@
+"""Reads dates with the month's name: "the 3rd of June", "March 3, 2019", "31. April"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from llm_gateway.wishes.words import Word
+
+_MONTHS = (
+    ("january", "jan", "januar", "jaenner"), ("february", "feb", "februar"),
+    ("march", "maerz"), ("april", "apr"), ("may", "mai"), ("june", "juni"), ("july", "juli"),
+    ("august", "aug"), ("september", "sept"), ("october", "oct", "oktober", "okt"),
+    ("november", "nov"), ("december", "dec", "dezember", "dez"),
+)  # fmt: skip
+_ORDINAL = {"st", "nd", "rd", "th", "."}
+_YEAR_DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Dated:
+    """A date as it is written, up to, not including, word `last`; perhaps in no calendar."""
+
+    day: int
+    month: int
+    year: int | None
+    last: int
+
+
+def date_at(words: Sequence[Word], at: int) -> Dated | None:
+    """The date that is written from word `at` on."""
+    day = _day(words, at)
+    if day is not None:
+        here = _behind(words, at + 1)
+        here += _text(words, here) == "of"
+        month = _month(words, here)
+        here += 1
+    else:
+        month, day = _month(words, at), _day(words, at + 1)
+        here = _behind(words, at + 2)
+    if day is None or month is None:
+        return None
+    bare = here - at == len(["5", "may"]) and _text(words, at + 1) == "may"
+    if bare and _text(words, at - 1) not in {"by", "from", "on", "the", "till", "until"}:
+        return None  # "Robots 2 and 5 may help".
+    comma = _text(words, here) == ","
+    year = _text(words, here + comma)
+    if year.isascii() and year.isdigit() and len(year) == _YEAR_DIGITS and year[0] in "12":
+        return Dated(day, month, int(year), here + comma + 1)
+    return Dated(day, month, None, here)
+
+
+def _behind(words: Sequence[Word], at: int) -> int:
+    """Behind what makes an ordinal of a number."""
+    return at + (_text(words, at) in _ORDINAL)
+
+
+def _day(words: Sequence[Word], at: int) -> int | None:
+    text = _text(words, at)
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= len("31") else None
+
+
+def _month(words: Sequence[Word], at: int) -> int | None:
+    text = _text(words, at)
+    return next((n for n, names in enumerate(_MONTHS, 1) if text in names), None)
+
+
+def _text(words: Sequence[Word], at: int) -> str:
+    return words[at].text if 0 <= at < len(words) else ""
