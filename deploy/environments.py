@@ -172,6 +172,7 @@ def _environment(
         "COADAPT_WORLD_RINGS": str(spec.rings),
         "COADAPT_WORLD_SCENARIO": spec.scenario,
         "COADAPT_WORLD_CACHE": place.cache,
+        **({"COADAPT_POSE_ERROR_M": f"{spec.pose_error_m:g}"} if spec.pose_error_m else {}),
         "COADAPT_EPOCH_NS": str(spec.epoch_ns),
         # A machine runs many of these processes: one numerical thread each, and none that spins
         # on a core while it waits for others.

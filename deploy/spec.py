@@ -27,7 +27,7 @@ from swarm.errors import DeployError, IdentityError, PropertyError
 from swarm.keyspace import check_name
 from swarm.messages import MIN_RATE_BPS
 from swarm.messages.choices import QMin
-from swarm.process import ProcessSettings, Rings, Seed
+from swarm.process import PoseError, ProcessSettings, Rings, Seed
 from swarm.settings import NAME_RULE, Name, allowed
 from swarm.trust.roles import PREFIXES, SITE, Role, role_of
 from worlds.kinds import WorldKind
@@ -73,6 +73,7 @@ class SwarmSpec(msgspec.Struct, frozen=True, kw_only=True):
     seed: Seed = _PROCESS.world_seed
     rings: Rings = _PROCESS.world_rings
     scenario: str = _PROCESS.world_scenario
+    pose_error_m: PoseError = _PROCESS.pose_error_m
     cache: str = ""
     """Directory for scans shared by the swarm's processes; empty keeps none."""
     policy: Name = POLICY

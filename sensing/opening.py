@@ -11,6 +11,7 @@ from swarm.log import make_logger
 from swarm.process import ProcessSettings
 from swarm.settings import PREFIX
 from worlds.base import World
+from worlds.cooperative.pose_errors import Mislocalised
 from worlds.kinds import Reader
 from worlds.registry import open_world, world_kind, world_kinds
 from worlds.remarks import Choosing, Noted
@@ -30,6 +31,11 @@ def open_world_of(settings: ProcessSettings, process: str, robot: str) -> Iterat
     kind = world_kind(settings.world)
     if kind.data and not settings.world_data:
         raise SettingError(f"world {kind.name!r} needs {PREFIX}WORLD_DATA, {kind.needs}")
+    if kind.data == "address" and settings.pose_error_m:
+        raise SettingError(
+            f"{PREFIX}POSE_ERROR_M = {settings.pose_error_m:g}: a live robot errs by itself; "
+            f"allowed in world {kind.name!r}: 0"
+        )
     log = make_logger(process, level=settings.log_level, swarm=settings.swarm)
     world = open_world(
         settings.world,
@@ -47,8 +53,11 @@ def open_world_of(settings: ProcessSettings, process: str, robot: str) -> Iterat
     if isinstance(world, Choosing):
         for choice in world.choices:
             log.info("world_choice", choice=choice)
+    seen = world
+    if settings.pose_error_m:
+        seen = Mislocalised(world, settings.pose_error_m, settings.world_seed)
     if isinstance(world, AbstractContextManager):
         with world:
-            yield world
+            yield seen
     else:
-        yield world
+        yield seen

@@ -44,6 +44,7 @@ class SwarmSettings(msgspec.Struct, frozen=True, kw_only=True):
 
 Seed = Annotated[int, msgspec.Meta(ge=0)]
 Rings = Literal[16, 32, 64]
+PoseError = Annotated[float, msgspec.Meta(ge=0, le=10, description="0 to 10 m")]
 Algorithms = Annotated[tuple[Algorithm, ...], msgspec.Meta(min_length=1, max_length=16)]
 
 
@@ -60,6 +61,9 @@ class ProcessSettings(SwarmSettings, frozen=True, kw_only=True):
     world_scenario: str = "floor"
     world_cache: str = ""
     """Directory for simulated or parsed scans; empty keeps none."""
+    pose_error_m: PoseError = 0.0
+    """By how much robots err about where they are: standard deviation in metres, and of the heading
+    in degrees; from one error to another in five seconds at 10 Hz."""
     epoch_ns: Annotated[int, msgspec.Meta(ge=0)] = 0
     """When frame 0 was captured, nanoseconds since the Unix epoch; one value for the swarm."""
 

@@ -68,6 +68,10 @@ OPTIONS = {
     "--period": ("period_s", "seconds between decisions"),
     "--q-min": ("q_min", "least quality, 0 to 1"),
     "--rings": ("rings", "of the LiDARs"),
+    "--pose-error": (
+        "pose_error_m",
+        "by how much robots err about where they are, metres and degrees (standard deviation)",
+    ),
     "--scenario": ("scenario", "of the factory"),
     "--seed": ("seed", "of the factory"),
     "--router-port": ("router_port", "first of three"),

@@ -222,7 +222,7 @@ def usual(shifts_m: Sequence[float]) -> float | None:
     was laid over the wrong wall says little of the others.
 
     >>> usual([0.2, 0.2, 0.2, 1.0])
-    0.24022448175728997
+    0.24022448175729
     """
     return float(np.median(shifts_m)) / math.sqrt(math.log(2.0)) if shifts_m else None
 

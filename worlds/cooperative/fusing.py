@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from perception.fusion.aligner import Remembering
 from perception.fusion.base import Contribution, EncodeOptions, Fusion, Gathering
@@ -20,18 +15,14 @@ from perception.fusion.publishing import publish
 from perception.fusion.registry import make_fusion
 from perception.types import Boxes
 from swarm.errors import PerceptionError, WorldError
-from swarm.geometry import Matrix, Points, Pose
+from swarm.geometry import Matrix, Points
 from worlds.base import World, body_of
+from worlds.cooperative.pose_errors import PoseErrors, disturbed
 
 SINGLE = "single"
 """Not a fusion: the ego's own scan alone."""
 HISTORY_FRAMES = 3
 """Where contributions come late, the ego has fused the frame this long before, too."""
-
-
-PoseErrors = Literal["anew", "drifting", "fixed"]
-"""How long what poses err by lasts."""
-DRIFT_FRAMES = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,35 +200,3 @@ def known_robots(
 def _own_scan(world: World, ego: str, frame: int) -> OwnScan:
     scan = world.scan(ego, frame)
     return OwnScan(frame / world.rate_hz, scan.points, scan.pose.matrix())
-
-
-def disturbed(
-    pose: Pose,
-    robot: str,
-    frame: int,
-    sigma: float,
-    errors: PoseErrors = "anew",
-    run: int = 0,
-) -> Pose:
-    """Where a robot believes that its sensor is: off by `sigma` metres and degrees (standard
-    deviation). Anew in each frame, drawn from (robot, frame) alone; or, drawn from (robot, run),
-    fixed, or drifting from one draw to the next in DRIFT_FRAMES."""
-    if sigma == 0.0:
-        return pose
-    if errors == "anew":
-        error = _drawn(sigma, frame, *robot.encode())
-    else:
-        at, along = divmod(frame, DRIFT_FRAMES) if errors == "drifting" else (0, 0)
-        angle = math.pi / 2 * along / DRIFT_FRAMES
-        # Sine and cosine keep the standard deviation on the way.
-        first, second = (_drawn(sigma, run, at + i, *robot.encode()) for i in (0, 1))
-        error = math.cos(angle) * first + math.sin(angle) * second
-    x, y, turn = error.tolist()
-    return Pose(
-        pose.x + x, pose.y + y, pose.z, pose.roll, pose.pitch, pose.yaw + math.radians(turn)
-    )
-
-
-def _drawn(sigma: float, *key: int) -> NDArray[np.float64]:
-    """x, y and turn (3,)."""
-    return np.random.default_rng(key).normal(0.0, sigma, 3)

@@ -22,7 +22,8 @@ from research.evaluation.windows.frames import OnceWorld
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix
 from worlds.base import World
-from worlds.cooperative.fusing import SINGLE, PoseErrors, disturbed, known_robots
+from worlds.cooperative.fusing import SINGLE, known_robots
+from worlds.cooperative.pose_errors import PoseErrors, disturbed
 from worlds.registry import open_world
 
 

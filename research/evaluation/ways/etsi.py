@@ -27,7 +27,8 @@ from perception.memory.remembering import remember
 from perception.types import Boxes
 from research.evaluation.ways.drive import NOWHERE, Drive, Driven, Focus, FusedOnce
 from swarm.geometry import Pose, invert
-from worlds.cooperative.fusing import SINGLE, disturbed, known_robots
+from worlds.cooperative.fusing import SINGLE, known_robots
+from worlds.cooperative.pose_errors import disturbed
 
 FORM = "late"
 PERSON = "person"

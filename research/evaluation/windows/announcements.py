@@ -10,7 +10,7 @@ from perception.fusion.base import EncodeOptions, Fusion
 from sensing.telling import Teller
 from swarm.messages import Beacon, SceneDescription
 from worlds.base import World
-from worlds.cooperative.fusing import disturbed
+from worlds.cooperative.pose_errors import disturbed
 
 EPOCH_NS = 1_700_000_000_000_000_000
 SCENE_AGE_FRAMES = 2

@@ -18,7 +18,7 @@ from perception.jumps import JUMP_M
 from perception.memory.poses import AGAIN, FORGOTTEN_S, MOST_SENDERS, PoseMemory
 from swarm.body import Body
 from swarm.geometry import Matrix, Pose, invert
-from worlds.cooperative.fusing import disturbed
+from worlds.cooperative.pose_errors import disturbed
 from worlds.factory.world import FactoryWorld
 
 Floats = NDArray[np.float64]
