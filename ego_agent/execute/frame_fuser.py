@@ -144,7 +144,7 @@ class FrameFuser:
             found, corrections = gathering.finish(), gathering.corrections()
             clouds = gathering.sent_points()
             left_out = gathering.left_out()
-            rejected |= {robot: Missing("rejected", why) for robot, why in left_out.items()}
+            rejected |= {robot: Missing("unplaced", why) for robot, why in left_out.items()}
         except Exception as error:
             if not done.contributions:
                 raise

@@ -15,7 +15,7 @@ LATE_S = 1.25
 """How long after the deadline an answer may still come; its bytes are counted then."""
 MissingKind = Literal[
     "offline", "left", "busy", "deadline", "refused", "invalid", "unanswered", "skew", "rejected",
-    "probe", "impostor",
+    "probe", "impostor", "unplaced",
 ]  # fmt: skip
 MISSING_KINDS: tuple[MissingKind, ...] = get_args(MissingKind)
 

@@ -81,8 +81,9 @@ class Knowledge:
         self.experience = Experience()
         """How long robots take to answer."""
         self.own_costs = OwnCosts()
-        self.placing = Placing()
         """What a frame takes the ego itself."""
+        self.placing = Placing()
+        """How much of what robots send can be laid in its place."""
         self.objective = objective or Objective()
         self.algorithms = tuple(dict.fromkeys(algorithms))
         if not self.algorithms:

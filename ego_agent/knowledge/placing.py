@@ -7,19 +7,17 @@ vain; what is not seen again is forgotten, and so it is tried again.
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
 
+from ego_agent.knowledge.learnt import HALF_LIFE_S
+
 REMEMBERED = 20.0
 """Contributions that count; those before fade."""
 BELIEVED = 2.0
 """As many contributions does the belief count for that what was never tried is placed."""
-FADES_S = 43.0
-"""In this time what is not seen again loses two thirds of its weight: half of it in 30 s, as what
-answers taught does (`knowledge.learnt.HALF_LIFE_S`)."""
 MOST_ROBOTS = 1024
 """The longest unheard is dropped."""
 
@@ -54,5 +52,5 @@ class Placing:
 
     def _known(self, robot: str) -> tuple[float, float]:
         at_s, count, left_out = self._counts.get(robot, (self._clock(), 0.0, 0.0))
-        fades = math.exp(-max(0.0, self._clock() - at_s) / FADES_S)
+        fades = 0.5 ** (max(0.0, self._clock() - at_s) / HALF_LIFE_S)
         return fades * count, fades * left_out

@@ -234,7 +234,7 @@ def test_what_has_no_place_is_left_out_with_why_and_that_is_learnt(
         until(lambda: ego.monitor.is_alive("R2") and ego.monitor.is_alive("R3"), "both are seen")
         for _ in range(5):
             result = ego.fuse("R2", "R3")
-            assert result.missing["R2"] == Missing("rejected", "R2 is somewhere")
+            assert result.missing["R2"] == Missing("unplaced", "R2 is somewhere")
             assert result.participants == ("R1", "R3")
             assert len(result.boxes) == 2
         assert ego.known.placing.share("R2") < 0.5
