@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from llm_gateway.wishes import lexicon
-from llm_gateway.wishes.clauses import ARTICLES
-from llm_gateway.wishes.mention import Mention
-from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.clauses.clause import ARTICLES
+from llm_gateway.wishes.names import lexicon
+from llm_gateway.wishes.names.mention import Mention
+from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading
-from llm_gateway.wishes.times import LEFT
+from llm_gateway.wishes.times.phrases import LEFT
 
 _UP_TO = {"before", "till", "until", "by", "til"}
 """Before "then" they say nothing that the time itself does not."""
@@ -35,12 +35,23 @@ _PAPERS = frozenset(
 )
 """Before a number they make a name of it: "notice 14"."""
 _THAN = (["als"], ["than"], ["statt"], ["over"])
+_BEFORE = re.compile(
+    r"(?:(?:,|bitte|first|please|zuerst) )*(?:ahead of|before|vor)(?: (?:dem|den|der|the))?"
+)
+"""Between two robots: the first one is preferred."""
+_GOES_ON = frozenset(
+    """aber also and as auch bis bitte but falls for from fuer heute if jetzt now please sowie till
+    today too und until wenn when where""".split()  # noqa: SIM905
+)
+"""Behind the second one they begin something else."""
 
 
 def settle(text: Text, reading: Reading) -> Reading:
     """A reading in which whatever must be accounted for and is not is unclear."""
     unclear = [*reading.unclear, *_unread(text)]
-    for mention, role in zip(text.mentions, reading.roles, strict=True):
+    for number, (mention, role) in enumerate(zip(text.mentions, reading.roles, strict=True)):
+        if role == "none" and number in reading.reasons:
+            continue
         told = role == "none" and mention.kind in ("robot", "place", "class", "share", "unknown")
         if told and mention.kind == "share" and _is_told(text, mention):
             continue
@@ -130,13 +141,25 @@ def _is_talk(text: Text, at: int) -> bool:
 
 
 def _is_compared(text: Text, mention: Mention) -> bool:
-    """Whether it only is what something else is preferred to: "rather R2 than R3"."""
+    """Whether it only is what something else is preferred to: "rather R2 than R3", "R2 vor R3"."""
     for other in text.mentions:
-        before = [word.text for word in text.words[max(0, other.first - 3) : other.first]]
-        cue = [word for word in before if word not in ARTICLES][-1:]
-        if other.kind == "robot" and other.names == mention.names and cue in _THAN:
+        near = [word.text for word in text.words[max(0, other.first - 3) : other.first]]
+        cue = [word for word in near if word not in ARTICLES][-1:]
+        same = other.kind == "robot" and other.names == mention.names
+        if same and (cue in _THAN or _comes_behind(text, other)):
             return True
     return False
+
+
+def _comes_behind(text: Text, mention: Mention) -> bool:
+    """Whether a robot stands behind another one and "before", and no more is said of it."""
+    behind = text.words[mention.last].text if mention.last < len(text.words) else "."
+    if behind[0].isalnum() and behind not in _GOES_ON:
+        return False  # "R2 before R3 goes".
+    ends = [other.last for other in text.mentions if other.kind == "robot"]
+    begin = max((end for end in ends if end <= mention.first), default=mention.first)
+    said = " ".join(word.text for word in text.words[begin : mention.first])
+    return bool(_BEFORE.fullmatch(said))
 
 
 def _has_part(text: Text, mention: Mention, reading: Reading) -> bool:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from llm_gateway.wishes.mention import Kind
-from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.names.mention import Kind
+from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
 
 _SOFT = {"place", "class", "network", "compute"}

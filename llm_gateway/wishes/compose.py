@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Literal, TypeVar
 
-from llm_gateway.wishes.mention import Mention
-from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.names.mention import Mention
+from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
-from llm_gateway.wishes.when import When
+from llm_gateway.wishes.times.when import When
 from swarm.messages.intent import Focus, Intent
 
 _T = TypeVar("_T")

@@ -10,8 +10,8 @@ import json
 from functools import cache
 from typing import Any, cast, get_args
 
-from llm_gateway.wishes.mention import Kind
-from llm_gateway.wishes.mentions import Text
+from llm_gateway.wishes.names.mention import Kind
+from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import ROLES, VERDICTS, Reading, Role, Verdict
 
 MAX_MENTIONS = 24

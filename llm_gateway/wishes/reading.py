@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from llm_gateway.wishes.mention import Kind
+from llm_gateway.wishes.names.mention import Kind
 
 Role = Literal[
     "out", "only", "first", "high", "low", "quality", "link", "free", "save", "when", "policy",
@@ -41,5 +41,7 @@ class Reading:
     suspected: tuple[Role | None, ...] = ()
     """What is likely meant by words that are not plain, where their role is `doubt`: a second
     witness may say the same. Empty: nothing."""
+    reasons: frozenset[int] = frozenset()
+    """Numbers of mentions that only tell why: nothing need be wished of them."""
     nobody: bool = False
     """Whether no robot at all is to be asked."""

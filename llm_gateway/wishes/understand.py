@@ -9,11 +9,12 @@ from typing import Protocol
 import msgspec
 
 from llm_gateway.model import Prompt
-from llm_gateway.wishes import form, rules
+from llm_gateway.wishes import form
 from llm_gateway.wishes.account import settle
 from llm_gateway.wishes.check import agreed
+from llm_gateway.wishes.clauses import rules
 from llm_gateway.wishes.compose import compose
-from llm_gateway.wishes.mentions import Text, find
+from llm_gateway.wishes.names.mentions import Text, find
 from llm_gateway.wishes.reading import Reading
 from swarm.errors import GatewayError
 from swarm.messages import ChatMessage

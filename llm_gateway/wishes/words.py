@@ -82,3 +82,16 @@ def alike(said: str, meant: str) -> bool:
     more = said[at + 1 :] == meant[at:]
     less = said[at:] == meant[at + 1 :]
     return swapped or wrong or more or less
+
+
+def exchanged(said: str) -> list[str]:
+    """A word with each two neighbouring letters but the first exchanged, as fingers do; none of a
+    short word.
+
+    >>> exchanged("nehmne")
+    ['nhemne', 'nemhne', 'nehnme', 'nehmen']
+    """
+    if len(said) < _LEAST_FUZZY or not said.isalpha():
+        return []
+    ways = [said[:n] + said[n + 1] + said[n] + said[n + 2 :] for n in range(1, len(said) - 1)]
+    return list(dict.fromkeys(way for way in ways if way != said))

@@ -11,26 +11,25 @@ def any_of(*patterns: str) -> re.Pattern[str]:
 
 
 NOT = any_of(
-    "nor", "werent", "wouldnt", "nobodys", "no ones", "niemands", "on no account",
-    "on no condition", "under no conditions", "mitnichten", "nimmermehr", "garnicht", "nada",
-    "weder", "noed", "nid", "aint", "nae", "havent", "hasnt", "neva", "niemals mehr", "nimmer",
-    "net", "nich", "nee", "nope", "nimma", "keinerlei", "keines", "keinesfalls",
-    "auf gar keinen fall", "under no circumstances", "not at all", "in no case",
-    "unter keinen umstaenden", "dont", "do not", "doesnt", "does not", "never", "not", "no",
-    "cannot", "cant", "must ?nt", "neednt", "shouldnt", "arent", "isnt", "wont", "neither", "nicht",
-    "ned", "nie", "niemals", "kein", "keine", "keinen", "keiner", "keinem", "keineswegs", "nichts",
-    "nix", "auf keinen fall", "didnt", "need ?nt",
+    "aint", "arent", "auf gar keinen fall", "auf keinen fall", "cannot", "cant", "didnt", "do not",
+    "does not", "doesnt", "dont", "garnicht", "hasnt", "havent", "in no case", "isnt", "kein",
+    "keine", "keinem", "keinen", "keiner", "keinerlei", "keines", "keinesfalls", "keineswegs",
+    "mitnichten", "must ?nt", "nada", "nae", "ned", "nee", "need ?nt", "neednt", "neither", "net",
+    "neva", "never", "nich", "nicht", "nichts", "nid", "nie", "niemals", "niemals mehr", "niemands",
+    "nimma", "nimmer", "nimmermehr", "nix", "no", "no ones", "nobodys", "noed", "nope", "nor",
+    "not", "not at all", "on no account", "on no condition", "shouldnt", "under no circumstances",
+    "under no conditions", "unter keinen umstaenden", "weder", "werent", "wont", "wouldnt",
 )  # fmt: skip
 PRONOUN = any_of(
-    "em", r"(?:den|die) (?:fragt|gebt|haltet|nehmt|nutzt|setzt|stellt|zieht)",
-    "(?:den|die|das) lassts?", "(?:den|die) (?:gar|erst|besser|lieber|ganz|einfach|heute|jetzt)",
-    "von (?:dem|denen|der)",
+    "alle drei", "beide", "beiden", "both",
     "(?:den|die) (?:also|bitte|mal|lasst|duerft|sollt|koennt|brauchst|braucht|muesst|"
-    r"nicht|nich|ned|net|nid)", "the pair of them", "lasst? (?:den|die|das|sie)",
-    "lassen sie (?:ihn|den|die|sie)", "those two", "those three", "those four", "these three",
-    "these four", "the four", "die vier", "die zwei", "die zwoa", "die drei", "alle drei",
-    "the three", "the lot", "both", "the pair", "the two", "beide", "beiden", "her", "that one",
-    "diesen", "it", "them", "him", "they", "ihn", "ihm", "these", "those", "this one",
+    r"nicht|nich|ned|net|nid)", "(?:den|die) (?:fragt|gebt|haltet|nehmt|nutzt|setzt|stellt|zieht)",
+    "(?:den|die) (?:gar|erst|besser|lieber|ganz|einfach|heute|jetzt)", "(?:den|die|das) lassts?",
+    "die drei", "die vier", "die zwei", "die zwoa", "diesen", "em", "her", "him", "ihm", "ihn",
+    "it", "lassen sie (?:ihn|den|die|sie)", "lasst? (?:den|die|das|sie)", "that one", "the four",
+    "the lot", "the pair", "the pair of them", "the three", "the two", "them", "these",
+    "these four", "these three", "they", "this one", "those", "those four", "those three",
+    "those two", "von (?:dem|denen|der)",
 )  # fmt: skip
 BOTH = any_of(
     "both", "pair", "the two", "the lot", "beide", "beiden", "these two", "die zwei", "all of them",

@@ -13,11 +13,13 @@ QUESTION = re.compile(
     r"when|where|is|are|am i|does|did|has|have (?:you|we|they|i|any|all|the(?!.*\b(?:choose|"
     r"decide|do|make|pick|run)\b))|should|shall|was|"
     r"were (?:you|they|there|those|these|ROBOT)|do (?:you|we|i|they)|can (?:i|we)(?! (?:have|get|"
-    r"please|just))|can (?:r|ROBOT)|could (?:i|we)|must|may|will (?:ROBOT|the|it)|"
+    r"please|just|kindly|ask you|ask for|go easy|go light))|can (?:r|ROBOT)|"
+    r"could (?:i|we)(?! (?:have|get|please|just|kindly|ask you|ask for|go easy|go light)\b)|must|"
+    r"may(?! (?:i|we) (?:have|please|kindly|ask you|ask for)\b)|will (?:ROBOT|the|it)|"
     r"wie|was(?! (?:zaehlt|wichtig|mir|mich|uns)\b)|warum|wer|wen(?! (?:ihr|du|sie) (?:fragt|"
     r"nehmt|nimmst|fragst|fragen|nehmen))|wem|welche[rsnm]?|wo|wann|wieso|weshalb|soll|"
-    r"sollen|sollte|ist|sind|wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|koennen wir|"
-    r"bist|weisst)\b"
+    r"sollen|sollte|ist|sind|wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|"
+    r"koennen wir(?! (?:bitte|mal bitte)\b)|bist|weisst)\b"
 )
 DOUBTED = re.compile(
     r"\b(?:should (?:i|we)|shall (?:i|we)|soll ich|sollen wir|sollte ich|i wonder|frage mich|maybe|"
@@ -31,6 +33,12 @@ CONDITION = re.compile(
 )
 NO_CONDITION = re.compile(
     r"\b(?:whenever (?:youve|you have|there is|theres) (?:a |the )?choice|"
+    r"(?:if|where) (?:(?:you|ye|u|we|they) (?:have|get|got|re given|are given)(?: got)?|there is|"
+    r"theres|given) (?:a |an |any |the )?(?:choice|option|selection)|"
+    r"if (?:you|we) (?:can choose|may choose|get to (?:choose|pick))|"
+    r"(?:falls|sofern|wenn) (?:\w+ ){0,2}(?:die |eine )?(?:wahl|auswahl) (?:besteht|bleibt|habt|"
+    r"hast|haben)|(?:falls|sofern|wenn) (?:ihr|du|sie|man) (?:\w+ )?(?:waehlen|aussuchen) "
+    r"(?:koennt|kannst|kann|koennen|duerft|darfst)|"
     r"if (?:it makes no difference|you possibly can|youve (?:got )?(?:a|the) choice|"
     r"its no trouble|that works|that helps)|if (?:its|it is|thats) (?:not |no )?(?:all )?(?:too "
     r")?(?:much )?(?:trouble|bother|right|ok|okay|alright|fine)(?: with (?:you|everyone))?|if "

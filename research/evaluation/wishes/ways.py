@@ -11,7 +11,7 @@ from datetime import datetime
 from llm_gateway.model import Prompt
 from llm_gateway.wishes import Reader, account, form, understand
 from llm_gateway.wishes.compose import compose
-from llm_gateway.wishes.mentions import find
+from llm_gateway.wishes.names.mentions import find
 from llm_gateway.wishes.understand import prompt
 from research.training.wishes.cases import Case
 from swarm.errors import GatewayError

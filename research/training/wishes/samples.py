@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 
 from llm_gateway.wishes import form
-from llm_gateway.wishes.mentions import Text, find
+from llm_gateway.wishes.names.mentions import Text, find
 from llm_gateway.wishes.reading import ROLES, Reading, Role, Verdict
 from research.training.wishes.grammar import Grammar, Piece, Split
 from research.training.wishes.noise import noisy

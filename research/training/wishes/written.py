@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from llm_gateway.wishes.mention import Mention
-from llm_gateway.wishes.mentions import find
+from llm_gateway.wishes.names.mention import Mention
+from llm_gateway.wishes.names.mentions import find
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 from research.training.wishes.cases import Case
 from research.training.wishes.samples import Sample

@@ -8,7 +8,7 @@ from datetime import datetime
 import pytest
 
 from llm_gateway.wishes import form, understand
-from llm_gateway.wishes.mentions import find
+from llm_gateway.wishes.names.mentions import find
 from llm_gateway.wishes.readers import BackendReader, embedded_reader
 from llm_gateway.wishes.understand import prompt
 from research.evaluation.wishes.score import score

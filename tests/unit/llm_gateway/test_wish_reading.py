@@ -12,7 +12,7 @@ import pytest
 from llm_gateway.model import Prompt
 from llm_gateway.wishes import understand
 from llm_gateway.wishes.form import marked, schema
-from llm_gateway.wishes.mentions import find
+from llm_gateway.wishes.names.mentions import find
 from swarm.errors import GatewayError
 from swarm.messages.intent import MAX_WISH_CHARS, Intent, Site
 

@@ -6,8 +6,8 @@ from datetime import datetime
 
 import pytest
 
-from llm_gateway.wishes.times import when_at
-from llm_gateway.wishes.when import When
+from llm_gateway.wishes.times.phrases import when_at
+from llm_gateway.wishes.times.when import When
 from llm_gateway.wishes.words import words
 
 NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")

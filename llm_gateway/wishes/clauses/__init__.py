@@ -1,0 +1,1 @@
+"""Tells, clause by clause, what a wish says of what it names."""

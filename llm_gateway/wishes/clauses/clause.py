@@ -1,0 +1,233 @@
+"""Cuts a wish into sentences and clauses, and writes what is named in them in capitals."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+from llm_gateway.wishes.cues import asides
+from llm_gateway.wishes.cues.plain import known
+from llm_gateway.wishes.cues.spelling import KNOWN, SPELLING
+from llm_gateway.wishes.names.mention import Mention
+from llm_gateway.wishes.names.mentions import POLITE, VERBS, Text
+from llm_gateway.wishes.words import alike, exchanged
+
+_ENDS = {".", ";", "!", "?", "\n"}
+_BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "doch", "then", "dann",
+           "because", "while", "sondern", "so", "denn", "weil", "though", "although", "as",
+           "→", "damit", "whereas", "also", "adn", "udn", "since",
+           "dafuer", "plus", "yet", "hingegen", "jedoch", "sowie"}  # fmt: skip
+_PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however",
+              "dafuer"}  # fmt: skip
+"""Behind a name alone they go on with its clause: "R2 aber nicht"."""
+_SHORTENED = {"approx", "ca", "hoechst", "max", "min", "mind"}
+"""Behind them a full stop ends no sentence."""
+ARTICLES = {"the", "den", "die", "der", "dem", "das"}
+_CAPITALS = {
+    "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
+    "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
+}  # fmt: skip
+_ABBREVIATED = {"garned": "gar nicht", "garnet": "gar nicht", "garnich": "gar nicht",
+                "garnicht": "gar nicht", "lo": "low", "prio": "priority",
+                "prios": "priority"}  # fmt: skip
+_PAIRS = {
+    ("a", "o"), ("ab", "zu"), ("again", "again"), ("bread", "butter"), ("by", "large"),
+    ("far", "away"), ("first", "foremost"), ("front", "center"), ("front", "centre"),
+    ("gang", "gaebe"), ("klipp", "klar"), ("nach", "nach"), ("over", "over"), ("so", "so"),
+    ("time", "again"), ("voll", "ganz"),
+}  # fmt: skip
+"""Words around an "and" that parts nothing: "das A und O"."""
+_BESIDES = {"&", "+", "and", "sowie", "u", "und"}
+_WHOLE = (
+    (r"\b(?:leave|keep|lass\w*) (?:it|them|das|es)"
+     r" (?:like that|that way|at that|as it is|as is|so)\b", "SO"),
+    (r"\b(?:(?:during|in|for|over) (?:that|this)(?: time)?|in that time|meanwhile|in der zeit|"
+     r"waehrenddessen|so lange|solange|derweil|before then|bis dahin|till then|"
+     r"until then)\b(?! as)",
+     "THEN"),
+    (r"(?:\b(?:use|take|nimm|ask) )?\b(?:all|every\w*|any\w*|alle[sn]?)(?: of)?(?: the| them)?"
+     r"(?: others?| robots?| roboter| ones?| anderen)?"
+     r"(?: (?:can|may|could|should|is allowed to|darf|duerfen|will)(?: be)?(?: [a-z]+)?| help| "
+     r"helps)? (?:but|bar|barring|save|except|besides|apart|aside|excluding|other(?= than)|minus|"
+     r"without|ausser|bis auf|ohne|abgesehen von|mit ausnahme von)"
+     r"(?: for| from| than)?", "ALLBUT"),
+    (r"\b(?:nobody|no ?one|none|nothing|no robot)(?: else| other)?(?: (?:gets|is|may be|shall be|"
+     r"should be|to be) [a-z]+)? (?:but|except|than|besides|"
+    r"other than|apart from)"
+     r"(?: for)?", "NOBODYBUT"),
+    (r"\b(?:niemand\w*|nichts|keine[rn]?)(?: ander\w+| sonst)? (?:ausser|als|bis auf)",
+    "NOBODYBUT"),
+)  # fmt: skip
+"""What says "all but" belongs to what follows, whatever else its words say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """A part of a wish that says one thing of what it names."""
+
+    text: str
+    mentions: tuple[int, ...]
+    """Numbers of those that stand in it."""
+    sentence: int
+    asked: bool
+    """Whether its sentence ends in a question mark."""
+    opens: bool
+    """Whether its sentence begins with it."""
+    opener: str
+    """The word or sign that parts it from what is before."""
+    first: int
+    last: int
+    """Its words."""
+    wished: bool = False
+    """Whether its sentence opens as a polite wish: "it would be nice if"."""
+
+
+def clauses(text: Text) -> list[Clause]:
+    """The clauses of a wish, in order."""
+    starts = {mention.first: number for number, mention in enumerate(text.mentions)}
+    found: list[Clause] = []
+    pieces: list[str] = []
+    numbers: list[int] = []
+    begin, sentence, opens, opener = 0, 0, True, ""
+    at = 0
+    while at <= len(text.words):
+        word = text.words[at].text if at < len(text.words) else "\n"
+        number = starts.get(at)
+        if number is not None:
+            mention = text.mentions[number]
+            pieces.append(_capital(mention))
+            numbers.append(number)
+            at = mention.last
+            continue
+        ends = word in _ENDS and not (word == "." and pieces[-1:] and pieces[-1] in _SHORTENED)
+        if ends or (word in _BREAKS and not _belongs(text, at, pieces)):
+            if pieces:
+                clause = _whole(" ".join(pieces))
+                found.append(
+                    Clause(clause, tuple(numbers), sentence, word == "?", opens, opener, begin, at)
+                )
+                opens, opener = False, ""
+            if ends:
+                sentence += 1
+                opens = True
+            opener = "" if ends else word if opener in {"", ","} else opener
+            pieces, numbers, begin = [], [], at + 1
+        elif word != "," and word not in _ENDS:
+            pieces.append(_spelt(word))
+        at += 1
+    asked = {clause.sentence for clause in found if clause.asked}
+    wished = {clause.sentence for clause in found if asides.WISHED.search(clause.text)}
+    return [
+        replace(
+            clause,
+            text=_bare(clause.text, wished=clause.sentence in wished),
+            asked=clause.sentence in asked,
+            wished=clause.sentence in wished,
+        )
+        for clause in found
+    ]
+
+
+def _bare(text: str, *, wished: bool) -> str:
+    """A clause without what only says who wishes, or how politely."""
+    plain = asides.RELAYED.sub("", text)
+    if wished:
+        plain = asides.WHETHER.sub("", asides.WISHED.sub("", plain).strip())
+    return plain.strip()
+
+
+def _capital(mention: Mention) -> str:
+    return _CAPITALS[mention.kind]
+
+
+def _spelt(word: str) -> str:
+    """A word without a slip, where it plainly is one of those that count."""
+    if word in _ABBREVIATED:
+        return _ABBREVIATED[word]
+    if word in SPELLING or word in KNOWN:
+        return word
+    meant = [cue for cue in SPELLING if alike(word, cue)]
+    if not meant and not known(word):
+        meant = [cue for cue in exchanged(word) if cue in KNOWN]
+    return meant[0] if len(meant) == 1 else word
+
+
+def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
+    """Whether a word that parts clauses belongs to "all but", "as little", "low-priority"."""
+    word = text.words[at].text
+    before = " ".join(pieces[-3:])
+    alone = set(pieces) - ARTICLES
+    if word in _PARTICLES and len(alone) == 1 and alone <= {"ROBOT", "PLACE", "CLASS"}:
+        return all(mention.first != at + 1 for mention in text.mentions)
+    if word == "sowie" and (at == 0 or text.words[at - 1].text in _ENDS):
+        return True  # "As soon as".
+    if word in {"dann", "then"} and pieces in (["erst"], ["nur"], ["only"]):
+        behind = [said.text for said in text.words[at + 1 : at + 3]]
+        return bool({*behind} & {"anderen", "others", "rest"})  # "Only then the others".
+    if word == "but":
+        return bool(re.search(r"\b(?:all|every\w*|any\w*|nobody|no ?one|none|nothing|ones|robots?|"
+                              r"others?|else|them)$", before))  # fmt: skip
+    following = text.words[at + 1].text if at + 1 < len(text.words) else ""
+    if (pieces[-1:] or [""])[0] and (pieces[-1], following) in _PAIRS:
+        return True
+    if word in _BESIDES and _beside(text, at, pieces):
+        return True
+    if word == "-" and 0 < at < len(text.words) - 1:
+        touches = text.words[at - 1].end == text.words[at].start
+        return touches or text.words[at].end == text.words[at + 1].start
+    if word == ",":
+        # What is wished of "that R3 is asked" stands before it.
+        supposed = following in {"if", "ob", "wenn"}
+        return following in {"dass", "that"} or (
+            supposed
+            and not {"ROBOT", "PLACE", "CLASS"} & {*pieces}
+            and bool(asides.SUBJUNCTIVE.search(" ".join(pieces)))
+        )
+    if word == "so":
+        measured = {
+            "good",
+            "grateful",
+            "kind",
+            "nice",
+            "nett",
+            "lieb",
+            "freundlich",
+            "much",
+            "many",
+            "far",
+            "long",
+            "viel",
+            "viele",
+            "wenig",
+            "lange",
+            "oft",
+            "gut",
+        }
+        no = {"not", "nicht", "dont", "ned", "net", "nich", "nid"}
+        behind = pieces[-2:] if pieces[-1:] == ["mehr"] else pieces[-1:]
+        return bool(no & {*behind}) or following in measured
+    if word == "since":
+        return any(mention.first <= at < mention.last for mention in text.mentions)
+    return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}
+
+
+def _beside(text: Text, at: int, pieces: list[str]) -> bool:
+    """Whether "and" joins a place and a class: "people and the ramp" share what is said of them."""
+    if pieces[-1:] not in (["PLACE"], ["CLASS"], ["UNKNOWN"]):
+        return False
+    behind = at + 1
+    while behind < len(text.words) and text.words[behind].text in ARTICLES:
+        behind += 1
+    after = next((mention for mention in text.mentions if mention.first == behind), None)
+    joined = {"robot"} if pieces[-1] == "UNKNOWN" else {"place", "class"}
+    if after is None or after.kind not in joined:
+        return False
+    follows = text.words[after.last].text if after.last < len(text.words) else ""
+    said = set(pieces[:-1]) - ARTICLES - POLITE
+    return not (said and follows in VERBS)
+
+
+def _whole(text: str) -> str:
+    for pattern, capital in _WHOLE:
+        text = re.sub(pattern, capital, text)
+    return text

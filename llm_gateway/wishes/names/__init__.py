@@ -1,0 +1,1 @@
+"""Finds what a wish names on its site."""

@@ -1,0 +1,53 @@
+"""Looks for names in the words of a wish."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from llm_gateway.wishes.names import lexicon
+from llm_gateway.wishes.names.forms import same
+from llm_gateway.wishes.tongue import is_morning
+from llm_gateway.wishes.words import Word
+
+LIST = frozenset(
+    ", and or und oder & / + sowie plus nor noch as well adn nad n udn".split()  # noqa: SIM905
+)
+"""Between names they make a list of them."""
+_NO_NAMES = frozenset(
+    """% percent prozent per minutes minute hours hour min h uhr am pm oclock minuten
+    stunden""".split()  # noqa: SIM905
+)
+"""Behind a number they say that it is no robot's."""
+
+
+class Cut:
+    """A wish, cut into words."""
+
+    def __init__(self, words: Sequence[Word]) -> None:
+        self._words = words
+
+    def text(self, at: int) -> str:
+        """The word at a place; empty outside."""
+        return self._words[at].text if 0 <= at < len(self._words) else ""
+
+    def counts(self, at: int) -> bool:
+        """Whether word `at` says of the number before it that it is no name's: "2 hours"."""
+        text = self.text(at)
+        return text in _NO_NAMES and (text != "am" or is_morning(self._words, at))
+
+    def named(self, name: Sequence[str], at: int, *, also: bool) -> int | None:
+        """The word behind a name that is written from word `at` on; `also` in other words."""
+        here = at
+        for part in name:
+            if here > at and self.text(here) in {"-", "_"}:
+                here += 1
+            said = self.text(here)
+            if not said or not (same(said, part) or (also and said in other_words(part))):
+                return None
+            here += 1
+        return here
+
+
+def other_words(part: str) -> set[str]:
+    """What people call a place's word besides."""
+    return set(lexicon.HEADS.get(part, "").split())

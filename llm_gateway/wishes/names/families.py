@@ -1,0 +1,52 @@
+"""Finds robots by what their names have in common: "both scouts" of scout-a and scout-b."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from llm_gateway.wishes.names.forms import same
+from llm_gateway.wishes.numbers import whole
+from llm_gateway.wishes.words import key
+
+_ALL = {"all", "alle", "allen", "aller", "every", "saemtliche", "saemtlichen"}
+_BOTH = {"both", "beide", "beiden", "beider"}
+_ARTICLES = {"the", "our", "die", "den", "der", "of"}
+_LEAST = 2
+
+
+def families(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Robots by the word with which several names begin.
+
+    >>> families(["scout-a", "scout-b", "heron"])
+    {'scout': ('scout-a', 'scout-b')}
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for name in names:
+        head, *rest = key(name)
+        if rest and head.isalpha() and len(head) > 1:
+            found[head] = (*found.get(head, ()), name)
+    return {head: held for head, held in found.items() if len(held) >= _LEAST}
+
+
+def family_at(
+    words: Sequence[str], known: Mapping[str, tuple[str, ...]]
+) -> tuple[tuple[str, ...], int] | None:
+    """The robots, and the number of words, where the words begin with all of a family; no robots
+    where there are not so many as are said.
+
+    >>> family_at(["both", "scouts", "first"], {"scout": ("scout-a", "scout-b")})
+    (('scout-a', 'scout-b'), 2)
+    """
+    many: int | None = None
+    quantified = False
+    for at, word in enumerate(words):
+        if word in _ALL | _BOTH or (number := whole(word)) is not None:
+            quantified = True
+            many = 2 if word in _BOTH else many if word in _ALL else number
+        elif word not in _ARTICLES:
+            head = next((head for head in known if same(word, head)), None)
+            if head is None or not quantified or word == head:
+                return None
+            held = known[head]
+            return (held if many in (None, len(held)) else ()), at + 1
+    return None

@@ -1,0 +1,214 @@
+"""Finds the one thing that a wish names from a word on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from llm_gateway.wishes.cues.plain import known
+from llm_gateway.wishes.names import lexicon
+from llm_gateway.wishes.names.cut import LIST, Cut, other_words
+from llm_gateway.wishes.names.forms import called, is_head
+from llm_gateway.wishes.names.mention import Kind, Mention
+from llm_gateway.wishes.names.people import CALLED, ENDS, SPEAKS, TITLES
+from llm_gateway.wishes.names.roster import Roster
+from llm_gateway.wishes.numbers import share_at, whole
+from llm_gateway.wishes.times.phrases import when_at
+from llm_gateway.wishes.tongue import is_german_noun
+from llm_gateway.wishes.words import Word, alike, key
+from swarm.messages.intent import Site
+
+LEADS = frozenset(
+    """a also am an and around at auch auf bei beim by dem den der die das for fuer hinter im
+    in into near of on or our that the this to um und unser unsere vor watch weil zum
+    zur""".split()  # noqa: SIM905
+)
+"""Before a place's main word they say that no other place is meant."""
+_GREETINGS = {"hello", "hi", "hey", "dear", "hallo", "liebe", "liebes", "geehrte", "geehrter",
+              "geehrten", "moin", "servus", "thanks",
+              "danke"}  # fmt: skip
+"""Whom they greet is nobody whom the detector finds."""
+
+
+class Finder:
+    """Looks at one wish on one site."""
+
+    def __init__(self, wish: str, cut: Sequence[Word], site: Site) -> None:
+        self._wish = wish
+        self._words = cut
+        self._cut = Cut(cut)
+        self._text = self._cut.text
+        self._named = self._cut.named
+        self._roster = Roster(self._cut, site.robots)
+        self._places = {
+            key(said): name for name in site.places for said in site.words.get(name, ())
+        } | {key(name): name for name in site.places}
+        self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
+        self._classes = {key(name): name for name in site.classes}
+        self._policies: set[str] = set()
+        self._seen: list[str] = []
+
+    def at(self, at: int, now: datetime) -> Mention | None:
+        """What is named from word `at` on; to be asked for in order."""
+        found = self._at(at, now)
+        if found is not None and found.kind == "place":
+            self._seen += [name for name in found.names if name not in self._seen]
+        return found
+
+    def _at(self, at: int, now: datetime) -> Mention | None:
+        return (
+            self._place(at)
+            or self._roster.at(at)
+            or self._when(at, now)
+            or self._share(at)
+            or self._class(at)
+            or self._plain(at)
+            or self._again(at)
+            or self._stranger(at)
+        )
+
+    def _place(self, at: int) -> Mention | None:
+        hits: dict[str, int] = {}
+        for name, place in self._places.items():
+            end = self._named(name, at, also=True)
+            if end is not None:
+                hits[place] = max(end, hits.get(place, end))
+        if not hits:
+            return None
+        end = max(hits.values())
+        best = [place for place, last in hits.items() if last == end]
+        exact = [place for place in best if self._spelt(place, at, end)]
+        best = exact if len(exact) == 1 else best
+        classes = self._class(at)
+        if not exact and classes is not None:
+            return Mention("unknown", at, end)
+        if len(best) > 1:
+            return Mention("unknown", at, end)
+        return self._more_places(Mention("place", at, end, (best[0],)))
+
+    def _again(self, at: int) -> Mention | None:
+        """The place that was named before, by its main word: "the hall", "the area"."""
+        text = self._text(at)
+        pointed = self._text(at - 1) in {"the", "that", "this", "den", "dem", "der", "die", "das"}
+        pointed &= self._text(at + 1) not in {"of", "to", "where", "wo"}
+        if text in lexicon.PLACES and pointed and len(self._seen) == 1:
+            return Mention("place", at, at + 1, (self._seen[0],))
+        held = [name for name in self._seen if is_head(text, key(name))]
+        rest, before = self._text(at + 1), self._text(at - 1)
+        other = before.isalpha() and before not in LEADS
+        if other or len(held) != 1 or rest.isdigit() or whole(rest) is not None:
+            return None
+        return Mention("place", at, at + 1, (held[0],))
+
+    def _more_places(self, mention: Mention) -> Mention:
+        """Bare numbers that go on with a list: "aisles 1 and 2"."""
+        head, *number = key(mention.names[0])
+        names, last = list(mention.names), mention.last
+        while len(number) == 1 and number[0].isdigit() and self._text(last) in LIST:
+            place = self._places.get((head, self._text(last + 1)))
+            if place is None or self._cut.counts(last + 2):
+                break
+            names.append(place)
+            last += 2
+        return Mention("place", mention.first, last, tuple(dict.fromkeys(names)))
+
+    def _spelt(self, place: str, at: int, end: int) -> bool:
+        """Whether a place's name, or a word that the site has for it, is written so."""
+        said = tuple(word.text for word in self._words[at:end] if word.text not in "-_")
+        return self._places.get(said) == place
+
+    def _when(self, at: int, now: datetime) -> Mention | None:
+        when = when_at(self._words, at, now)
+        return None if when is None else Mention("time", at, when.last, when=when)
+
+    def _share(self, at: int) -> Mention | None:
+        share = share_at(self._words, at)
+        return None if share is None else Mention("share", at, share.last, share=share)
+
+    def _class(self, at: int) -> Mention | None:
+        hits = {}
+        if self._text(at - 1) in _GREETINGS or self._calls(at):
+            return None
+        for name, label in self._classes.items():
+            end = self._named(name, at, also=False)
+            if end is not None:
+                hits[label] = end
+        if not hits and (
+            self._text(at) != "personal" or is_german_noun(self._words, at, self._wish)
+        ):
+            said = self._text(at)
+            hits = {k: at + 1 for n, k in self._classes.items() if called(said, " ".join(n))}
+        if not hits:
+            return None
+        end = max(hits.values())
+        best = [label for label, last in hits.items() if last == end]
+        if len(best) > 1:
+            best = [b for b in best if b == self._text(at)] or best
+        kind: Kind = "class" if len(best) == 1 else "unknown"
+        return Mention(kind, at, end, tuple(best) if kind == "class" else ())
+
+    def _calls(self, at: int) -> bool:
+        """Whether somebody is called so, and nothing is wished: "thanks, folks", "Frau Yilmaz"."""
+        text, before, behind = self._text(at), self._text(at - 1), self._text(at + 1)
+        if text in TITLES and behind.isalpha() and not known(behind):
+            return self._wish[self._words[at + 1].start].isupper()
+        opens = before in {"", ".", "!", "?"} and behind in {",", "!"}
+        if behind in SPEAKS:
+            return True
+        closes = before == "," and behind in {"", ".", "!"}
+        ends = text in ENDS and behind in {"", ".", "!"} and before not in LEADS | LIST
+        return ends or (text in CALLED and (opens or closes))
+
+    def _plain(self, at: int) -> Mention | None:
+        text = self._text(at)
+        articles = {"the", "our", "this", "that", "your", "on"}
+        if text == "net" and not articles & {self._text(at - 1), self._text(at - 2)}:
+            return None  # "Nicht" in the south.
+        one = text.removesuffix("s")
+        slip = alike(text, "bandwidth") or alike(text, "bandbreite")
+        if text == "links" and self._text(at + 1) == "liegen":
+            return None  # "Links liegen lassen".
+        if {text, one} & lexicon.NETWORK or slip or lexicon.NETWORKS.fullmatch(text):
+            return Mention("network", at, at + 1)
+        if {text, one} & lexicon.COMPUTE or lexicon.COMPUTERS.fullmatch(text):
+            return Mention("compute", at, at + 1)
+        near = {self._text(n) for n in range(at - 3, at + 4)}
+        if text in lexicon.ENERGY and near & lexicon.SAVING:
+            return Mention("compute", at, at + 1)
+        return self._policy(at)
+
+    def _policy(self, at: int) -> Mention | None:
+        near = {self._text(n) for n in range(at - 5, at + 6)}
+        near |= {self._text(n) for n in range(at - 9, at + 10)} & {
+            "policy",
+            "strategie",
+            "strategy",
+        }
+        taken = {self._text(n) for n in range(at - 3, at + 4)} & lexicon.TAKE
+        known = (*lexicon.PLAIN_POLICIES.items(), *lexicon.POLICIES.items())
+        hits = {
+            end: (policy, name)
+            for policy, names in known
+            for name in names
+            if (end := self._named(name.split(), at, also=False)) is not None
+        }
+        if not hits or self._text(max(hits)) in {"of", "at", "in", "on", "near"}:
+            # "better coverage of the docks" names no policy.
+            return None
+        policy, name = hits[max(hits)]
+        plain = name in lexicon.PLAIN_POLICIES.get(policy, ())
+        if plain or taken or near & lexicon.POLICY_WORDS or policy in self._policies:
+            self._policies.add(policy)
+            return Mention("policy", at, max(hits), (policy,))
+        # "Coverage" is a plain word, too; what is meant by the others has to be asked.
+        return None if policy == "coverage" else Mention("unknown", at, max(hits))
+
+    def _stranger(self, at: int) -> Mention | None:
+        """A name as the site's, of something that it does not have: R9, aisle 9."""
+        text, following = self._text(at), self._text(at + 1)
+        heads = {word for head in self._heads for word in other_words(head) | {head}}
+        if text in heads and (following.isdigit() or whole(following) is not None):
+            return Mention("unknown", at, at + 2)
+        if text == "r" and following.isdigit():
+            return Mention("unknown", at, at + 2)
+        return None

@@ -1,0 +1,86 @@
+"""Tells whether a word is another one in another form: a plural, a slip, a number as a word."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+
+from llm_gateway.wishes.cues.plain import known
+from llm_gateway.wishes.names.things import CLASSES
+from llm_gateway.wishes.numbers import NAMED
+from llm_gateway.wishes.words import alike
+
+_PLURALS = ("s", "es", "n", "en", "e", "er", "ern", "r")
+_SHORT_PLURALS = ("", "s", "es", "e")
+_LONG_PLURALS = (*_SHORT_PLURALS, "n", "en", "er", "ern", "nen")
+_INFLECTED = {"achte", "neune", "sechse", "siebene", "fuenfe"}
+"""Rather a verb or an hour than a name's number."""
+_IRREGULAR = (("y", "ies"), ("f", "ves"), ("fe", "ves"), ("man", "men"), ("ouse", "ice"))
+_LEAST_HEAD = 4
+_LEAST = 3
+"""Letters of a word that may have a plural."""
+
+
+def same(said: str, meant: str) -> bool:
+    """Whether a word is another one, in another form of it, or with a slip.
+
+    >>> same("calves", "calf"), same("two", "2"), same("dokcs", "docks"), same("cat", "car")
+    (True, True, True, False)
+    """
+    if said == meant or (alike(said, meant) and not known(said)):
+        return True
+    if meant.isdigit() and said in NAMED and said not in _INFLECTED:
+        return NAMED[said] == int(meant[:9])
+    if not (said.isalpha() and meant.isalpha()) or min(len(said), len(meant)) < _LEAST:
+        return False
+    longer, shorter = (said, meant) if len(said) > len(meant) else (meant, said)
+    if longer in {shorter + ending for ending in _PLURALS}:
+        return True
+    return any(
+        shorter.endswith(one) and longer == shorter.removesuffix(one) + many
+        for one, many in _IRREGULAR
+    )
+
+
+def is_head(said: str, name: Sequence[str]) -> bool:
+    """Whether a word is the main one of a name of several, or ends it in German.
+
+    >>> is_head("hall", ["dinosaur", "hall"]), is_head("graben", ["orchestergraben"])
+    (True, True)
+    """
+    words = [word for word in name if word.isalpha()]
+    if len(said) < _LEAST_HEAD or not said.isalpha() or not words:
+        return False
+    if len(name) > 1 and said == words[-1]:
+        return True
+    return len(words[-1]) >= len(said) + _LEAST and words[-1].endswith(said)
+
+
+@lru_cache(maxsize=4096)
+def called(said: str, name: str) -> bool:
+    """Whether a word is what people call the kind of object of that name, or its plural.
+
+    >>> called("Stapler".lower(), "forklift"), called("kaelber", "calf"), called("kalk", "calf")
+    (True, True, False)
+    """
+    others = CLASSES.get(name, "").split()
+    return said in others or any(_plural(said, other) for other in others)
+
+
+def _plural(said: str, other: str) -> bool:
+    """Whether a word is another one with an ending, or an umlaut, or both."""
+    if len(other) < _LEAST or not said.startswith(other[0]):
+        return False
+    plain = _SHORT_PLURALS if len(other) == _LEAST else _LONG_PLURALS
+    if said.startswith(other):
+        return said.removeprefix(other) in plain
+    return any(said == way + ending for way in _umlauts(other) for ending in _LONG_PLURALS)
+
+
+def _umlauts(word: str) -> Iterator[str]:
+    """A word with each of its vowels turned as German plurals do: "kran", "kraen"."""
+    for at, letter in enumerate(word):
+        if letter in "aou" and word[at + 1 : at + 2] != "e":
+            yield word[:at] + letter + "e" + word[at + 1 :]
+    if "au" in word:
+        yield word.replace("au", "aeu", 1)

@@ -1,0 +1,92 @@
+"""Finds what a wish names: robots, places, classes, parts, times, the network, policies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from llm_gateway.wishes.names import lexicon
+from llm_gateway.wishes.names.cut import LIST
+from llm_gateway.wishes.names.finder import Finder
+from llm_gateway.wishes.names.mention import Kind, Mention
+from llm_gateway.wishes.words import Word, words
+from swarm.messages.intent import Site
+
+_ARTICLES = {"the", "teh", "hte", "den", "die", "der", "dem", "das"}
+VERBS = frozenset(
+    """i we you is isnt are arent can cant cannot do dont does doesnt should shouldnt may must stays
+    stay needs need not no kann koennen darf duerfen ist sind bleibt bleiben soll sollen muss
+    muessen interessiert interessieren nicht nich ned kein egal ich wir ihr brauchen brauche
+    brauchts gehen geht matter matters dagegen less weniger please bitte""".split()  # noqa: SIM905
+)
+"""Behind a name they begin to say something of it alone."""
+POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A wish, its words, and what it names, in order and apart."""
+
+    wish: str
+    words: tuple[Word, ...]
+    mentions: tuple[Mention, ...]
+
+    def said(self, first: int, last: int) -> str:
+        """The wish's own characters from word `first` up to, not including, word `last`."""
+        return self.wish[self.words[first].start : self.words[last - 1].end] if first < last else ""
+
+
+def find(wish: str, site: Site, now: datetime) -> Text:
+    """What a wish names. `now`: with a time zone."""
+    cut = words(wish)
+    finder = Finder(wish, cut, site)
+    found: list[Mention] = []
+    at = 0
+    while at < len(cut):
+        mention = finder.at(at, now)
+        if mention is None:
+            at += 1
+        else:
+            found.append(mention)
+            at = mention.last
+    return Text(wish, tuple(cut), tuple(_joined(cut, found)))
+
+
+def _joined(cut: Sequence[Word], found: Sequence[Mention]) -> Iterator[Mention]:
+    """Lists of one kind are one mention: they share their fate."""
+    held: Mention | None = None
+    for mention in found:
+        if (
+            held is not None
+            and held.kind == mention.kind
+            and mention.kind in ("robot", "place", "class")
+            and _glued([word.text for word in cut[held.last : mention.first]], mention.kind)
+            and not _parted(cut, held, mention)
+        ):
+            names = tuple(dict.fromkeys((*held.names, *mention.names)))
+            held = Mention(mention.kind, held.first, mention.last, names)
+            continue
+        if held is not None:
+            yield held
+        held = mention
+    if held is not None:
+        yield held
+
+
+def _glued(between: Sequence[str], kind: Kind) -> bool:
+    """Whether only list signs stand between two names."""
+    fillers = lexicon.ROBOT_WORDS | _ARTICLES if kind == "robot" else _ARTICLES
+    return set(between) <= LIST | fillers and (bool(set(between) & LIST) or not between)
+
+
+def _parted(cut: Sequence[Word], held: Mention, mention: Mention) -> bool:
+    """Whether a comma between two names begins another clause: "skip R1, R2 is fine"."""
+    between = {word.text for word in cut[held.last : mention.first]}
+    if between - _ARTICLES != {","} or mention.last == len(cut) or not held.first:
+        return False
+    opens = held.first - 1
+    while opens > 0 and cut[opens].text in _ARTICLES:
+        opens -= 1
+    before, behind = cut[opens].text, cut[mention.last].text
+    return behind in VERBS and before.isalpha() and before not in {"and", "und", "so", *POLITE}

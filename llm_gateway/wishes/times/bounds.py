@@ -1,0 +1,89 @@
+"""Reads times by their neighbours: "after 6 pm", "nobody before six", "from then on"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from llm_gateway.wishes.cues.common import NOT
+from llm_gateway.wishes.times import clock
+from llm_gateway.wishes.times.hours import MILITARY
+from llm_gateway.wishes.times.when import TO, When, ending, ranged, shared, starting, text_at
+from llm_gateway.wishes.words import Word
+
+EXACT = {"noon", "midday", "midnight", "mittag", "mitternacht"}
+"""Parts of the day that are hours."""
+_NOBODY = {"nobody", "none", "niemand", "niemanden", "noone", "without", "ohne"}
+_FAR = 8
+"""Words before "before" among which somebody is left out."""
+_LEADS = {"ab", "around", "at", "begin", "begins", "by", "from", "gegen", "starting", "starts",
+          "um", "von"}  # fmt: skip
+"""Before an hour that is meant by "then"."""
+
+
+def bound_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """The time that is written from word `at` on, if one of these words opens it."""
+    return _then(words, at, now) or _before(words, at, now) or _after(words, at, now)
+
+
+def timed(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> bool:
+    """Whether words say that a number, or a part of the day, is an hour."""
+    said = [word.text for word in words[at : point[1]]]
+    marked = {"uhr", "oclock", "am", "pm", "hrs"} & {*said}
+    military = any(MILITARY.fullmatch(text) for text in said)
+    colon = any(":" in text or text in EXACT for text in said)
+    return bool(marked or point[0].half) or colon or military
+
+
+def _then(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "from then on", "ab dann", "from then until 18:00": from the hour that was said before."""
+    if text_at(words, at) not in {"from", "ab", "von"}:
+        return None
+    if text_at(words, at + 1) not in {"then", "dann", "da", "there"}:
+        return None
+    point = _said(words, at)
+    if point is None:
+        return None
+    last = at + 2 + (text_at(words, at + 2) in {"on", "onwards", "an"})
+    end = clock.point_at(words, last + 1) if text_at(words, last) in TO else None
+    if end is not None:
+        return ranged(at, end[1], point, end[0], now)
+    return starting(at, last, point, now)
+
+
+def _said(words: Sequence[Word], at: int) -> clock.Point | None:
+    """The last hour before a word."""
+    for begin in range(at - 1, -1, -1):
+        point = clock.point_at(words, begin)
+        if point is None or point[0].hour is None or point[1] > at:
+            continue
+        if text_at(words, begin - 1) in _LEADS or timed(words, begin, point):
+            day = clock.point_at(words, begin - 2) if clock.names_day(words, begin - 2) else None
+            return point[0] if day is None else shared(point[0], day[0])
+    return None
+
+
+def _before(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "nobody is asked before six": until then. "Not before six" alone may be a beginning."""
+    if text_at(words, at) not in {"before", "vor"}:
+        return None
+    point = clock.point_at(words, at + 1)
+    near = [word.text for word in words[max(0, at - _FAR) : at]]
+    if point is None or point[0].hour is None or not near:
+        return None
+    left_out = bool({*near} & _NOBODY or NOT.search(" ".join(near)))
+    if left_out and not NOT.fullmatch(near[-1]):
+        return ending(at, point[1], point[0], now)
+    ends = text_at(words, point[1]) in {"", ",", ".", "!", ";"}
+    return When(at, point[1], clear=False) if ends or timed(words, at + 1, point) else None
+
+
+def _after(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "after 6 pm": from then on."""
+    if text_at(words, at) not in {"after", "nach"}:
+        return None
+    point = clock.point_at(words, at + 1)
+    if point is None or (point[0].hour is None and point[0].part not in EXACT):
+        return None
+    plain = timed(words, at + 1, point) or words[at + 1].text.isalpha()
+    return starting(at, point[1], point[0], now) if plain else None

@@ -1,0 +1,110 @@
+"""Reads hours with their minutes: "half past ten", "viertel sechs", "18:00", "17 Uhr 30"."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from llm_gateway.wishes.numbers import whole
+from llm_gateway.wishes.words import Word
+
+_NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
+             "stunde", "minuten", "robots", "roboter", "days", "tage", "tagen"}  # fmt: skip
+"""Behind a number they say that it is no hour."""
+_UHR = {"uhr", "oclock", "h"}
+MILITARY = re.compile(r"(?:[01]\d|2[0-4])[0-5]\d")
+"""Hour and minute without a sign: 0600, 1730."""
+_MINUTES = {"fifteen": 15, "thirty": 30}
+"""Behind an hour in words: "six thirty"."""
+_AFTER = _NO_HOURS | _UHR
+
+
+def hour_at(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
+    """The hour that is written from word `at` on, its minute, whether it is one of 24, and the word
+    behind it."""
+    return _spoken(words, at) or _digits(words, at)
+
+
+def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
+    """ "half past ten", "quarter to six", "ten past four", "halb elf", "viertel nach fünf"."""
+    text = words[at].text
+    if text in {"a", "ein"} and _text(words, at + 1) in {"quarter", "viertel"}:
+        at, text = at + 1, _text(words, at + 1)
+    hour = whole(_text(words, at + 1))
+    if text in {"halb", "halber"} and hour is not None and 1 <= hour <= 12:
+        return _back(hour, 30, at + 2)
+    if (
+        text == "half"
+        and hour is not None
+        and 1 <= hour <= 12
+        and _text(words, at + 2) not in _AFTER
+    ):
+        return hour, 30, False, at + 2  # British: half six is half past six.
+    if text == "viertel" and hour is not None and 1 <= hour <= 12:
+        return (hour - 2) % 12 + 1, 15, False, at + 2  # In the south: a quarter on the way to it.
+    if text == "dreiviertel" and hour is not None and 1 <= hour <= 12:
+        return _back(hour, 15, at + 2)
+    minutes = {"half": 30, "quarter": 15, "viertel": 15}.get(text, whole(text))
+    end = at + 1
+    if _text(words, end) in {"minutes", "minuten"}:
+        end += 1
+    side = _text(words, end)
+    hour = whole(_text(words, end + 1))
+    if minutes is None or hour is None or not 1 <= hour <= 12 or not 0 < minutes < 60:
+        return None
+    if side in {"past", "after", "nach"}:
+        return hour, minutes, False, end + 2
+    if side in {"to", "vor", "before"} and text not in {"half"}:
+        # "5 to 7" is a span, as "from five to seven"; "five to seven" alone is a clock's.
+        if text.isdigit() or _text(words, at - 1) in {"from", "between", "von"}:
+            return None
+        return _back(hour, minutes, end + 2)
+    return None
+
+
+def _back(hour: int, minutes: int, end: int) -> tuple[int, int, bool, int]:
+    """So many minutes before an hour of a clock face."""
+    return (hour - 2) % 12 + 1, 60 - minutes, False, end
+
+
+def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
+    """ "18:00", "9.30", "six", "17 Uhr 30", "5 o'clock"."""
+    text = words[at].text
+    minute = 0
+    exact = False
+    end = at + 1
+    for sign in ":.":
+        head, _, tail = text.partition(sign)
+        tail = tail.removesuffix(":00") if tail.count(":") == 1 else tail
+        if head.isdigit() and len(tail) == 2 and tail.isdigit() and len(head) <= 2:
+            hour, minute = int(head), int(tail)
+            if sign == "." and minute > 59:
+                return None
+            exact = head.startswith("0") or hour > 12
+            break
+    else:
+        if MILITARY.fullmatch(text):
+            behind = end + (_text(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
+            return int(text[:2]), int(text[2:]), True, behind
+        number = whole(text)
+        if _text(words, end) in _NO_HOURS:
+            return None
+        if number is None or len(text) > 12 or (text.isdigit() and len(text) > 2):
+            return None
+        hour, exact = number, text.isdigit() and (text.startswith("0") or number > 12)
+        if text.isalpha() and _text(words, end) in _MINUTES and 1 <= hour <= 12:
+            minute, end = _MINUTES[_text(words, end)], end + 1
+    if _text(words, end) in _UHR:
+        end += 1
+        more = whole(_text(words, end))
+        if minute == 0 and more is not None and more < 60 and words[end].start:
+            after = _text(words, end + 1)
+            if after not in {"%", "percent", "prozent", "minuten", "stunden"}:
+                minute, end = more, end + 1
+    elif _text(words, end) == "o" and _text(words, end + 1) == "clock":
+        end += 2
+    return hour, minute, exact, end
+
+
+def _text(words: Sequence[Word], at: int) -> str:
+    return words[at].text if 0 <= at < len(words) else ""

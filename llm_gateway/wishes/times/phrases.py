@@ -1,0 +1,218 @@
+"""Reads when a wish begins and ends: "until six", "for three hours", "ab morgen früh".
+
+Code does the arithmetic, in the time zone of `now`: the model never sees a clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from llm_gateway.wishes.times import clock
+from llm_gateway.wishes.times.bounds import EXACT, bound_at, timed
+from llm_gateway.wishes.times.lengths import UNITS, length_at, with_more
+from llm_gateway.wishes.times.loose import loose_at
+from llm_gateway.wishes.times.when import (
+    TO,
+    When,
+    ending,
+    ranged,
+    shared,
+    span,
+    starting,
+    text_at,
+)
+from llm_gateway.wishes.words import Word
+
+_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "upto", "ends",
+          "ending",
+          "endet"}  # fmt: skip
+_FROM = {"from", "starting", "beginning", "ab", "von", "as", "effective", "starts"}
+_SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergangenen"}
+"""Before a length of time they say that it is over."""
+_REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per"}
+"""Before it they say neither that it lasts so long nor from when on."""
+_SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
+_OPEN = (
+    ("ab", "jetzt"), ("ab", "sofort"), ("as", "of", "now"), ("at", "the", "moment"),
+    ("bis", "auf", "weiteres"), ("bis", "ich", "mich", "melde"),
+    ("bis", "ich", "mich", "wieder", "melde"), ("bis", "ich", "was", "anderes", "sage"),
+    ("effective", "immediately"), ("for", "now"), ("for", "the", "moment"), ("from", "now", "on"),
+    ("right", "now"), ("until", "further", "notice"), ("until", "further", "word"),
+    ("until", "i", "say", "otherwise"), ("until", "i", "say", "so"),
+    ("until", "told", "otherwise"), ("until", "you", "hear", "from", "me"),
+    ("mit", "sofortiger", "wirkung"), ("von", "jetzt", "an"), ("with", "immediate", "effect"),
+)  # fmt: skip
+"""Say nothing about a time."""
+
+
+def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """The time that is written from word `at` on."""
+    opened = _open(words, at)
+    if opened:
+        return When(at, opened)
+    return (
+        bound_at(words, at, now)
+        or _between(words, at, now)
+        or _from(words, at, now)
+        or _until(words, at, now)
+        or _lasting(words, at, now)
+        or _bare_span(words, at, now)
+        or _opening(words, at, now)
+        or loose_at(words, at, now)
+    )
+
+
+def _open(words: Sequence[Word], at: int) -> int:
+    """The word behind words that say nothing about a time; 0 where there are none."""
+    for phrase in _OPEN:
+        said = [word.text for word in words[at : at + len(phrase)]]
+        if said[:1] in (["till"], ["til"]):
+            said[0] = "until"
+        if tuple(said) == phrase:
+            return at + len(phrase)
+    return 0
+
+
+def _between(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    if text_at(words, at) not in {"between", "zwischen"}:
+        return None
+    return span(words, at, at + 1, now)
+
+
+def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "from five to seven", "ab 17 Uhr", "starting at three", "in ten minutes"."""
+    text = text_at(words, at)
+    if text == "in" and (long := length_at(words, at + 1)) is not None:
+        return When(at, long[1], start=now + long[0])
+    day = clock.point_at(words, at)
+    if day is not None and day[0].hour is None:
+        return _on_day(words, at, day, now) or _begin(words, at, now)
+    return _begin(words, at, now)
+
+
+def _on_day(
+    words: Sequence[Word], at: int, day: tuple[clock.Point, int], now: datetime
+) -> When | None:
+    """ "tomorrow from 8 am", "tonight from 20:00 to 22:00", "heute bis 13 Uhr"."""
+    here = text_at(words, day[1])
+    if here not in {"from", "von", "ab", "between", "zwischen"} | _UNTIL:
+        return None
+    first = clock.point_at(words, day[1] + 1)
+    if first is None:
+        return None
+    point = shared(first[0], day[0])
+    if here in _UNTIL:
+        return ending(at, first[1], point, now)
+    last = first[1] + (1 if text_at(words, first[1]) in {"on", "onwards", "an"} else 0)
+    if text_at(words, first[1]) not in TO | {"and", "und"}:
+        return starting(at, last, point, now)
+    second = clock.point_at(words, first[1] + 1)
+    if second is None:
+        return starting(at, last, point, now)
+    point = shared(first[0], shared(second[0], day[0]))
+    return ranged(at, second[1], point, shared(second[0], point), now)
+
+
+def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "from five to seven", "ab 17 Uhr", "starting at three"."""
+    text = text_at(words, at)
+    if text not in _FROM | {"since", "seit"}:
+        return None
+    begin = at + 1
+    if text in {"since", "seit"}:
+        point = clock.point_at(words, begin)
+        return None if point is None else When(at, point[1], clear=False, past=True)
+    if text_at(words, begin) in {"from", "of", "at", "with"}:
+        begin += 1
+    if (both := span(words, at, begin, now)) is not None:
+        return both
+    point = clock.point_at(words, begin)
+    if point is None:
+        return None
+    last = point[1] + (1 if text_at(words, point[1]) in {"on", "onwards", "an"} else 0)
+    return starting(at, last, point[0], now)
+
+
+def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    if text_at(words, at) == "up" and text_at(words, at + 1) == "to":
+        point = clock.point_at(words, at + 2)
+        if point is not None and timed(words, at + 2, point):
+            return ending(at, point[1], point[0], now)
+    if text_at(words, at) not in _UNTIL:
+        return None
+    point = clock.point_at(words, at + 1)
+    for here in range(at + 3, min(at + 5, len(words))):
+        # "until we close at ten".
+        if (
+            point is None
+            and text_at(words, at + 1) in _SOMEBODY
+            and text_at(words, here) in {"at", "um"}
+        ):
+            point = clock.point_at(words, here + 1)
+    if point is None:
+        return None
+    return ending(at, point[1], point[0], now)
+
+
+def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "for three hours", "die nächsten 20 Minuten", "drei Stunden lang", "one hour"."""
+    here = at
+    while text_at(words, here) in {"for", "coming", "kommenden", "kommende", "during", "fuer",
+    "another", "about", "so", "the", "die",
+                                 "naechsten", "naechste", "next", "noch", "waehrend", "der",
+                                 "circa", "ca", "etwa", "within", "dauer",
+                                 "von", "duration", "of"}:  # fmt: skip
+        here += 1
+    long = length_at(words, here)
+    next_one = (
+        text_at(words, here - 1) in {"next", "naechste", "naechsten", "coming", "kommende"}
+        and here > at
+    )
+    if long is None and next_one and text_at(words, here) in UNITS:
+        long = timedelta(seconds=UNITS[text_at(words, here)]), here + 1
+    if long is None:
+        return None
+    if next_one and [word.text for word in words[long[1] : long[1] + 3]] == ["and", "a", "half"]:
+        long = long[0] * 1.5, long[1] + 3
+    long = with_more(words, long)
+    last = long[1] + (1 if text_at(words, long[1]) in {"lang", "long"} else 0)
+    if text_at(words, last) in {"ago", "earlier"} or text_at(words, at - 1) in _SINCE | _REPEATED:
+        past = text_at(words, at - 1) not in _REPEATED
+        end = last + (1 if text_at(words, last) in {"ago", "earlier"} else 0)
+        return When(at, end, clear=False, past=past)
+    return When(at, last, lasts=long[0])
+
+
+def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "22:00 bis 04:00", "7 am to noon": one end at least is plainly a clock's."""
+    one = clock.point_at(words, at)
+    if one is None or text_at(words, one[1]) not in TO or text_at(words, at) in {"since", "seit"}:
+        return None
+    two = clock.point_at(words, one[1] + 1)
+    if two is None or not (timed(words, at, one) or timed(words, one[1] + 1, two)):
+        return None
+    if any(point.hour is None and point.part not in EXACT for point in (one[0], two[0])):
+        return None
+    return span(words, at, at, now)
+
+
+def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "at midnight and keep it until six", "at 10:30 for two hours": it begins then."""
+    if text_at(words, at) not in {"at", "um"}:
+        return None
+    point = clock.point_at(words, at + 1)
+    if point is None or (point[0].hour is None and point[0].part not in EXACT):
+        return None
+    here = point[1]
+    while text_at(words, here) in {"and", "und", ",", "keep", "it", "that", "them", "go", "then"}:
+        here += 1
+    lasts = text_at(words, here) in {"for", "fuer"} and _lasting(words, here, now)
+    return starting(at, point[1], point[0], now) if lasts or _until(words, here, now) else None
+
+
+LEFT = frozenset(
+    """until till til hour hours minute minutes stunde stunden minuten uhr oclock tomorrow tonight
+    today week weeks month woche wochen monat heute feierabend weekend wochenende""".split()  # noqa: SIM905
+)
+"""Words that tell a time: where none of it was read, it is unclear."""

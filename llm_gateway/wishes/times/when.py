@@ -1,0 +1,97 @@
+"""A time that a wish says, made of the points on the clock that its words name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime, timedelta
+
+from llm_gateway.wishes.times import clock, doubts
+from llm_gateway.wishes.times.moments import resolve
+from llm_gateway.wishes.words import Word
+
+_EXACT = {"midday", "midnight", "mittag", "mitternacht", "noon"}
+TO = {"to", "until", "till", "til", "bis", "-", "–"}
+"""Between the two ends of a span."""
+
+
+@dataclass(frozen=True, slots=True)
+class When:
+    """A time as written from word `first` up to, not including, word `last`."""
+
+    first: int
+    last: int
+    start: datetime | None = None
+    until: datetime | None = None
+    lasts: timedelta | None = None
+    """For so long, from the start on."""
+    clear: bool = True
+    """Whether it is known which time is meant, and it is to come."""
+    past: bool = False
+    """Whether it lies before now: a report may name it."""
+    day: date | None = None
+    """The day, where nothing else is said: "today"."""
+    question: str = ""
+    """What to ask about it, behind the words themselves."""
+
+
+def text_at(words: Sequence[Word], at: int) -> str:
+    """The word at a place; empty outside."""
+    return words[at].text if 0 <= at < len(words) else ""
+
+
+def span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When | None:
+    """ "X to Y", of which X is written from word `begin` on."""
+    one = clock.point_at(words, begin)
+    if one is None or text_at(words, one[1]) not in TO | {"and", "und"}:
+        return None
+    two = clock.point_at(words, one[1] + 1)
+    if two is None:
+        return None
+    start, end = one[0], two[0]
+    overnight = start.exact and end.exact and (start.hour or 0) > (end.hour or 0)
+    if not (overnight or clock.names_day(words, one[1] + 1)):
+        start = shared(start, end)
+    return ranged(first, two[1], start, shared(end, one[0]), now)
+
+
+def ranged(first: int, last: int, begin: clock.Point, end: clock.Point, now: datetime) -> When:
+    """From one point to another, or what to ask about them."""
+    begin = doubts.halved(begin, end)
+    if question := doubts.of_range(begin, end, now):
+        return When(first, last, clear=False, question=question)
+    start = resolve(begin, now, now)
+    until = None if start is None else resolve(end, now, start)
+    return When(first, last, start, until, clear=until is not None)
+
+
+def starting(first: int, last: int, point: clock.Point, now: datetime) -> When:
+    """From a point on, or what to ask about it."""
+    if question := doubts.of_start(point, now):
+        return When(first, last, clear=False, question=question)
+    start = resolve(point, now, now)
+    return When(first, last, start, clear=start is not None)
+
+
+def ending(first: int, last: int, point: clock.Point, now: datetime) -> When:
+    """Until a point, or what to ask about it."""
+    if question := doubts.of_end(point, now):
+        return When(first, last, clear=False, question=question)
+    until = resolve(point, now, now)
+    return When(first, last, until=until, clear=until is not None)
+
+
+def shared(point: clock.Point, other: clock.Point) -> clock.Point:
+    """A point with the day, and the part of the day, that were said of the other end."""
+    days = other.days if point.days is None else point.days
+    weekday = other.weekday if point.weekday is None else point.weekday
+    part = point.part or ("" if other.part in _EXACT else other.part)
+    return replace(
+        point,
+        part=part,
+        days=days,
+        weekday=weekday,
+        date=point.date or other.date,
+        of_year=point.of_year or other.of_year,
+        impossible=point.impossible or other.impossible,
+    )
