@@ -16,6 +16,10 @@ _UP_TO = {"before", "till", "until", "by", "til"}
 """Before "then" they say nothing that the time itself does not."""
 _NUMBER = re.compile(r"[\d.,:]*\d[\d.,:]*")
 _LAST = {"last", "past", "letzte", "letzter", "letzten"}
+_WHOLE = {"all", "ganze", "whole"}
+_TOLD = {"been", "had", "hatte", "hatten", "war", "waren", "was", "were"}
+_FAR = 12
+"""Words before a time among which a report begins."""
 _POINTS = {"dann", "then"}
 _IS = {"ist", "haben", "hat", "macht", "machen", "schon", "is"}
 _AS_YOU_LIKE = {"as", "do", "macht", "normal", "wie", "whatever", "zurueck", "back"}
@@ -122,6 +126,11 @@ def _is_talk(text: Text, at: int) -> bool:
         return True
     if word.text in _UP_TO and _following(text, at, 1) & _POINTS:
         return True  # "Till then".
+    told = {w.text for w in text.words[max(0, at - _FAR) : at]} & _TOLD
+    if word.text in {"week", "month", "woche"} and before in _WHOLE and told:
+        return True  # "Have been doing so all week".
+    if word.text in _POINTS and _following(text, at, 1) & {"also", "so"}:
+        return True  # "Is coming in then so watch the gate".
     if word.text == "feierabend" and before in _IS:
         return True
     if (

@@ -34,6 +34,11 @@ _PARTS = {
 }  # fmt: skip
 _PERCENT = {"%", "percent", "pct", "prozent", "perc", "percents", "procent"}
 
+QUALITY = re.compile(
+    r"(?:min|mindest|minimal)?(?:genauigk|guete|qualit)\w*|accuracy|precision|q|qmin"
+)
+"""What a number bounds, with a slip at its end, too: "Mindestqualitt"."""
+
 
 @dataclass(frozen=True, slots=True)
 class Share:
@@ -111,6 +116,9 @@ def _percent(words: Sequence[Word], at: int) -> Share | None:
     if found is None:
         return None
     value, end = found
+    ones = _UNITS.get(_text(words, end), 10)
+    if words[at].text in _UNITS and 0 < value < 10 and ones < 10:
+        value, end = 10 * value + ones, end + 1  # "Seven zero percent", by radio.
     if _text(words, end) == "-":
         end += 1
     if _text(words, end) == "per" and _text(words, end + 1) in {"cent", "cents"}:

@@ -10,9 +10,11 @@ _SHORT = {"w/o": "without", "w/": "with", "u.": "und", "1st": "first", "2nd": "s
           "3rd": "next"}  # fmt: skip
 """What people write for a word, signs and all."""
 _BOUNDS = {">=": "mindestens", "≥": "mindestens", "<=": "hoechstens", "≤": "hoechstens"}
+_SOUTHERN = {"d": "die", "s": "das"}
+"""Articles that lean on the word behind them: "d'Leut", "s'Tor"."""
 _ARROW = re.compile(r"[-=]+>")
 _WORD = re.compile(
-    r"\bw/o\b|\bw/(?=\s)|\bu\.(?=\s)|"
+    r"(?<!\w)[ds]['’](?=(?!you|ye|ya)[^\W\d_]{3})|\bw/o\b|\bw/(?=\s)|\bu\.(?=\s)|"
     r"\b(?:1st|2nd|3rd)(?= choice| pick| best| prio|[ ,;.!]*$|[,;.!] )|"
     r"[<>]=|[-=]+>|(?<!\w)\.\d+|\d+(?:[.,:]\d+)*|[^\W\d_]+(?:['’][^\W\d_]+)*|\S",
     re.IGNORECASE,
@@ -51,6 +53,8 @@ def words(text: str) -> list[Word]:
 def _long(said: str) -> str:
     """A word folded, in full; arrows are one sign."""
     folded = fold(said)
+    if folded in _SOUTHERN and folded != said.casefold():
+        return _SOUTHERN[folded]
     if _ARROW.fullmatch(folded):
         return "→"
     return _SHORT.get(folded) or _BOUNDS.get(folded, folded)

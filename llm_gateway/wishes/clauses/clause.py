@@ -21,7 +21,7 @@ _PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "tho
               "dafuer"}  # fmt: skip
 """Behind a name alone they go on with its clause: "R2 aber nicht"."""
 _SHORTENED = {"approx", "ca", "hoechst", "max", "min", "mind"}
-"""Behind them a full stop ends no sentence."""
+"""Behind them, and before a number, a full stop ends no sentence."""
 ARTICLES = {"the", "den", "die", "der", "dem", "das"}
 _CAPITALS = {
     "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
@@ -37,8 +37,15 @@ _PAIRS = {
     ("time", "again"), ("voll", "ganz"),
 }  # fmt: skip
 """Words around an "and" that parts nothing: "das A und O"."""
+_ENOUGH = {"enough", "genuegt", "genuegts", "reicht", "reichts"}
+"""Before "if" they say that this is all that is wished."""
+_WHICH = {"was", "which", "wofuer", "wonach", "worauf", "worum", "wovor"}
+"""Tell of "nothing" what it is: "nichts, worauf man achten muss"."""
+_WHO = {"he", "hes", "she", "shes", "theyre", "theyve"}
+"""Behind "as" they begin to tell why: "R2 first as he's just been cleaned"."""
 _BESIDES = {"&", "+", "and", "sowie", "u", "und"}
 _WHOLE = (
+    (r"\b(nichts|nix) was\b", r"\1 das"),
     (r"\b(?:leave|keep|lass\w*) (?:it|them|das|es)"
      r" (?:like that|that way|at that|as it is|as is|so)\b", "SO"),
     (r"\b(?:(?:during|in|for|over) (?:that|this)(?: time)?|in that time|meanwhile|in der zeit|"
@@ -99,7 +106,7 @@ def clauses(text: Text) -> list[Clause]:
             numbers.append(number)
             at = mention.last
             continue
-        ends = word in _ENDS and not (word == "." and pieces[-1:] and pieces[-1] in _SHORTENED)
+        ends = word in _ENDS and not (word == "." and _shortens(text, at, pieces))
         if ends or (word in _BREAKS and not _belongs(text, at, pieces)):
             if pieces:
                 clause = _whole(" ".join(pieces))
@@ -110,7 +117,7 @@ def clauses(text: Text) -> list[Clause]:
             if ends:
                 sentence += 1
                 opens = True
-            opener = "" if ends else word if opener in {"", ","} else opener
+            opener = "" if ends else _opener(opener, word)
             pieces, numbers, begin = [], [], at + 1
         elif word != "," and word not in _ENDS:
             pieces.append(_spelt(word))
@@ -126,6 +133,12 @@ def clauses(text: Text) -> list[Clause]:
         )
         for clause in found
     ]
+
+
+def _opener(before: str, word: str) -> str:
+    """What opens a clause behind two that part it: "then" tells more than a comma or "and"."""
+    weak = {"", ",", "and", "und"} if word in {"dann", "then"} else {"", ","}
+    return word if before in weak else before
 
 
 def _bare(text: str, *, wished: bool) -> str:
@@ -144,12 +157,20 @@ def _spelt(word: str) -> str:
     """A word without a slip, where it plainly is one of those that count."""
     if word in _ABBREVIATED:
         return _ABBREVIATED[word]
-    if word in SPELLING or word in KNOWN:
+    if word in SPELLING or word in KNOWN or known(word):
         return word
     meant = [cue for cue in SPELLING if alike(word, cue)]
-    if not meant and not known(word):
+    if not meant:
         meant = [cue for cue in exchanged(word) if cue in KNOWN]
     return meant[0] if len(meant) == 1 else word
+
+
+def _shortens(text: Text, at: int, pieces: list[str]) -> bool:
+    """Whether full stop `at` only ends a short form: "min. 0.8", but not "0.8 min. R2 out"."""
+    if pieces[-1:] == [] or pieces[-1] not in _SHORTENED or pieces[-2:-1] == ["SHARE"]:
+        return False
+    counted = any(m.first == at + 1 and m.kind in ("share", "time") for m in text.mentions)
+    return counted or any(word.text[0].isdigit() for word in text.words[at + 1 : at + 2])
 
 
 def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
@@ -178,10 +199,17 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     if word == ",":
         # What is wished of "that R3 is asked" stands before it.
         supposed = following in {"if", "ob", "wenn"}
-        return following in {"dass", "that"} or (
-            supposed
-            and not {"ROBOT", "PLACE", "CLASS"} & {*pieces}
-            and bool(asides.SUBJUNCTIVE.search(" ".join(pieces)))
+        nothing = pieces[-1:] in (["nichts"], ["nix"], ["nothing"])
+        if supposed and _ENOUGH & {*pieces}:
+            return True
+        return (
+            following in {"dass", "that"}
+            or (nothing and following in _WHICH)
+            or (
+                supposed
+                and not {"ROBOT", "PLACE", "CLASS"} & {*pieces}
+                and bool(asides.SUBJUNCTIVE.search(" ".join(pieces)))
+            )
         )
     if word == "so":
         measured = {
@@ -208,7 +236,8 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
         return bool(no & {*behind}) or following in measured
     if word == "since":
         return any(mention.first <= at < mention.last for mention in text.mentions)
-    return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."}
+    tells = following in _WHO and not {"as", "so", "soon", "long", "same", "such"} & {*pieces}
+    return word == "as" and at > 0 and text.words[at - 1].text not in {",", "."} and not tells
 
 
 def _beside(text: Text, at: int, pieces: list[str]) -> bool:

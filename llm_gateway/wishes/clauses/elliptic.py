@@ -43,7 +43,8 @@ _NEEDS = (
     r"verdient|verdienen)"
 )
 _IS = re.compile(
-    rf"{_THING} (?:is|are|ist|sind|does|do|schon|sehr wohl|dagegen schon|very much|viel|sehr|"
+    rf"{_THING} (?:(?:aber|dagegen|doch|hingegen|however|jedoch|though) )?"
+    r"(?:is|are|ist|sind|does|do|schon|sehr wohl|dagegen schon|very much|viel|sehr|"
     rf"greatly|{_MUCH}|{_NEEDS} {_MUCH}(?: (?:more|mehr|of it|davon))?)"
 )
 """Says the opposite, where the one before it said no or less."""

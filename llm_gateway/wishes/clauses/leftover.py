@@ -24,9 +24,11 @@ _CLOSING = re.compile(r"(?:gruess\w*|regards|cheers|lg|mfg|vg)$")
 """Behind it stands who writes."""
 _TOO = re.compile(r"(?:and |und )?([a-z]{4,}) (?:too|also|auch|as well)")
 _ABOVE_ALL = re.compile(r"\b(?:above|after|at|first of|in|of|over|vor) all(?:em|en)?\b")
+_ITS_EYES = re.compile(r"\b(?:her|his|ihre|ihren|its|seine|seinen) (?:\w+ )?(?:augen?|eyes?)\b")
+"""A robot's own."""
 _POLICY = re.compile(r"\b(?:policy|strategy|strategie)\b")
 _OTHERS = re.compile(
-    r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waere?s?|sofort|same|needs|wants|has|runs|comes)$|t$"
+    r"\b(?:others?|rest|anderen|uebrigen|ist|sind|waere?s?|sofort|darf|kann|muss|soll|will|same|needs|wants|has|runs|comes)$|t$"
 )
 """Ends what begins like an article and is none, or names nothing that a site has."""
 
@@ -53,7 +55,7 @@ def _wishes_unread(draft: Draft, clause: Clause) -> bool:
         and acts
     ):
         return True
-    if STRONG.search(text) and not THERE.search(text):
+    if STRONG.search(_ITS_EYES.sub(" ", text)) and not THERE.search(text):
         return not _bound(draft, clause) or unknown_thing(text)
     if (_ACTS.search(text) or weight_role(text)) and unknown_thing(text):
         return True

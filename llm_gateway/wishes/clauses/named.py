@@ -47,7 +47,8 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
     numbers = draft.of(clause, "robot")
     if not numbers:
         return
-    if len(numbers) == 2 and robots.RATHER.search(clause.text):
+    rather = robots.RATHER.search(clause.text) and not robots.OUT.search(clause.text)
+    if len(numbers) == 2 and rather:
         draft.set(numbers[:1], "first")
         return
     if _NO_NO.fullmatch(clause.text):
@@ -180,7 +181,21 @@ def _shares(draft: Draft, at: int, clause: Clause) -> None:
         fits = all(part in (None, draft.linked(numbers[0], said)) for part in before)
         if any("NET" in c.text.split() for c in near) and fits:
             role = said
+    if role == "doubt":
+        role = _again(draft, numbers[0])
     _bound_share(draft, numbers[0], role)
+
+
+def _again(draft: Draft, number: int) -> Role:
+    """ "Quality 0.85, so 0.85 it is": what the same part was said to be before."""
+    share = draft.text.mentions[number].share
+    before = {
+        role
+        for mention, role in zip(draft.text.mentions[:number], draft.roles, strict=False)
+        if mention.share is not None and share is not None and mention.share.value == share.value
+    }
+    role = before.pop() if len(before) == 1 else None
+    return role if role in ("quality", "link", "free") else "doubt"
 
 
 def _several_shares(draft: Draft, clause: Clause, numbers: list[int]) -> None:

@@ -18,6 +18,7 @@ def bounds(text: str) -> str:
         r"\b(?:no|not|nicht|never|dont use|dont take) (?:more|less|worse|higher|lower|mehr|weniger|"
         r"schlechter|hoeher)(?: than| als|(?= SHARE))|"
         r"\bno (?:need|matter|doubt|worries|rush|hurry|question|offen[cs]e)\b|"
+        r"\bkeine (?:angst|bange|sorge)\b(?! (?:um|vor)\b)|"
         r"\bnever mind\b|\bnothing happen\w*\b|\bnix los\b|\bnichts los\b|"
         r"\blike (?:to|ROBOT)\b",
         "BOUND",

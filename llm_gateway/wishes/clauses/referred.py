@@ -8,6 +8,7 @@ from llm_gateway.wishes.clauses.clause import Clause
 from llm_gateway.wishes.clauses.draft import FILLERS, POINTS, THERE, Draft
 from llm_gateway.wishes.clauses.negations import needless, negated
 from llm_gateway.wishes.clauses.roles import others_role, robot_role
+from llm_gateway.wishes.clauses.voids import tells
 from llm_gateway.wishes.clauses.weighing import weight_role
 from llm_gateway.wishes.cues import common, resources, robots
 from llm_gateway.wishes.cues.plain import strange, unknown_thing
@@ -23,6 +24,8 @@ _LEFTOVER = re.compile(
     r"bleibt) (?:for|to|fuer|an|bei)\b|\bhave the rest$"
 )
 """Tells who gets the part of the link that is kept free."""
+_ALWAYS = {"always", "always please", "bitte immer", "immer", "immer bitte"}
+"""Alone they change nothing of what was just said: "R2 first, always"."""
 _NO = {"nein", "no", "nope"}
 _AFTER = {"then", "dann"}
 """Before the others they say that who is named comes first."""
@@ -57,6 +60,9 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     settled = "policy" in draft.roles and _DECIDES.search(clause.text)
     floor = "quality" in draft.roles and _BELOW.search(clause.text)
     if (settled or floor) and not draft.of(clause, "robot", "place", "class", "share", "unknown"):
+        draft.handled.add(at)
+        return
+    if at and clause.text in _ALWAYS and draft.of(draft.clauses[at - 1], "robot"):
         draft.handled.add(at)
         return
     if parted and not clause.mentions and _LEFTOVER.search(clause.text):
@@ -174,7 +180,8 @@ def _give(draft: Draft, at: int, role: Role, *kinds: str) -> bool:
             return False
         if near > at and clause.sentence != draft.clauses[at].sentence:
             return False
-        pointed = common.PRONOUN.search(draft.clauses[at].text)
+        there = kinds == ("place",) and tells(draft.clauses, clause)
+        pointed = there or common.PRONOUN.search(draft.clauses[at].text)
         if draft.void[near] and not (clause.asked or pointed):
             return False
         draft.set(numbers, role)

@@ -44,6 +44,8 @@ _NOT_AT_ALL = re.compile(
     r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
     r"auf keinen fall|no)(?: bitte| please)?"
 )
+_RATHER = re.compile(r"\b(?:lieber|rather)\b(?! (?:als|than)\b)")
+"""Beside what leaves a robot out it prefers none: "den lasst lieber weg"."""
 _SAVE_FOR = re.compile(r"\b(?:except|ausser|but|besides|bis auf)\b")
 _TURNED = re.compile(
     r"\b(?:nobody|no ?one|keiner|niemand)\b(?: \w+){0,3} (?:skip|ignore|exclude|leave|drop|avoid|"
@@ -103,7 +105,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
     bare = re.search(r"\balone\b", text) and not re.search(r"\b(?:l?e?av\w*|lev|let|left)\b", text)
     no = negated(robots.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
     only = "ONLYTHESE" in plain
-    first = bool(robots.FIRST.search(plain))
+    first = bool(robots.FIRST.search(_RATHER.sub(" ", plain) if out else plain))
     if first and _LOW_PRIORITY.search(plain):
         return "doubt"
     unused = bool(robots.UNUSED.search(plain))

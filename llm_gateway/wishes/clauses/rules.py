@@ -14,7 +14,7 @@ from llm_gateway.wishes.clauses.elliptic import read_elliptic
 from llm_gateway.wishes.clauses.leftover import doubt_leftover, doubt_told
 from llm_gateway.wishes.clauses.named import read_named
 from llm_gateway.wishes.clauses.referred import read_referred
-from llm_gateway.wishes.clauses.reported import only_reasons
+from llm_gateway.wishes.clauses.reported import idle, only_reasons
 from llm_gateway.wishes.clauses.roles import nobody
 from llm_gateway.wishes.clauses.strangers import doubt_strangers
 from llm_gateway.wishes.clauses.voids import foreign, reasons, tells
@@ -34,7 +34,9 @@ def read(text: Text) -> Reading:
             draft.handled.add(at)
         if not draft.void[at]:
             read_named(draft, at, clause)
-        elif not tells(draft.clauses, clause) and (clause.mentions or STRONG.search(clause.text)):
+        elif not (tells(draft.clauses, clause) or idle(draft, clause)) and (
+            clause.mentions or STRONG.search(clause.text)
+        ):
             draft.doubt(clause)
     for at, clause in enumerate(draft.clauses):
         if not draft.void[at] and at not in draft.handled and not reasons(clause):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses.clause import ARTICLES, Clause
-from llm_gateway.wishes.clauses.draft import Draft
+from llm_gateway.wishes.clauses.draft import THERE, Draft
 from llm_gateway.wishes.clauses.negations import negated
 from llm_gateway.wishes.clauses.roles import robot_role
 from llm_gateway.wishes.clauses.voids import reasons
@@ -20,8 +20,8 @@ _MOST = 9
 """Words of a clause that says one thing of one name."""
 _IN = re.compile(
     r"\b([a-z]{4,}) (?:(?:walking|working|moving|standing|running|drin) )?(?:in|on|at|near|by|"
-    r"around|under|behind|along|am|im|auf|aufm|bei|beim|vor|an|hinter|unter)(?: (?:the|our|der|"
-    r"dem|den|die|das))? PLACE"
+    r"around|under|behind|along|am|im|auf|aufm|bei|beim|bim|uf|vor|an|hinter|unter)"
+    r"(?: (?:the|our|der|dem|den|die|das))? PLACE"
 )
 """Something at a place, of which more is said than of the place."""
 _WHERE = re.compile(
@@ -30,6 +30,14 @@ _WHERE = re.compile(
     r"break\b)([a-z]{3,})\b(?! (?:of|shift|side|way|PLACE)\b)"
 )
 """A class at something that is no place of the site."""
+_SCENE = re.compile(
+    r"\b(?:am|an|around|at|auf|aufm|bei|beim|bim|by|hinter|im|in|near|on|uf|unter|vor)"
+    r"(?: (?:dem|den|der|die|our|the))? ([a-z]{4,})\b|"
+    r"^(?:[a-z]+ )??(?:das|der|die|our|the) ([a-z]{4,})\b"
+)
+"""Tells of something, to which the clause behind it points."""
+_THERE = re.compile(r"\b(?:da|dort|there|where|wo)\b")
+"""Points to a place only, beside a class that may itself be "it"."""
 _THAN = re.compile(
     r"\bROBOT (?:rather than|instead of|over|before|ahead of|statt|anstatt|anstelle von|lieber als|"
     r"eher als) (?:(?:the|den|die|das) )?(?!\w+ing\b)([a-z]{3,})\b"
@@ -53,6 +61,7 @@ def doubt_strangers(draft: Draft) -> None:
             _listed(draft, at)
             or _somewhere(clause.text)
             or _rather(clause.text)
+            or _pointed(draft, at)
             or _at_a_place(draft, clause)
             or _alone(draft, clause)
         ):
@@ -110,6 +119,21 @@ def _somewhere(text: str) -> bool:
     """ "people on the balcony matter": whether a class counts at a place that nobody knows."""
     found = _WHERE.search(text)
     return found is not None and bool(weight_role(text)) and _strange(found[1])
+
+
+def _pointed(draft: Draft, at: int) -> bool:
+    """ "The foundry is packed, be careful there": whether it is there where nobody knows."""
+    clause, before = draft.clauses[at], draft.clauses[at - 1]
+    if not at or before.sentence < clause.sentence - 1 or not _only_times(draft, before):
+        return False
+    if draft.of(clause, "place", "robot", "network", "compute", "share", "policy"):
+        return False
+    points = _THERE if draft.of(clause, "class") else THERE
+    found = _SCENE.search(before.text)
+    if found is None or weight_role(clause.text) is None:
+        return False
+    alone = found[1] and found[0] == before.text and before.sentence == clause.sentence
+    return _strange(found[1] or found[2]) and bool(alone or points.search(clause.text))
 
 
 def _rather(text: str) -> bool:

@@ -23,6 +23,8 @@ _HELD = re.compile(
 """Takes nothing back, though it says "back"."""
 _SUPPOSES = re.compile(r"(?:if|unless|falls|sobald|sowie|wenn|as soon as|in case|sofern|once)\b")
 """Opens a sentence of which all is supposed."""
+_ENOUGH = re.compile(r"\b(?:genuegt|reicht|(?:enough|genuegts|reichts) (?:if|when|wenn))\b")
+"""What is supposed is all that is wished: "it is enough if R2 is asked"."""
 _CALLED = r"(?:(?:the|der|die|robot|roboter|unit|einheit|number|nummer) )*(?:ROBOT|UNKNOWN)\b"
 _SPEAKER = re.compile(
     r"\b(?:this(?: here)? is|here(?: is| speaks)|hier (?:spricht|ist|redet|meldet sich)|i am|im|"
@@ -113,7 +115,7 @@ def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     if speech.PAST.search(_plain(clause)) or speech.DOUBTED.search(clause.text):
         return True
     if speech.CONDITION.search(speech.NO_CONDITION.sub("", clause.text)):
-        return not ("reicht" in clause.text or "genuegt" in clause.text or _reaches(clause.text))
+        return not (_ENOUGH.search(clause.text) or _reaches(clause.text))
     kinds = {text.mentions[n].kind for n in clause.mentions}
     taken = speech.AGAIN.search(_HELD.sub(" ", bounds(clause.text)))
     if taken and taken[0] in ("again", "wieder") and not robots.UNUSED.search(clause.text):

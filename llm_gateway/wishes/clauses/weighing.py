@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses.negations import bounds
+from llm_gateway.wishes.clauses.others import given_role
 from llm_gateway.wishes.cues import asides, common, resources, weights
 from llm_gateway.wishes.names import lexicon
+from llm_gateway.wishes.numbers import QUALITY
 from llm_gateway.wishes.reading import Role
 
 _NO_LONGER = re.compile(r"\b(nicht|nich|ned|net|nid|not|no|nie) (?:mehr|more|any ?more|longer)\b")
@@ -15,6 +17,12 @@ _NOT_ENOUGH = re.compile(
     r"vorsichtig)\b"
 )
 """No to too little: "can't be watched enough"."""
+_NOTHING = re.compile(
+    r"\b(are|is|san|sind|ist|theres|theyre|thats|its)((?: \w+){0,2}) (?:nichts|nix|nothing)\b"
+    r"(?= (?!(?:as|but|if|less|like|mehr|more|short|so|weniger)\b)\w)|"
+    r"^()()(?:nichts|nix|nothing)(?= (?:to|zu)\b)"
+)
+"""It is not: "the ramp is nothing we need to see"."""
 _SHUT = re.compile(r"\bauge\w* (?:fest )?zu\w*\b|\bturn\w* a blind eye\b.*\b(?:not?|dont|never)\b")
 _COMPARED = re.compile(
     r"\b(?:PLACE|CLASS) .*\b(?:vor|before|over|above|ahead of|outranks?) (?:(?:the|den|die|der|"
@@ -45,6 +53,7 @@ def weight_role(text: str) -> Role | None:
         or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text)
     ):
         return "doubt"
+    text = _NOTHING.sub(r"\1\2 not", text)
     low = bool(weights.LOW.search(text))
     rest = weights.LOW.sub(" ", text) if low else text
     high = bool(weights.HIGH.search(rest))
@@ -65,7 +74,7 @@ def weight_role(text: str) -> Role | None:
 def share_role(text: str) -> Role:
     """What a clause says of the part that it names."""
     words = set(text.split())
-    quality = bool(words & lexicon.QUALITY)
+    quality = any(word in lexicon.QUALITY or QUALITY.fullmatch(word) for word in words)
     network = "NET" in words
     least, most = resources.AT_LEAST.search(text), resources.AT_MOST.search(text)
     falls = re.search(r"\b(?:below|under|unter)\b", text) and not (
@@ -78,6 +87,8 @@ def share_role(text: str) -> Role:
     if network and not quality:
         if asides.REPORTED.search(text) and not (most or asides.OURS.search(text)):
             return "doubt"
+        if (kept := given_role(text)) is not None:
+            return kept
         given = asides.GIVEN.search(text) and not (most or asides.OURS.search(text))
         if given or resources.FREE.search(text):
             return "doubt" if most and not least else "free"

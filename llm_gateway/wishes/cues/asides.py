@@ -60,7 +60,8 @@ GIVEN = any_of(
     "owns?", "gets?", "needs?", "wants?", r"belongs? to", "goes to",
     r"(?:is|are) (?:for|reserved for)", "need", "brauchen", "benoetigen", "braucht", "benoetigt",
     "bekommt", "bekommen", "kriegt", "kriegen", r"gehoer(?:t|en)", r"geh(?:t|en) an", "ist fuer",
-    "sind fuer",
+    "sind fuer", r"(?:bleib\w*|remains?|stays?) (?:bei|for|fuer|with)",
+    r"fuer (?:\w+ ){1,3}bleib\w*", "behaelt", "behalten", "keeps(?= SHARE)",
 )  # fmt: skip
 OURS = any_of(
     "i", "ihr", "euch", "fleet", "flotte", "it", "lidar", "observations", "perception", "robots?",

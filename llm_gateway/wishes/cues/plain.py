@@ -12,7 +12,8 @@ from functools import lru_cache
 from llm_gateway.wishes.cues.spelling import KNOWN, PATTERNS, SPELLING
 
 _PLAIN = frozenset(
-    """darfste sollste ersuchen bitten spot place area part corner stelle ort bereich ecke
+    """darfste moege moegen pruefer solle sollste ersuchen bitten spot place area part corner
+    stelle ort bereich ecke
     gegend koennts habts seids wollts sollts yall sir maam love guys bittschoen lassts tuts
     nehmts fragts lassens nehmens grosses isch immer erschte roster rota pool sit sits sitting
     faellt faellst fallen weitermachen weiter machen arbeiten auskommen u ur ya em s m limits

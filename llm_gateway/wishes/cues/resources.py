@@ -29,7 +29,7 @@ AT_MOST = any_of(
 FREE = any_of(
     "andere", "anderen", "clear", "free", "frei", "freihalten", "freilassen",
     r"(?:ich|wir|i|we|they) (?:brauch\w*|needs?)", "leave", "others", "reserve", "reserved",
-    r"reservier\w*", "spare", "untouched", "unused",
+    r"reservier\w*", "spare", "uebrig", "uebriglassen", "untouched", "unused",
 )  # fmt: skip
 """The part is that which is kept for others."""
 SAVE = any_of(

@@ -31,7 +31,7 @@ OUT = any_of(
     "im stall", "im urlaub", "in frieden", "in peace", "in ruh", "in ruhe", "inactive",
     "is not available", "isnt available", "kaltgestellt", r"kaltstell\w*", "keep ROBOT free",
     "keep clear", r"(?:keep|stay) (?:\w+ )?away", r"(?:keep|take|get)(?: \w+)? hands off",
-    "kept out", r"kick\w*", r"klammer\w* aus", "knock off", "kommt nicht in frage",
+    "kept out", "kick(?:ed|en|ing|s|t)?", r"klammer\w* aus", "knock off", "kommt nicht in frage",
     "krank geschrieben", "krankgeschrieben", r"krankmeld\w*", "lahmlegen", "lass aus",
     "lass stecken", "lay off", "leave ROBOT", "leave behind", "leave it",
     "(?:leave|leaving|lev|leaf) (?:it|them|him|her)",
@@ -116,9 +116,9 @@ ONLY = any_of(
     "solely", "exclusively", "exclusive", "NOBODYBUT", "nobody else", "no one else", "none else",
     "noone else", "nothing else", "no other", "no others", "restrict", "nur", "ausschliesslich",
     "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner", "sonst keinen",
-    "niemand sonst", "reicht", "reichen", "genuegt", "genuegen", "is enough", "are enough",
-    "suffices", "suffice", "niemand anderes", "allein", "und sonst", "die anderen brauch",
-    "limit yourself to ROBOT", "keine anderen", "keinen anderen",
+    "niemand sonst", "reichts?", "reichen", "genuegts?", "its enough", "genuegen", "is enough",
+    "are enough", "suffices", "suffice", "niemand anderes", "allein", "und sonst",
+    "die anderen brauch", "limit yourself to ROBOT", "keine anderen", "keinen anderen",
 )  # fmt: skip
 JUST = any_of(
     "bloss", "just", "merely", "purely",
@@ -130,19 +130,20 @@ FIRST = any_of(
     "before everybody", "before everyone", "before the others", "before the rest",
     "before you (?:bother|call|contact|query|turn to|ask|use|try|go to) (?:anyone|anybody|"
     "others?|the others?|any other)", "begin with", "best horse", "bestes pferd", "bevor du",
-    "bevor ihr", r"bevorzug\w*", "den anderen vor", "den vortritt", "erste", "erste adresse",
-    "erste wahl", "erster", r"favorit\w*", "favorite", r"favou?r\w*", "favourite", "first",
-    "first call", "first choice", "first dibs", "first in line", "first in the queue", "first pick",
-    "first port of call", "first refusal", "first up", "gehen vor", "geht vor", "go ahead of",
-    "go to robot", "ideally", "in preference to", "lead the way", "leads the way", "lieber",
-    "number one", "nummer eins", "over all others", "over the others", "over the rest",
+    "bevor ihr", r"bevorzug\w*", "den anderen vor", "den vortritt", "erst ROBOT", "erste",
+    "erste adresse", "erste wahl", "erster", r"favorit\w*", "favorite", r"favou?r\w*", "favourite",
+    "first", "first call", "first choice", "first dibs", "first in line", "first in the queue",
+    "first pick", "first port of call", "first refusal", "first up", "gehen vor", "geht vor",
+    "go ahead of", "go to robot", "ideally", "in preference to", "lead the way", "leads the way",
+    "lieber", "number one", "nummer eins", "over all others", "over the others", "over the rest",
     r"prefer\w*", "preferably", "primarily", r"priorisier\w*", "prioriti[sz]e", "priority",
-    "rather", "(?:shall|should|to|may|can|let ROBOT) lead", "sooner (?:have|use|ask|take)",
-    "start with", "take the lead", "takes the lead", "(?:than|before) (?:any of )?the others?",
-    "top choice", "top of", "top pick", "vor allen", "vor (?:den )?anderen", "vor den anderen",
-    "voran", "vorfahrt", "vorgezogen", "vornean", "vorneweg", "vorrang", "vorrangig", "vortritt",
-    "vorziehen", "vorzug", "vorzugsweise", "wann immer moeglich", "ziehe? vor", "zu allererst",
-    "zuallererst", "zuerst", "zunaechst",
+    "rather", "(?:shall|should|to|may|can|let ROBOT) lead",
+    "sooner (?:you )?(?:asked|had|have|took|used|use|ask|take)", "start with", "take the lead",
+    "takes the lead", "(?:than|before) (?:any of )?the others?", "top choice", "top of", "top pick",
+    "vor allen", "vor (?:den )?anderen", "vor den anderen", "voran", "vorfahrt", "vorgezogen",
+    "vornean", "vorneweg", "vorrang", "vorrangig", "vortritt", "vorziehen", "vorzug",
+    "vorzugsweise", "wann immer moeglich", "ziehe? vor", "zu allererst", "zuallererst", "zuerst",
+    "zunaechst",
 )  # fmt: skip
 POSSIBLY = any_of(
     "above all", "as much as possible", "as often as possible", "best bet", "chiefly", "default to",
@@ -158,7 +159,7 @@ POSSIBLY = any_of(
 )  # fmt: skip
 """A preference of what is named, or politeness beside another cue."""
 LAST = any_of(
-    "als letzter", "als letztes", "last", "lastly", "least", "worst", "zuletzt",
+    "als letzter", "als letztes", "last", "lastly", "least", r"worst(?! (?:of|one)\b)", "zuletzt",
 )  # fmt: skip
 OVER_OTHERS = re.compile(
     r"\b(?:over|before|ahead of|rather than|in preference to|sooner than|vor|lieber als|eher als) "
@@ -172,7 +173,9 @@ RATHER = re.compile(
     r"\b(?:lieber|rather|prefer\w*|eher|sooner|bevorzug\w*)\b.*\bROBOT\b.*"
     r"\b(?:als|than|over|statt) (?:(?:the|den|die|der|das) )?ROBOT\b|"
     r"^(?:please |bitte |and |und )?ROBOT (?:over|before|ahead of|vor) (?:(?:the|den|die|der|"
-    r"das) )?ROBOT\b|\bROBOT (?:rather than|lieber als|eher als|in preference to) (?:(?:the|den|"
+    r"das) )?ROBOT\b|\b(?:ask|fragt?|nehmt|nimm|take|try|use) "
+    r"ROBOT (?:ahead of|before|vor) (?:(?:the|den|die|der) )?ROBOT\b|"
+    r"\bROBOT (?:rather than|lieber als|eher als|in preference to) (?:(?:the|den|"
     r"die|der|das) )?ROBOT\b"
 )
 """The first of two is preferred to the second."""
@@ -192,7 +195,7 @@ BUT_NOT = re.compile(
 """An exception from all: "just not R3"."""
 OTHERS = any_of(
     r"(?:everybody|everyone|anybody|anyone|nobody|no ?one) else", "(?:the )?remainder",
-    "no other (?:robot|bot|unit)s?", r"sonst (?:keine[rn]?|niemand\w*)",
+    "no other (?:robot|bot|unit)s?", r"sonst (?:bitte )?(?:keine[rn]?|niemand\w*)",
     r"(?:every|any) ?(?:one|body|thing|robot) else",
     r"(?:all |alle )?(?:the |die |den |der )?(?:others?|other (?:ones|robots|bots)|"
     r"remaining(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?",
@@ -227,8 +230,8 @@ _KEINEN = (r"(?:kein|keine[nrm]?|koan\w*|niemand\w*)(?: (?:einzige[nrm]?|der|von
 r"von ihnen|"
            r"roboter\w*|mehr))*")  # fmt: skip
 SUFFICES = any_of(
-    "are enough", "genuegen", "genuegt", "is enough", "reichen", "reicht", "suffice", "suffices",
-    "will do",
+    "are enough", "genuegen", "genuegts?", "is enough", "its enough", "reichen", "reichts?",
+    "suffice", "suffices", "will do",
 )  # fmt: skip
 NOBODY = any_of(
     r"(?:no|zero) (?:queries|questions|requests?) (?:for|to) (?:all|robots|the robots)",

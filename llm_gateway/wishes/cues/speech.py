@@ -70,7 +70,8 @@ TOLD = re.compile(
 CORRECTED = re.compile(
     r"\b(?:ach nein|nein doch|no wait|wait no|scratch that|strike that|on second thoughts?|"
     r"actually no|correction|quatsch|sorry i mean|i meant|vergiss (?:das|es) wieder|forget "
-    r"(?:that|what i said)|ich meinte|doch lieber nicht|kommando zurueck|belay that)\b"
+    r"(?:that(?! (?:area|bit|corner|one|place|spot)\b)|what i said)|"
+    r"ich meinte|doch lieber nicht|kommando zurueck|belay that)\b"
 )
 """Takes back what was just said: which half counts has to be asked."""
 AGAIN = any_of(

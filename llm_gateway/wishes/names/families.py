@@ -29,23 +29,24 @@ def families(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
 
 
 def family_at(
-    words: Sequence[str], known: Mapping[str, tuple[str, ...]]
+    words: Sequence[str], known: Mapping[str, tuple[str, ...]], *, compared: bool = False
 ) -> tuple[tuple[str, ...], int] | None:
     """The robots, and the number of words, where the words begin with all of a family; no robots
-    where there are not so many as are said.
+    where there are not so many as are said. `compared`: they stand behind "before" or "than", where
+    "the scouts" are all of them.
 
     >>> family_at(["both", "scouts", "first"], {"scout": ("scout-a", "scout-b")})
     (('scout-a', 'scout-b'), 2)
     """
     many: int | None = None
-    quantified = False
+    quantified = compared
     for at, word in enumerate(words):
         if word in _ALL | _BOTH or (number := whole(word)) is not None:
             quantified = True
             many = 2 if word in _BOTH else many if word in _ALL else number
         elif word not in _ARTICLES:
             head = next((head for head in known if same(word, head)), None)
-            if head is None or not quantified or word == head:
+            if head is None or word == head or not quantified:
                 return None
             held = known[head]
             return (held if many in (None, len(held)) else ()), at + 1

@@ -13,6 +13,7 @@ from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.people import CALLED, ENDS, SPEAKS, TITLES
 from llm_gateway.wishes.names.roster import Roster
 from llm_gateway.wishes.numbers import share_at, whole
+from llm_gateway.wishes.times.clock import point_at
 from llm_gateway.wishes.times.phrases import when_at
 from llm_gateway.wishes.tongue import is_german_noun
 from llm_gateway.wishes.words import Word, alike, key
@@ -197,11 +198,19 @@ class Finder:
             return None
         policy, name = hits[max(hits)]
         plain = name in lexicon.PLAIN_POLICIES.get(policy, ())
-        if plain or taken or near & lexicon.POLICY_WORDS or policy in self._policies:
+        alone = self._alone(at, max(hits))
+        if plain or alone or taken or near & lexicon.POLICY_WORDS or policy in self._policies:
             self._policies.add(policy)
             return Mention("policy", at, max(hits), (policy,))
         # "Coverage" is a plain word, too; what is meant by the others has to be asked.
         return None if policy == "coverage" else Mention("unknown", at, max(hits))
+
+    def _alone(self, at: int, last: int) -> bool:
+        """Whether a policy's name is a sentence of its own, but for a time: "Coverage ab drei"."""
+        behind = self._text(last)
+        opens = self._text(at - 1) in {"", ".", "!", "?", "\n"}
+        timed = behind in {"ab", "bis", "from", "till", "until"} and point_at(self._words, last + 1)
+        return opens and (behind in {"", ".", "!"} or bool(timed))
 
     def _stranger(self, at: int) -> Mention | None:
         """A name as the site's, of something that it does not have: R9, aisle 9."""

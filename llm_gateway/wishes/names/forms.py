@@ -64,7 +64,8 @@ def called(said: str, name: str) -> bool:
     (True, True, False)
     """
     others = CLASSES.get(name, "").split()
-    return said in others or any(_plural(said, other) for other in others)
+    turned = any(said == way + ending for way in _umlauts(name) for ending in _LONG_PLURALS)
+    return turned or said in others or any(_plural(said, other) for other in others)
 
 
 def _plural(said: str, other: str) -> bool:
@@ -72,7 +73,7 @@ def _plural(said: str, other: str) -> bool:
     if len(other) < _LEAST or not said.startswith(other[0]):
         return False
     plain = _SHORT_PLURALS if len(other) == _LEAST else _LONG_PLURALS
-    if said.startswith(other):
+    if said.startswith(other) and said != "better":
         return said.removeprefix(other) in plain
     return any(said == way + ending for way in _umlauts(other) for ending in _LONG_PLURALS)
 

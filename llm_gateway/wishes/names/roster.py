@@ -14,6 +14,7 @@ from llm_gateway.wishes.words import key
 
 _RANGE = {"to", "through", "thru", "bis", "-", "–", ".."}
 _NUMBERED = re.compile(r"\d+")
+_COMPARES = {"als", "before", "than", "vor"}
 _FAMILY = 4
 """Words of "all of the scouts"."""
 
@@ -115,7 +116,9 @@ class Roster:
 
     def _family(self, at: int) -> Mention | None:
         """ "both scouts", "the two dozers", "alle drei Loks": all whose names begin so."""
-        found = family_at([self._cut.text(n) for n in range(at, at + _FAMILY)], self._families)
+        words = [self._cut.text(n) for n in range(at, at + _FAMILY)]
+        compared = self._cut.text(at - 1) in _COMPARES
+        found = family_at(words, self._families, compared=compared)
         if found is None:
             return None
         names, length = found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import timedelta
 
-from llm_gateway.wishes.numbers import counted, whole
+from llm_gateway.wishes.numbers import QUALITY, counted, whole
 from llm_gateway.wishes.words import Word
 
 UNITS = {
@@ -19,6 +19,11 @@ UNITS = {
 _ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", "einem", "the",
          "die", "der", "next",
          "naechste", "naechsten", "naechster"}  # fmt: skip
+
+_LASTS = {"another", "for", "fuer", "in", "naechsten", "next", "noch", "within"}
+"""Before a number they say that it is one of minutes."""
+_OF = {":", "=", "at", "auf", "bei", "is", "ist", "of", "von"}
+"""Between "quality" and its number."""
 
 
 def length_at(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
@@ -62,6 +67,8 @@ def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
     if said is None:
         return None
     amount, end = said
+    if _text(words, end) == "min" and _is_bound(words, at, amount):
+        return None
     if [word.text for word in words[end : end + 3]] == ["and", "a", "half"]:
         return _times(amount + 0.5, words, end + 3)
     if _text(words, end) == "-":
@@ -69,6 +76,18 @@ def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
     if _text(words, end) == "ganze":
         end += 1
     return _times(amount, words, end)
+
+
+def _is_bound(words: Sequence[Word], at: int, amount: float) -> bool:
+    """Whether "min" behind number `at` means "at least": "0.7 min.", "quality 90 min"."""
+    if _text(words, at - 1) in _LASTS:
+        return False
+    before = at - 1
+    while _text(words, before) in _OF:
+        before -= 1
+    return (amount <= 1 and not words[at].text.isalnum()) or bool(
+        QUALITY.fullmatch(_text(words, before))
+    )
 
 
 def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:

@@ -41,6 +41,8 @@ def loose_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
         text_at(words, at - 1),
         text_at(words, at - 2) if text_at(words, at - 1) == "the" else "",
     }
+    if text_at(words, at - 1) in {"a", "an", "einem"} and point[0].hour is None:
+        return None  # "As quiet as a church on a Monday".
     if told & {"its", "is", "ist"} and point[0].hour is None:
         return None  # "It's the Saturday before Christmas".
     if first == 0 and point[0].hour is None and text_at(words, point[1]) in _GREETED:

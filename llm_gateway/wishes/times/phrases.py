@@ -32,6 +32,10 @@ _SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergange
 """Before a length of time they say that it is over."""
 _REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per"}
 """Before it they say neither that it lasts so long nor from when on."""
+_STARTS = {"begin", "beginne", "beginnt", "start", "starte", "startet"}
+_STOPS = {"beende", "beendet", "end", "ende", "finish", "stop", "stopp", "stoppt"}
+_ASKING = {"", ",", ".", "!", ";", ":", "and", "bitte", "dann", "please", "then", "und"}
+"""Before a verb they say that it is wished: "start at six and stop at eight"."""
 _SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
 _OPEN = (
     ("ab", "jetzt"), ("ab", "sofort"), ("as", "of", "now"), ("at", "the", "moment"),
@@ -56,6 +60,7 @@ def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
         or _between(words, at, now)
         or _from(words, at, now)
         or _until(words, at, now)
+        or _ordered(words, at, now)
         or _lasting(words, at, now)
         or _bare_span(words, at, now)
         or _opening(words, at, now)
@@ -153,6 +158,20 @@ def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if point is None:
         return None
     return ending(at, point[1], point[0], now)
+
+
+def _ordered(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "Start at 19:15 and stop at 20:45": what is to begin or to end then."""
+    text = text_at(words, at)
+    if text not in _STARTS | _STOPS or text_at(words, at - 1) not in _ASKING:
+        return None
+    if text_at(words, at + 1) not in {"at", "um"}:
+        return None
+    point = clock.point_at(words, at + 2)
+    if point is None or (point[0].hour is None and point[0].part not in EXACT):
+        return None
+    made = starting if text in _STARTS else ending
+    return made(at, point[1], point[0], now)
 
 
 def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:

@@ -56,3 +56,11 @@ def test_one_slip_of_the_keyboard_is_forgiven() -> None:
     assert not alike("tracks", "racks")
     assert not alike("ramp", "lamp")
     assert not alike("dcoks", "dockss")
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [("six five percent", 0.65), ("neun null Prozent", 0.9), ("twenty percent", 0.2)],
+)
+def test_digits_may_be_told_one_by_one(text: str, part: float) -> None:
+    assert value(text) == part

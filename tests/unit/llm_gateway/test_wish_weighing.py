@@ -13,7 +13,7 @@ NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
 SITE = Site(
     robots=("R1", "R2", "R3", "R4", "lark-a", "lark-b"),
     places=("docks", "Gang 1", "Gang 2"),
-    classes=("person", "forklift"),
+    classes=("person", "forklift", "ball", "cow"),
 )
 
 
@@ -205,3 +205,53 @@ def test_a_family_may_be_named_one_by_one() -> None:
 def test_a_language_model_may_choose() -> None:
     intent = clear("Das LLM soll auswählen, aber ohne R2")
     assert (intent.policy, intent.exclude) == ("llm", ("R2",))
+
+
+@pytest.mark.parametrize(
+    ("wish", "weight"),
+    [
+        ("balls are nothing you need to look at", "low"),
+        ("Bälle sind nichts, was wir sehen müssen", "low"),
+        ("Bälle sind nix, worauf man achten muss", "low"),
+        ("nothing to watch of the balls", "low"),
+        ("balls are nothing to ignore", "high"),
+        ("there is nothing as important as the balls", "high"),
+        ("watch the balls like nothing else", "high"),
+        ("Bälle sind nicht der Rede wert", "low"),
+        ("Bälle dürfen hintanstehen", "low"),
+        ("Bälle jucken uns ned", "low"),
+        ("balls beat everything", "high"),
+        ("balls are the main risk", "high"),
+        ("balls are what scares me", "high"),
+        ("rank balls low. people are not, rank those right up", "low"),
+    ],
+)
+def test_nothing_and_idioms_weigh(wish: str, weight: str) -> None:
+    assert weights(wish)["ball"] == weight
+
+
+def test_a_dialect_article_hides_no_name() -> None:
+    assert weights("schaugts auf d'Leut an den docks") == {"person": "high", "docks": "high"}
+    assert weights("passt auf d’Küh auf") == {"cow": "high"}
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "In der Lackiererei ist viel los, da besonders aufpassen. R2 raus",
+        "Beim Hochregal wird gebaut, dort bitte genau hinschauen. R2 raus",
+        "The foundry is packed, keep an eye out there. R2 out",
+        "docks low. In the foundry it's hectic, be careful there",
+        "R2 out. Something's up in the smelter, watch it",
+        "R2 out. In the smelter, be careful",
+        "R2 raus, s'Gießereitor im Blick behalten",
+        "R2 raus, d'Lehrbuam san wichtig",
+    ],
+)
+def test_there_may_be_where_nobody_knows(wish: str) -> None:
+    assert understood(wish).unclear
+
+
+def test_there_may_point_to_what_a_report_names() -> None:
+    wish = "forklifts have been racing around the docks all week, so put forklifts there first"
+    assert weights(wish) == {"forklift": "high", "docks": "high"}
