@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from datetime import datetime
-
 import pytest
 
-from llm_gateway.wishes import understand
-from swarm.messages.intent import Intent, Site
+from tests.support.wish_site import WishSite
 
-NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
-SITE = Site(
-    robots=("R1", "R2", "R3", "lark-a", "lark-b"),
-    places=("docks", "ramp"),
-    classes=("person", "box"),
+SITE = WishSite(
+    robots="R1, R2, R3, lark-a, lark-b",
+    places="docks, ramp",
+    classes="person, box",
 )
-
-
-def understood(wish: str) -> Intent:
-    return understand(wish, SITE, NOW, None)
+understood = SITE.understood
 
 
 @pytest.mark.parametrize(

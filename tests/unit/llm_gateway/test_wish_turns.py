@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
-from datetime import datetime
-
 import pytest
 
-from llm_gateway.wishes import understand
-from swarm.messages.intent import Intent, Site
+from tests.support.wish_site import WishSite
 
-NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
-SITE = Site(
-    robots=("R1", "R2", "R3", "R4", "lark-a", "lark-b"),
-    places=("docks", "ramp", "paint hall", "Orchestergraben"),
-    classes=("person", "box", "forklift", "calf"),
+SITE = WishSite(
+    robots="R1, R2, R3, R4, lark-a, lark-b",
+    places="docks, ramp, paint hall, Orchestergraben",
+    classes="person, box, forklift, calf",
 )
-
-
-def understood(wish: str) -> Intent:
-    return understand(wish, SITE, NOW, None)
-
-
-def clear(wish: str) -> Intent:
-    intent = understood(wish)
-    assert intent.unclear == (), wish
-    return intent
-
-
-def weights(wish: str) -> dict[str, str]:
-    intent = clear(wish)
-    return {**{f.place: f.weight for f in intent.focus}, **intent.classes}
+understood, clear, weights = SITE.understood, SITE.clear, SITE.weights
 
 
 @pytest.mark.parametrize(
