@@ -60,7 +60,7 @@ def swarm() -> Iterator[State]:
         spec = make_spec(
             swarm="links",
             robots=factory_robots(6),
-            q_min=0.72,
+            q_min=0.79,
             prometheus=False,
             ego_metrics_port=free_port(),
             qod_port=free_port(),
@@ -198,7 +198,7 @@ def test_telemetry_that_fills_the_link_makes_the_controller_put_fusion_first(
     assert after["congested"] == []
     assert [shape["rate_bps"] for shape in after["shapes"]] == [1_500_000]
     assert steps(swarm.spec)[before] == ("raised", 1)
-    assert "Q_min 0.72" in actions(swarm.spec, "raised", "lowered")[before]["reason"]
+    assert "Q_min 0.79" in actions(swarm.spec, "raised", "lowered")[before]["reason"]
 
 
 def test_what_was_moved_comes_back_when_telemetry_ends(
