@@ -28,14 +28,14 @@ _THEN = {"afterwards", "anschliessend", "danach", "dann", "then"}
 _AFTER = {"after", "before", "during", "nach", "vor", "waehrend"}
 _EVENTS = frozenset(
     """audit besprechung break delivery dinner fruehstueck lieferung meeting mittagspause
-    pause schichtende schichtwechsel shift""".split()  # noqa: SIM905
+    pause schichtende schichtwechsel shift""".split()
 )
 """What begins or ends when only people know."""
 _PAPERS = frozenset(
     """auftrag batch bulletin case charge chapter day drill exercise experiment fall formula
     incident item job log memo meldung no notice nr nummer number order page phase project
     reviewer round run runde scenario schicht seite shift step schritt test ticket trial
-    uebung version versuch week""".split()  # noqa: SIM905
+    uebung version versuch week""".split()
 )
 """Before a number they make a name of it: "notice 14"."""
 _THAN = (["als"], ["than"], ["statt"], ["over"])
@@ -45,7 +45,7 @@ _BEFORE = re.compile(
 """Between two robots: the first one is preferred."""
 _GOES_ON = frozenset(
     """aber also and as auch bis bitte but falls for from fuer heute if jetzt now please sowie till
-    today too und until wenn when where""".split()  # noqa: SIM905
+    today too und until wenn when where""".split()
 )
 """Behind the second one they begin something else."""
 

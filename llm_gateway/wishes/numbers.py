@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
 _ENGLISH = (
     "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
@@ -79,16 +79,16 @@ def decimal(text: str) -> float | None:
 
 def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
     """A number in digits or words from word `at` on, and the word behind it: "forty-five"."""
-    text = _text(words, at)
+    text = text_at(words, at)
     value = decimal(text)
     if value is None and (number := whole(text)) is not None:
         value = float(number)
     if value is None:
         return None
     end = at + 1
-    dash = 1 if _text(words, end) == "-" else 0
-    ones = whole(_text(words, end + dash))
-    if text in _TENS and ones is not None and ones < 10 and _text(words, end + dash).isalpha():
+    dash = 1 if text_at(words, end) == "-" else 0
+    ones = whole(text_at(words, end + dash))
+    if text in _TENS and ones is not None and ones < 10 and text_at(words, end + dash).isalpha():
         return value + ones, end + dash + 1
     return value, end
 
@@ -100,14 +100,10 @@ def share_at(words: Sequence[Word], at: int) -> Share | None:
     return _percent(words, at) or _fraction(words, at) or _bare(words, at) or _times(words, at)
 
 
-def _text(words: Sequence[Word], at: int) -> str:
-    return words[at].text if 0 <= at < len(words) else ""
-
-
 def _minus(words: Sequence[Word], at: int) -> int:
     """-1 behind a minus sign that belongs to no word before it."""
     touches = at > 1 and words[at - 1].start == words[at - 2].end
-    return -1 if _text(words, at - 1) in {"-", "−", "minus"} and not touches else 1
+    return -1 if text_at(words, at - 1) in {"-", "−", "minus"} and not touches else 1
 
 
 def _percent(words: Sequence[Word], at: int) -> Share | None:
@@ -116,14 +112,14 @@ def _percent(words: Sequence[Word], at: int) -> Share | None:
     if found is None:
         return None
     value, end = found
-    ones = _UNITS.get(_text(words, end), 10)
+    ones = _UNITS.get(text_at(words, end), 10)
     if words[at].text in _UNITS and 0 < value < 10 and ones < 10:
         value, end = 10 * value + ones, end + 1  # "Seven zero percent", by radio.
-    if _text(words, end) == "-":
+    if text_at(words, end) == "-":
         end += 1
-    if _text(words, end) == "per" and _text(words, end + 1) in {"cent", "cents"}:
+    if text_at(words, end) == "per" and text_at(words, end + 1) in {"cent", "cents"}:
         end += 2
-    elif _text(words, end) in _PERCENT:
+    elif text_at(words, end) in _PERCENT:
         end += 1
     else:
         return None
@@ -134,12 +130,12 @@ def _fraction(words: Sequence[Word], at: int) -> Share | None:
     """ "half", "a third", "two thirds", "drei Viertel", "1/3"."""
     text = words[at].text
     top = whole(text)
-    if text.isdigit() and _text(words, at + 1) == "/" and _text(words, at + 2).isdigit():
-        bottom = int(_text(words, at + 2)[:6])
+    if text.isdigit() and text_at(words, at + 1) == "/" and text_at(words, at + 2).isdigit():
+        bottom = int(text_at(words, at + 2)[:6])
         return Share(at, at + 3, round(int(text[:6]) / bottom, 3)) if bottom else None
     if text in _ONE or top is not None:
-        part = _PARTS.get(_text(words, at + 1))
-        if part is None or _text(words, at + 1) == "halb":
+        part = _PARTS.get(text_at(words, at + 1))
+        if part is None or text_at(words, at + 1) == "halb":
             return None
         return Share(at, at + 2, round((1 if top is None else top) / part, 3))
     if text == "dreiviertel":
@@ -159,6 +155,6 @@ def _bare(words: Sequence[Word], at: int) -> Share | None:
 def _times(words: Sequence[Word], at: int) -> Share | None:
     """ "three times": more than the whole."""
     number = whole(words[at].text)
-    if number is not None and number > 1 and _text(words, at + 1) in {"times", "mal"}:
+    if number is not None and number > 1 and text_at(words, at + 1) in {"times", "mal"}:
         return Share(at, at + 2, float(number))
     return None

@@ -10,17 +10,15 @@ _ENGLISH = frozenset(
     """a about after all and are around ask at before between by every first for from gets has have
     it its keep leave low more most no nobody not of off on only our out please prefer skip starting
     than that the then they till til to today tomorrow tonight too until use watch we with without
-    you your""".split()  # noqa: SIM905
+    you your""".split()
 )
 _GERMAN = frozenset(
     """ab alle als auf aus auslassen bei bis bitte das dem den der die ein eine erst fragen frueh
     fuer gegen gilt haben hat heute ihr im ist kein keine lassen mehr mit nach nehmen nicht nur
     oder ohne sind sollen sowie uhr um und uns vom von vor wenig weniger wichtig wichtiger wir
-    wird zu zum zur zwischen""".split()  # noqa: SIM905
+    wird zu zum zur zwischen""".split()
 )
-_HOURS = frozenset(
-    "acht drei eins elf fuenf neun sechs sieben uhr vier zehn zwei zwoelf".split()  # noqa: SIM905
-)
+_HOURS = frozenset("acht drei eins elf fuenf neun sechs sieben uhr vier zehn zwei zwoelf".split())
 """End an hour that is told in German."""
 _NEVER_BEHIND_AM = _ENGLISH | _GERMAN - {"wenig"} | {"aber", "but", "dann", "or", "sharp", "so"}
 """Behind German "am" there is a noun, a name or a superlative, none of these."""

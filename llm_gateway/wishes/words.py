@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 _SHORT = {"w/o": "without", "w/": "with", "u.": "und", "1st": "first", "2nd": "second",
@@ -48,6 +49,11 @@ def fold(text: str) -> str:
 def words(text: str) -> list[Word]:
     """The words of a wish, in order."""
     return [Word(_long(m.group()), m.start(), m.end()) for m in _WORD.finditer(text)]
+
+
+def text_at(words: Sequence[Word], at: int) -> str:
+    """The word at a place; empty outside."""
+    return words[at].text if 0 <= at < len(words) else ""
 
 
 def _long(said: str) -> str:

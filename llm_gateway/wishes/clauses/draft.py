@@ -32,7 +32,7 @@ FILLERS = frozenset(
     cannot isnt arent either ned by um well as hingegen and es nich nid net nix no none gar
     hardly barely scarcely kaum little wenig all any likewise ebenso ebenfalls genauso dito ditto
     same goes for dagegen wiederum less weniger neither nor weder noch auch u both beide we
-    schon sehr wohl though tho""".split()  # noqa: SIM905
+    schon sehr wohl though tho""".split()
 )
 """Words beside which something named has the role of the clause before it."""
 

@@ -25,6 +25,7 @@ _SUPPOSES = re.compile(r"(?:if|unless|falls|sobald|sowie|wenn|as soon as|in case
 """Opens a sentence of which all is supposed."""
 _ENOUGH = re.compile(r"\b(?:genuegt|reicht|(?:enough|genuegts|reichts) (?:if|when|wenn))\b")
 """What is supposed is all that is wished: "it is enough if R2 is asked"."""
+_TAKES_PART = re.compile(r"\b(?:mitmach\w*|dabei)\b")
 _CALLED = r"(?:(?:the|der|die|robot|roboter|unit|einheit|number|nummer) )*(?:ROBOT|UNKNOWN)\b"
 _SPEAKER = re.compile(
     r"\b(?:this(?: here)? is|here(?: is| speaks)|hier (?:spricht|ist|redet|meldet sich)|i am|im|"
@@ -124,4 +125,5 @@ def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
 
 
 def _reaches(text: str) -> bool:
-    return bool(re.search(r"\b(?:mitmach\w*|dabei)\b", text))
+    """Whether what is supposed is that somebody takes part."""
+    return bool(_TAKES_PART.search(text))

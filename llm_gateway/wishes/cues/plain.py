@@ -63,7 +63,7 @@ _PLAIN = frozenset(
     helpers assist einzige einzigen einzig einspannen duerft goennt goennen tho though account
     yer old oben dazu zieht nimm greift zurueck greifen hol holt holen kommt kommen dran
     wholly purely strictly instead first last anstatt stattdessen mitnehmen ueberhaupt rein
-    raus rauf runter period dot full""".split()  # noqa: SIM905
+    raus rauf runter period dot full""".split()
 )
 _DEFECTS = frozenset(
     """broken faulty defective damaged dirty blind tired slow hot wet scratch scratched dent
@@ -74,7 +74,7 @@ _DEFECTS = frozenset(
     dreckig muede langsam nass heiss verbogen verkratzt kratzer delle schlag knacks macke
     abbekommen schaden reparatur wartung werkstatt kamera linse sensoren rad raeder akku
     batterie leer fehler stoerung probleme krank spinnt zickt hakt klemmt laedt ladestation
-    verliert rauscht beschaeftigt hin hinueber""".split()  # noqa: SIM905
+    verliert rauscht beschaeftigt hin hinueber""".split()
 )
 """What is told of a robot that is left out."""
 _WHY = re.compile(
@@ -94,7 +94,7 @@ _BARE = frozenset(
     mit with the den der die please bitte thanks danke aber doch jedoch bloss blos nur ja but
     und and auf fall under circumstances in any case never nie niemals net ned nich also auch
     too thx lieber weder neither nor noch garnicht better besser hey ok okay today jetzt now
-    jedenfalls mehr gar ueberhaupt whatsoever at all anything""".split()  # noqa: SIM905
+    jedenfalls mehr gar ueberhaupt whatsoever at all anything""".split()
 )
 
 

@@ -19,7 +19,7 @@ SPELLING = frozenset(
     quality qualitaet mindestens wenigstens wichtig ausser zuerst bevorzuge benutzen verwenden
     ignorieren ausschliessen weglassen auslassen hoechstens maximal least shouldnt doesnt matter
     attention unwichtig achte below under unter nichts keinen keiner fallen drop ausschliesslich
-    exclusively especially besonders first please reduce sparen avoid should shall""".split()  # noqa: SIM905
+    exclusively especially besonders first please reduce sparen avoid should shall""".split()
 )
 """Words in which one slip of the keyboard is forgiven, or which one slip makes of another."""
 

@@ -9,13 +9,11 @@ from llm_gateway.wishes.names.forms import same
 from llm_gateway.wishes.tongue import is_morning
 from llm_gateway.wishes.words import Word
 
-LIST = frozenset(
-    ", and or und oder & / + sowie plus nor noch as well adn nad n udn".split()  # noqa: SIM905
-)
+LIST = frozenset(", and or und oder & / + sowie plus nor noch as well adn nad n udn".split())
 """Between names they make a list of them."""
 _NO_NAMES = frozenset(
     """% percent prozent per minutes minute hours hour min h uhr am pm oclock minuten
-    stunden""".split()  # noqa: SIM905
+    stunden""".split()
 )
 """Behind a number they say that it is no robot's."""
 

@@ -22,7 +22,7 @@ from swarm.messages.intent import Site
 LEADS = frozenset(
     """a also am an and around at auch auf bei beim by dem den der die das for fuer hinter im
     in into near of on or our that the this to um und unser unsere vor watch weil zum
-    zur""".split()  # noqa: SIM905
+    zur""".split()
 )
 """Before a place's main word they say that no other place is meant."""
 _GREETINGS = {"hello", "hi", "hey", "dear", "hallo", "liebe", "liebes", "geehrte", "geehrter",

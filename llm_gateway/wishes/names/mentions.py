@@ -18,7 +18,7 @@ VERBS = frozenset(
     """i we you is isnt are arent can cant cannot do dont does doesnt should shouldnt may must stays
     stay needs need not no kann koennen darf duerfen ist sind bleibt bleiben soll sollen muss
     muessen interessiert interessieren nicht nich ned kein egal ich wir ihr brauchen brauche
-    brauchts gehen geht matter matters dagegen less weniger please bitte""".split()  # noqa: SIM905
+    brauchts gehen geht matter matters dagegen less weniger please bitte""".split()
 )
 """Behind a name they begin to say something of it alone."""
 POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}

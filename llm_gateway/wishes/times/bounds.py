@@ -8,11 +8,9 @@ from datetime import datetime
 from llm_gateway.wishes.cues.common import NOT
 from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.hours import MILITARY
-from llm_gateway.wishes.times.when import TO, When, ending, ranged, shared, starting, text_at
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.times.when import TO, When, ending, ranged, shared, starting
+from llm_gateway.wishes.words import Word, text_at
 
-EXACT = {"noon", "midday", "midnight", "mittag", "mitternacht"}
-"""Parts of the day that are hours."""
 _NOBODY = {"nobody", "none", "niemand", "niemanden", "noone", "without", "ohne"}
 _FAR = 8
 """Words before "before" among which somebody is left out."""
@@ -31,7 +29,7 @@ def timed(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> boo
     said = [word.text for word in words[at : point[1]]]
     marked = {"uhr", "oclock", "am", "pm", "hrs"} & {*said}
     military = any(MILITARY.fullmatch(text) for text in said)
-    colon = any(":" in text or text in EXACT for text in said)
+    colon = any(":" in text or text in clock.EXACT for text in said)
     return bool(marked or point[0].half) or colon or military
 
 
@@ -83,7 +81,7 @@ def _after(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text_at(words, at) not in {"after", "nach"}:
         return None
     point = clock.point_at(words, at + 1)
-    if point is None or (point[0].hour is None and point[0].part not in EXACT):
+    if point is None or (point[0].hour is None and point[0].part not in clock.EXACT):
         return None
     plain = timed(words, at + 1, point) or words[at + 1].text.isalpha()
     return starting(at, point[1], point[0], now) if plain else None

@@ -15,7 +15,7 @@ from datetime import date
 from llm_gateway.wishes.times.dates import date_at
 from llm_gateway.wishes.times.hours import hour_at
 from llm_gateway.wishes.tongue import is_morning
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
 PARTS = {
     "morning": 6, "frueh": 6, "morgens": 6, "noon": 12, "midday": 12, "mittag": 12, "mittags": 12,
@@ -24,7 +24,9 @@ PARTS = {
     "midnight": 24, "mitternacht": 24,
 }  # fmt: skip
 """The hour at which a part of the day begins."""
-_EXACT = {"noon", "midday", "mittag", "midnight", "mitternacht", "lunch", "lunchtime"}
+EXACT = {"midday", "midnight", "mittag", "mitternacht", "noon"}
+"""Parts of the day that are hours."""
+_LUNCH = {"lunch", "lunchtime"}
 _DAYS = {"today": 0, "heute": 0, "heut": 0, "tonight": 0, "tomorrow": 1, "morgen": 1,
          "tmr": 1, "tmrw": 1, "tomoz": 1, "uebermorgen": 2}  # fmt: skip
 _WEEKDAYS = (
@@ -87,17 +89,13 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
 
 def names_day(words: Sequence[Word], at: int) -> bool:
     """Whether word `at` is a day's: "tomorrow"."""
-    text = _text(words, at)
+    text = text_at(words, at)
     return text in _DAYS or any(text in names for names in _WEEKDAYS)
-
-
-def _text(words: Sequence[Word], at: int) -> str:
-    return words[at].text if 0 <= at < len(words) else ""
 
 
 def _short(words: Sequence[Word], at: int) -> bool:
     """Whether a full stop only ends a short form."""
-    return _text(words, at - 1) in {"ca", "a.m", "p.m"}
+    return text_at(words, at - 1) in {"ca", "a.m", "p.m"}
 
 
 def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:
@@ -105,7 +103,7 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
     text = words[at].text
     if text in _PAST:
         return replace(found, impossible=True, part=found.part or "noon"), at + 1
-    following = _text(words, at + 1)
+    following = text_at(words, at + 1)
     if text in _LAST and (following in PARTS or any(following in names for names in _WEEKDAYS)):
         return replace(found, impossible=True, part=found.part or "noon"), at + 2
     if (named := date_at(words, at)) is not None:
@@ -117,7 +115,7 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
             return replace(found, weekday=number), at + 1
     if text not in _DAYS:
         return None
-    if text == "morgen" and (_text(words, at - 1) == "am" or found.days is not None):
+    if text == "morgen" and (text_at(words, at - 1) == "am" or found.days is not None):
         # "am Morgen", "heute Morgen": a part of the day.
         return replace(found, part="frueh"), at + 1
     part = "tonight" if text == "tonight" else found.part
@@ -135,7 +133,7 @@ def _dated(found: Point, day: int, month: int, year: int | None) -> Point:
 
 def _date(words: Sequence[Word], at: int) -> date | None:
     """2026-11-23: five words."""
-    parts = [_text(words, at + n) for n in range(5)]
+    parts = [text_at(words, at + n) for n in range(5)]
     if parts[1] != "-" or parts[3] != "-" or len(parts[0]) != 4:
         return None
     try:
@@ -147,13 +145,13 @@ def _date(words: Sequence[Word], at: int) -> date | None:
 def _part(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:
     """A part of the day; "noon" and "midnight" are hours, too."""
     text = words[at].text
-    if text == "day" and _text(words, at - 1) in {"mid"}:
+    if text == "day" and text_at(words, at - 1) in {"mid"}:
         return None
-    if text not in PARTS or (found.hour is not None and text in _EXACT and found.part):
+    if text not in PARTS or (found.hour is not None and text in EXACT | _LUNCH and found.part):
         return None
-    if found.hour is not None and text in {"lunch", "lunchtime"}:
+    if found.hour is not None and text in _LUNCH:
         return found, at + 1
-    days = 0 if _text(words, at - 1) in _THIS and found.days is None else found.days
+    days = 0 if text_at(words, at - 1) in _THIS and found.days is None else found.days
     return replace(found, part=text, days=days), at + 1
 
 
@@ -165,13 +163,13 @@ def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | N
     if read is None:
         return None
     hour, minute, exact, end = read
-    half = _text(words, end)
-    if half in {"a", "p"} and _text(words, end + 1) in {".m", "m", "."}:
-        marks = [_text(words, end + n) for n in range(1, 4)]
+    half = text_at(words, end)
+    if half in {"a", "p"} and text_at(words, end + 1) in {".m", "m", "."}:
+        marks = [text_at(words, end + n) for n in range(1, 4)]
         end += 1 + next((n for n, mark in enumerate(marks) if mark not in {".", "m"}), 3)
         half += "m"
     elif half == "am" and (
-        _text(words, end + 1) in {*PARTS, "morgen"} or not is_morning(words, end)
+        text_at(words, end + 1) in {*PARTS, "morgen"} or not is_morning(words, end)
     ):
         half = ""  # "um 8 am Abend", "bis 8 am Tor"
     elif half in _HALVES:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
 _MONTHS = (
     ("january", "jan", "januar", "jaenner"), ("february", "feb", "februar"),
@@ -32,7 +32,7 @@ def date_at(words: Sequence[Word], at: int) -> Dated | None:
     day = _day(words, at)
     if day is not None:
         here = _behind(words, at + 1)
-        here += _text(words, here) == "of"
+        here += text_at(words, here) == "of"
         month = _month(words, here)
         here += 1
     else:
@@ -40,11 +40,11 @@ def date_at(words: Sequence[Word], at: int) -> Dated | None:
         here = _behind(words, at + 2)
     if day is None or month is None:
         return None
-    bare = here - at == len(["5", "may"]) and _text(words, at + 1) == "may"
-    if bare and _text(words, at - 1) not in {"by", "from", "on", "the", "till", "until"}:
+    bare = here - at == len(["5", "may"]) and text_at(words, at + 1) == "may"
+    if bare and text_at(words, at - 1) not in {"by", "from", "on", "the", "till", "until"}:
         return None  # "Robots 2 and 5 may help".
-    comma = _text(words, here) == ","
-    year = _text(words, here + comma)
+    comma = text_at(words, here) == ","
+    year = text_at(words, here + comma)
     if year.isascii() and year.isdigit() and len(year) == _YEAR_DIGITS and year[0] in "12":
         return Dated(day, month, int(year), here + comma + 1)
     return Dated(day, month, None, here)
@@ -52,18 +52,14 @@ def date_at(words: Sequence[Word], at: int) -> Dated | None:
 
 def _behind(words: Sequence[Word], at: int) -> int:
     """Behind what makes an ordinal of a number."""
-    return at + (_text(words, at) in _ORDINAL)
+    return at + (text_at(words, at) in _ORDINAL)
 
 
 def _day(words: Sequence[Word], at: int) -> int | None:
-    text = _text(words, at)
+    text = text_at(words, at)
     return int(text) if text.isascii() and text.isdigit() and len(text) <= len("31") else None
 
 
 def _month(words: Sequence[Word], at: int) -> int | None:
-    text = _text(words, at)
+    text = text_at(words, at)
     return next((n for n, names in enumerate(_MONTHS, 1) if text in names), None)
-
-
-def _text(words: Sequence[Word], at: int) -> str:
-    return words[at].text if 0 <= at < len(words) else ""

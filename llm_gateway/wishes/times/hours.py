@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from llm_gateway.wishes.numbers import whole
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
 _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
              "stunde", "minuten", "robots", "roboter", "days", "tage", "tagen"}  # fmt: skip
@@ -28,16 +28,16 @@ def hour_at(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
 def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
     """ "half past ten", "quarter to six", "ten past four", "halb elf", "viertel nach fünf"."""
     text = words[at].text
-    if text in {"a", "ein"} and _text(words, at + 1) in {"quarter", "viertel"}:
-        at, text = at + 1, _text(words, at + 1)
-    hour = whole(_text(words, at + 1))
+    if text in {"a", "ein"} and text_at(words, at + 1) in {"quarter", "viertel"}:
+        at, text = at + 1, text_at(words, at + 1)
+    hour = whole(text_at(words, at + 1))
     if text in {"halb", "halber"} and hour is not None and 1 <= hour <= 12:
         return _back(hour, 30, at + 2)
     if (
         text == "half"
         and hour is not None
         and 1 <= hour <= 12
-        and _text(words, at + 2) not in _AFTER
+        and text_at(words, at + 2) not in _AFTER
     ):
         return hour, 30, False, at + 2  # British: half six is half past six.
     if text == "viertel" and hour is not None and 1 <= hour <= 12:
@@ -46,17 +46,17 @@ def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
         return _back(hour, 15, at + 2)
     minutes = {"half": 30, "quarter": 15, "viertel": 15}.get(text, whole(text))
     end = at + 1
-    if _text(words, end) in {"minutes", "minuten"}:
+    if text_at(words, end) in {"minutes", "minuten"}:
         end += 1
-    side = _text(words, end)
-    hour = whole(_text(words, end + 1))
+    side = text_at(words, end)
+    hour = whole(text_at(words, end + 1))
     if minutes is None or hour is None or not 1 <= hour <= 12 or not 0 < minutes < 60:
         return None
     if side in {"past", "after", "nach"}:
         return hour, minutes, False, end + 2
     if side in {"to", "vor", "before"} and text not in {"half"}:
         # "5 to 7" is a span, as "from five to seven"; "five to seven" alone is a clock's.
-        if text.isdigit() or _text(words, at - 1) in {"from", "between", "von"}:
+        if text.isdigit() or text_at(words, at - 1) in {"from", "between", "von"}:
             return None
         return _back(hour, minutes, end + 2)
     return None
@@ -84,27 +84,23 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
             break
     else:
         if MILITARY.fullmatch(text):
-            behind = end + (_text(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
+            behind = end + (text_at(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
             return int(text[:2]), int(text[2:]), True, behind
         number = whole(text)
-        if _text(words, end) in _NO_HOURS:
+        if text_at(words, end) in _NO_HOURS:
             return None
         if number is None or len(text) > 12 or (text.isdigit() and len(text) > 2):
             return None
         hour, exact = number, text.isdigit() and (text.startswith("0") or number > 12)
-        if text.isalpha() and _text(words, end) in _MINUTES and 1 <= hour <= 12:
-            minute, end = _MINUTES[_text(words, end)], end + 1
-    if _text(words, end) in _UHR:
+        if text.isalpha() and text_at(words, end) in _MINUTES and 1 <= hour <= 12:
+            minute, end = _MINUTES[text_at(words, end)], end + 1
+    if text_at(words, end) in _UHR:
         end += 1
-        more = whole(_text(words, end))
+        more = whole(text_at(words, end))
         if minute == 0 and more is not None and more < 60 and words[end].start:
-            after = _text(words, end + 1)
+            after = text_at(words, end + 1)
             if after not in {"%", "percent", "prozent", "minuten", "stunden"}:
                 minute, end = more, end + 1
-    elif _text(words, end) == "o" and _text(words, end + 1) == "clock":
+    elif text_at(words, end) == "o" and text_at(words, end + 1) == "clock":
         end += 2
     return hour, minute, exact, end
-
-
-def _text(words: Sequence[Word], at: int) -> str:
-    return words[at].text if 0 <= at < len(words) else ""

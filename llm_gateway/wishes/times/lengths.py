@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import timedelta
 
 from llm_gateway.wishes.numbers import QUALITY, counted, whole
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
 UNITS = {
     "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
@@ -34,7 +34,7 @@ def length_at(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
 
 def with_more(words: Sequence[Word], found: tuple[timedelta, int]) -> tuple[timedelta, int]:
     """A length with the smaller one that goes on with it: "an hour and ten minutes"."""
-    here = found[1] + (_text(words, found[1]) in {"and", "und", "plus"})
+    here = found[1] + (text_at(words, found[1]) in {"and", "und", "plus"})
     more = _length(words, here)
     whole_hours = found[0].seconds % UNITS["hour"] == 0
     if more is None or not whole_hours or more[0].total_seconds() >= UNITS["hour"]:
@@ -43,20 +43,20 @@ def with_more(words: Sequence[Word], found: tuple[timedelta, int]) -> tuple[time
 
 
 def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
-    text = _text(words, at)
+    text = text_at(words, at)
     if text in {"half", "halbe", "halben"}:
-        skip = 2 if _text(words, at + 1) in _ONES else 1
+        skip = 2 if text_at(words, at + 1) in _ONES else 1
         return _times(0.5, words, at + skip)
-    if text in _ONES and _text(words, at + 1) in {"half", "halbe", "halben"}:
+    if text in _ONES and text_at(words, at + 1) in {"half", "halbe", "halben"}:
         return _times(0.5, words, at + 2)
     quarter = 1 if text in _ONES else 0
-    if _text(words, at + quarter) == "quarter" and _text(words, at + quarter + 1) == "of":
+    if text_at(words, at + quarter) == "quarter" and text_at(words, at + quarter + 1) == "of":
         return _times(0.25, words, at + quarter + 3)
     if text in {"anderthalb", "eineinhalb"}:
         return _times(1.5, words, at + 1)
     if text.endswith("einhalb") and (number := whole(text.removesuffix("einhalb"))) is not None:
         return _times(number + 0.5, words, at + 1)
-    if text in _ONES and _text(words, at + 1) == "second":
+    if text in _ONES and text_at(words, at + 1) == "second":
         return None  # "A second look".
     if text in _ONES:
         found = _times(1, words, at + 1)
@@ -67,35 +67,31 @@ def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
     if said is None:
         return None
     amount, end = said
-    if _text(words, end) == "min" and _is_bound(words, at, amount):
+    if text_at(words, end) == "min" and _is_bound(words, at, amount):
         return None
     if [word.text for word in words[end : end + 3]] == ["and", "a", "half"]:
         return _times(amount + 0.5, words, end + 3)
-    if _text(words, end) == "-":
+    if text_at(words, end) == "-":
         end += 1
-    if _text(words, end) == "ganze":
+    if text_at(words, end) == "ganze":
         end += 1
     return _times(amount, words, end)
 
 
 def _is_bound(words: Sequence[Word], at: int, amount: float) -> bool:
     """Whether "min" behind number `at` means "at least": "0.7 min.", "quality 90 min"."""
-    if _text(words, at - 1) in _LASTS:
+    if text_at(words, at - 1) in _LASTS:
         return False
     before = at - 1
-    while _text(words, before) in _OF:
+    while text_at(words, before) in _OF:
         before -= 1
     return (amount <= 1 and not words[at].text.isalnum()) or bool(
-        QUALITY.fullmatch(_text(words, before))
+        QUALITY.fullmatch(text_at(words, before))
     )
 
 
 def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
-    seconds = UNITS.get(_text(words, at))
+    seconds = UNITS.get(text_at(words, at))
     if seconds is None or not 0 < amount <= 10_000:
         return None
     return timedelta(seconds=amount * seconds), at + 1
-
-
-def _text(words: Sequence[Word], at: int) -> str:
-    return words[at].text if 0 <= at < len(words) else ""

@@ -8,8 +8,8 @@ from datetime import datetime, timedelta
 from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.dates import date_at
 from llm_gateway.wishes.times.moments import resolve
-from llm_gateway.wishes.times.when import When, text_at
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.times.when import When
+from llm_gateway.wishes.words import Word, text_at
 
 _LATE = {"tonight", "night", "nacht", "evening", "abend", "abends"}
 """Once begun, they go on."""

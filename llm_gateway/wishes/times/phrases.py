@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from llm_gateway.wishes.times import clock
-from llm_gateway.wishes.times.bounds import EXACT, bound_at, timed
+from llm_gateway.wishes.times.bounds import bound_at, timed
 from llm_gateway.wishes.times.lengths import UNITS, length_at, with_more
 from llm_gateway.wishes.times.loose import loose_at
 from llm_gateway.wishes.times.when import (
@@ -20,9 +20,8 @@ from llm_gateway.wishes.times.when import (
     shared,
     span,
     starting,
-    text_at,
 )
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
 _UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "upto", "ends",
           "ending",
@@ -168,7 +167,7 @@ def _ordered(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text_at(words, at + 1) not in {"at", "um"}:
         return None
     point = clock.point_at(words, at + 2)
-    if point is None or (point[0].hour is None and point[0].part not in EXACT):
+    if point is None or (point[0].hour is None and point[0].part not in clock.EXACT):
         return None
     made = starting if text in _STARTS else ending
     return made(at, point[1], point[0], now)
@@ -211,7 +210,7 @@ def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:
     two = clock.point_at(words, one[1] + 1)
     if two is None or not (timed(words, at, one) or timed(words, one[1] + 1, two)):
         return None
-    if any(point.hour is None and point.part not in EXACT for point in (one[0], two[0])):
+    if any(point.hour is None and point.part not in clock.EXACT for point in (one[0], two[0])):
         return None
     return span(words, at, at, now)
 
@@ -221,7 +220,7 @@ def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text_at(words, at) not in {"at", "um"}:
         return None
     point = clock.point_at(words, at + 1)
-    if point is None or (point[0].hour is None and point[0].part not in EXACT):
+    if point is None or (point[0].hour is None and point[0].part not in clock.EXACT):
         return None
     here = point[1]
     while text_at(words, here) in {"and", "und", ",", "keep", "it", "that", "them", "go", "then"}:
@@ -232,6 +231,6 @@ def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
 
 LEFT = frozenset(
     """until till til hour hours minute minutes stunde stunden minuten uhr oclock tomorrow tonight
-    today week weeks month woche wochen monat heute feierabend weekend wochenende""".split()  # noqa: SIM905
+    today week weeks month woche wochen monat heute feierabend weekend wochenende""".split()
 )
 """Words that tell a time: where none of it was read, it is unclear."""

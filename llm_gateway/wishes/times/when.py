@@ -8,9 +8,8 @@ from datetime import date, datetime, timedelta
 
 from llm_gateway.wishes.times import clock, doubts
 from llm_gateway.wishes.times.moments import resolve
-from llm_gateway.wishes.words import Word
+from llm_gateway.wishes.words import Word, text_at
 
-_EXACT = {"midday", "midnight", "mittag", "mitternacht", "noon"}
 TO = {"to", "until", "till", "til", "bis", "-", "–"}
 """Between the two ends of a span."""
 
@@ -33,11 +32,6 @@ class When:
     """The day, where nothing else is said: "today"."""
     question: str = ""
     """What to ask about it, behind the words themselves."""
-
-
-def text_at(words: Sequence[Word], at: int) -> str:
-    """The word at a place; empty outside."""
-    return words[at].text if 0 <= at < len(words) else ""
 
 
 def span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When | None:
@@ -85,7 +79,7 @@ def shared(point: clock.Point, other: clock.Point) -> clock.Point:
     """A point with the day, and the part of the day, that were said of the other end."""
     days = other.days if point.days is None else point.days
     weekday = other.weekday if point.weekday is None else point.weekday
-    part = point.part or ("" if other.part in _EXACT else other.part)
+    part = point.part or ("" if other.part in clock.EXACT else other.part)
     return replace(
         point,
         part=part,
