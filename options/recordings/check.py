@@ -160,11 +160,10 @@ class _Corrected:
         if self.moves is None:
             return None
         if robot not in self.moves:
-            return Known(np.eye(4), 0.0, 0.0)
-        move = np.array(self.moves[robot])
-        by = correction(move, (self.world_from_own @ own_from_sender)[:2, 3])
-        by = invert(self.world_from_own) @ by @ self.world_from_own
-        return Known(by, 0.0, float(np.hypot(*move[:2])))
+            return Known(np.eye(4), 0.0)
+        stands = (self.world_from_own @ own_from_sender)[:2, 3]
+        by = correction(np.array(self.moves[robot]), stands)
+        return Known(invert(self.world_from_own) @ by @ self.world_from_own, 0.0)
 
     def usual_m(self) -> float:
         # Whoever is recorded as a participant was believed.

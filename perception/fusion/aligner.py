@@ -37,8 +37,6 @@ class Known:
     """4 x 4 in the ego's frame."""
     left_m: float
     """By how much it is still off then, root of the mean square."""
-    shift_m: float
-    """By how much it was moved."""
 
 
 class Corrections(Protocol):
@@ -68,8 +66,7 @@ class Held:
         found = self.in_world.get(robot)
         if found is None:
             return None
-        by = invert(self.world_from_own) @ found @ self.world_from_own
-        return Known(by, 0.0, _shift_m(by, own_from_sender))
+        return Known(invert(self.world_from_own) @ found @ self.world_from_own, 0.0)
 
     def usual_m(self) -> None:
         """See `Corrections.usual_m`."""
@@ -109,9 +106,10 @@ class _Sender:
 
     def shift_m(self) -> float:
         """By how much it was off before."""
+        move = self.shown.move
         if self.known is not None:
-            return self.known.shift_m
-        return math.hypot(*self.shown.move[:2])
+            move = np.array(move_of(self.known.correction, self.stands))
+        return math.hypot(*move[:2])
 
 
 class Aligner:
@@ -238,11 +236,6 @@ def in_world(
         robot: world_from_own @ by @ own_from_world
         for robot, by in zip(robots, aligner.corrections(), strict=True)
     }
-
-
-def _shift_m(by: Matrix, own_from_sender: Matrix) -> float:
-    x, y, _ = move_of(by, own_from_sender[:2, 3])
-    return math.hypot(x, y)
 
 
 def _moved(places: Floats, by: Matrix) -> Floats:

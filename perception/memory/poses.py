@@ -127,8 +127,8 @@ class _Sender:
         square. Nothing, where the error lasts: what was shown of it holds."""
         if self.lasts():
             return 0.0
-        shift = (self.move * UNIT)[:2] - self.told[:2]
-        return math.sqrt(float(np.diag(self.covariance)[:2] @ UNIT[:2] ** 2 + shift @ shift))
+        known = Estimate(self.move * UNIT, self.covariance * np.outer(UNIT, UNIT), 0.0)
+        return known.left_m(self.told)
 
     def known(self, time_s: float) -> bool:
         """Whether its error lasts, and is known well enough at that time."""
@@ -262,9 +262,8 @@ class PosesAt:
         )
         if taken is None:
             return None
-        move, left_m = turn.T @ taken[0], taken[1]
-        by = correction(move, own_from_sender[:2, 3])
-        return Known(by, left_m, math.hypot(*move[:2]))
+        move, left_m = taken
+        return Known(correction(turn.T @ move, own_from_sender[:2, 3]), left_m)
 
     def usual_m(self) -> float | None:
         """See `Corrections.usual_m`."""

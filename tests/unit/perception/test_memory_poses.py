@@ -313,7 +313,8 @@ def test_how_far_off_a_pose_may_be_is_told_and_nothing_of_an_error_that_lasts() 
     found = now.corrected("R2", invert(swarm.own) @ swarm.sender, Estimate.nothing())
     assert found is not None
     assert found.left_m == 0.0
-    assert found.shift_m == pytest.approx(math.hypot(*ERROR[:2]), abs=0.05)
+    shift_m = math.hypot(*swarm.as_move(found.correction)[:2])
+    assert shift_m == pytest.approx(math.hypot(*ERROR[:2]), abs=0.05)
 
 
 @pytest.mark.parametrize("error", [ERROR, RIGHT], ids=["off", "right"])

@@ -113,7 +113,7 @@ class Moved:
         return self
 
     def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known:
-        return Known(self.by, 0.0, 0.0)
+        return Known(self.by, 0.0)
 
     def usual_m(self) -> None:
         return None
