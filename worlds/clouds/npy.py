@@ -19,6 +19,10 @@ _HEADERS = {
 }
 """By version: how many bytes tell the header's length, and what reads the header."""
 _MAX_HEADER_BYTES = 10_000
+_OF_A_HEADER = (
+    EOFError, IndexError, OverflowError, RecursionError, SyntaxError, TokenError, TypeError,
+)  # fmt: skip
+"""What NumPy lets through of the reader of Python's text that it reads a header with."""
 
 
 def read_npy(path: Path) -> NDArray[Any]:
@@ -32,8 +36,7 @@ def read_npy(path: Path) -> NDArray[Any]:
             _check_size(file)
             file.seek(0)
             array: NDArray[Any] = npy.read_array(file, allow_pickle=False)
-    except (EOFError, OverflowError, SyntaxError, TokenError) as error:
-        # NumPy reads a header as Python's text, and lets some of that reader's errors through.
+    except _OF_A_HEADER as error:
         raise ValueError(f"its header is malformed: {error}") from error
     except MemoryError as error:
         raise ValueError(f"it names more than there is memory for: {error}") from error

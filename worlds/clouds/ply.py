@@ -59,11 +59,10 @@ def read_ply(path: Path) -> Points:
         return _ascii(path, body, sum(element.count for element in before), vertices)
     start = sum(element.count * _layout(element, order).itemsize for element in before)
     layout = _layout(vertices, order)
-    held = max(0, len(body) - start)
-    if held < vertices.count * layout.itemsize:
+    if len(body) < start + vertices.count * layout.itemsize:
         raise WorldError(
-            f"point cloud {path} announces {vertices.count} vertices of {layout.itemsize} bytes, "
-            f"holds {held} bytes"
+            f"point cloud {path} announces {vertices.count} vertices of {layout.itemsize} bytes "
+            f"after {start} bytes of other elements, holds {len(body)} bytes"
         )
     records = np.frombuffer(body, dtype=layout, count=vertices.count, offset=start)
     with np.errstate(over="ignore"):  # a number beyond float32 becomes infinite

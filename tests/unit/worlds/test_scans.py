@@ -13,6 +13,7 @@ from swarm.errors import CoAdaptError, ScanError
 from worlds.scans import is_scan, read_scan
 
 POINTS = np.array([[1.5, -2.25, 3.0], [4.0, 5.5, -6.125], [7, 8, 9]], dtype=np.float32)
+OTHERS = "element edge 2\nproperty int vertex1\n"
 FOUR = np.column_stack([POINTS, [0.1, 0.2, 0.3]]).astype(np.float32)
 
 
@@ -158,6 +159,8 @@ def test_a_cloud_without_x_is_told_with_its_fields_and_what_is_needed(
         ("a.npy", b"nothing", "cannot be read"),
         ("a.npy", npy_header("{'descr': '<f4', 'shape': '''(2, 3), }"), "header is malformed"),
         ("a.npy", npy_header("{'descr': '<f4', 'shape': (2, 3), ("), "header is malformed"),
+        ("a.npy", npy_header("{'descr': '<f4', b'shape': (2, 3)}"), "header is malformed"),
+        ("a.npy", npy_header("{'descr': (), 'fortran_order': False, 'shape': (2,)}"), "malformed"),
         (
             "a.npy",
             npy_header(f"{{'descr': '<f4', 'fortran_order': False, 'shape': (0, {10**40}), }}"),
@@ -178,6 +181,11 @@ def test_a_cloud_without_x_is_told_with_its_fields_and_what_is_needed(
         ("a.ply", ply("ascii") + b"1 2 3\n", "announces 3 vertices of 3 numbers, holds 3"),
         ("a.ply", ply("ascii") + b"1 2 x\n", "no number"),
         ("a.ply", ply("binary_little_endian") + bytes(8), "holds 8 bytes"),
+        (
+            "a.ply",
+            ply("binary_little_endian", before=OTHERS).replace(b"vertex 3", b"vertex 0") + b"\x01",
+            "after 8 bytes of other elements, holds 1 bytes",
+        ),
         ("a.pcd", pcd("binary_compressed") + b"\x01", "not well compressed"),
         ("b.pcd", pcd("binary_compressed") + b"\x02\0\0\0\x24\0\0\0\xff\xff", "not well"),
     ],
