@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable
 
 import msgspec
 import numpy as np
 
-from options.recordings.format import FUSED, Box, Fused, KnownBox, Vector3
+from options.recordings.format import FUSED, Box, Fused, KnownBox
 from options.recordings.world import RecordingWorld
-from perception.fusion.aligner import Known
-from perception.fusion.alignment import Estimate, correction
 from perception.fusion.known import KnownRobot
 from perception.fusion.mixed import scored_by
 from perception.fusion.publishing import publish
 from perception.types import Boxes
 from swarm.body import Body
 from swarm.errors import PerceptionError, RecordingError, WorldError
-from swarm.geometry import Matrix, Pose, invert
+from swarm.geometry import Pose
+from worlds.cooperative.corrected import Corrected
 from worlds.cooperative.fusing import fuse_frame
 
 TOLERANCE = 1e-3
@@ -112,7 +110,7 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
             one.participants,
             one.algorithm,
             forms=one.forms,
-            poses=_Corrected(one.corrections),
+            poses=Corrected(one.corrections),
         )
         scored_as = scored_by(one.forms.values()) if one.forms else one.algorithm
         helpers = len(one.participants) - 1
@@ -141,33 +139,6 @@ def _apart(world: RecordingWorld, one: Fused, frame: int) -> float | str:
     if labels != [box.label for box in one.boxes]:
         return "boxes have other labels"
     return largest
-
-
-@dataclass(frozen=True, slots=True)
-class _Corrected:
-    """Senders' poses are put right by what the ego put them right by, whatever it had seen before:
-    see `perception.fusion.aligner.Remembering`."""
-
-    moves: Mapping[str, Vector3] | None
-    """x, y and turn in the world frame; of those that were moved. None in older recordings: the
-    frame speaks for itself."""
-    world_from_own: Matrix = field(default_factory=lambda: np.eye(4))
-
-    def at(self, time_s: float, stood_s: float, world_from_own: Matrix) -> _Corrected:
-        return replace(self, world_from_own=world_from_own)
-
-    def corrected(self, robot: str, own_from_sender: Matrix, shown: Estimate) -> Known | None:
-        if self.moves is None:
-            return None
-        if robot not in self.moves:
-            return Known(np.eye(4), 0.0)
-        stands = (self.world_from_own @ own_from_sender)[:2, 3]
-        by = correction(np.array(self.moves[robot]), stands)
-        return Known(invert(self.world_from_own) @ by @ self.world_from_own, 0.0)
-
-    def usual_m(self) -> float:
-        # Whoever is recorded as a participant was believed.
-        return 0.0
 
 
 def _known(box: KnownBox) -> KnownRobot:

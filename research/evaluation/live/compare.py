@@ -16,6 +16,7 @@ from research.evaluation.live.swarm import Recorded, boxes_of, evenly, told_of
 from research.evaluation.windows.scenarios import Scenario
 from swarm.messages import Detections
 from worlds.base import World
+from worlds.cooperative.corrected import Corrected
 from worlds.cooperative.fusing import fuse_frame
 from worlds.cooperative.judging import judge
 
@@ -110,10 +111,17 @@ def compare_live(
 
 
 def _again(world: World, frame: Detections) -> tuple[Boxes, int]:
-    """The boxes and payload bytes of the same choice on the same frame without a network."""
+    """The boxes and payload bytes of the same choice on the same frame without a network, with
+    poses put right as the ego did."""
     number = frame.frame % world.frame_count
     fused = fuse_frame(
-        world, number, frame.ego, frame.participants, frame.algorithm, forms=frame.forms
+        world,
+        number,
+        frame.ego,
+        frame.participants,
+        frame.algorithm,
+        forms=frame.forms,
+        poses=Corrected(frame.corrections),
     )
     own = world.scan(frame.ego, number)
     forms = [frame.forms.get(robot, frame.algorithm) for robot in fused.bytes]

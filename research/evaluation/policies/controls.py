@@ -15,10 +15,11 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import UnifiedScene
 from ego_agent.plan.choices.greedy import grow
 from ego_agent.plan.choices.scoring import Scorer
-from research.evaluation.policies.decide import Decided, is_blind
+from research.evaluation.policies.decide import Decided, having_placed, is_blind
 from research.evaluation.windows.announcements import Announced, snapshot
 from research.evaluation.windows.choice import Choice
 from research.evaluation.windows.measure import candidates_of
+from research.evaluation.windows.placed import Placed
 from research.evaluation.windows.scenarios import Scenario
 from swarm.messages import Algorithm
 
@@ -42,19 +43,20 @@ def controls(
     heard: Sequence[Announced],
     knowledge: Knowledge,
     decided: Sequence[Decided],
+    placed: Sequence[Placed] = (),
 ) -> list[Decided]:
     """Both controls of one policy's decisions, one for each window that was `heard`.
 
-    None for policies that are measured as they propose, and for controls. Equal arguments give
-    equal draws.
+    `placed`: as in `decisions`. None for policies that are measured as they propose, and for
+    controls. Equal arguments give equal draws.
     """
     found = []
     for one, messages in zip(decided, heard, strict=True):
         if is_blind(one.policy) or is_control(one.policy):
             continue
         known_bps = scenario.known_bps(one.window)
-        scene = analyze(snapshot(one.ego, messages, known_bps), knowledge)
-        scorer = Scorer(scene, knowledge)
+        known = having_placed(knowledge, placed, one.window)
+        scorer = Scorer(analyze(snapshot(one.ego, messages, known_bps), known), known)
         rng = random.Random(f"{scenario.name} {one.window} {one.policy}")
         found.append(_instead(one, AT_RANDOM, scorer, at_random(scorer, one.choice, rng)))
         found.append(_instead(one, FIRST, scorer, first(scorer, one.choice)))

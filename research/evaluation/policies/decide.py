@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from ego_agent.plan.policies.registry import make_policy
 from research.evaluation.windows.announcements import EPOCH_NS, Announced, snapshot
 from research.evaluation.windows.choice import Choice
 from research.evaluation.windows.measure import candidates_of
+from research.evaluation.windows.placed import Placed, learnt
 from research.evaluation.windows.scenarios import Scenario
 from swarm.errors import EvaluationError
 from swarm.messages import Decision
@@ -74,10 +76,12 @@ def decisions(
     heard: Sequence[Announced],
     knowledge: Knowledge,
     policy: Policy,
+    placed: Sequence[Placed] = (),
 ) -> list[Decided]:
     """The decisions of one policy in all windows, one after the other: it knows the one before.
 
-    `heard`: what the ego had heard at the beginning of each window. Raises EvaluationError for a
+    `heard`: what the ego had heard at the beginning of each window. `placed`: whom it could place
+    before each; without, it has learnt nothing of that. Raises EvaluationError for a
     policy that fails: an ego would go on with `coverage`, whose results are not the policy's.
     """
 
@@ -91,12 +95,13 @@ def decisions(
     found = []
     for window, messages in enumerate(heard):
         begun, waited_s = time.perf_counter(), _waited_s(policy)
+        known = having_placed(knowledge, placed, window)
         seen = snapshot(ego, messages, scenario.known_bps(window))
-        scene = analyze(seen, knowledge)
+        scene = analyze(seen, known)
         if blind:
-            decision = as_proposed(policy, scene, knowledge)
+            decision = as_proposed(policy, scene, known)
         else:
-            decision = plan(seen, scene, policy, knowledge, previous, window, EPOCH_NS, failed)
+            decision = plan(seen, scene, policy, known, previous, window, EPOCH_NS, failed)
         took_s = time.perf_counter() - begun
         if isinstance(policy, Waiting):
             took_s = policy.waited_s - waited_s
@@ -120,6 +125,14 @@ def decisions(
             )
         )
     return found
+
+
+def having_placed(knowledge: Knowledge, placed: Sequence[Placed], window: int) -> Knowledge:
+    """What an ego knows that could place them before that window; `placed`: of each window, or of
+    none."""
+    known = copy.copy(knowledge)
+    known.placing = learnt(placed[window] if placed else {})
+    return known
 
 
 def policy_of(name: str, scenario: Scenario, knowledge: Knowledge) -> Policy:

@@ -169,13 +169,14 @@ def _decide(
     for number, (name, scenario) in enumerate(scenarios.items(), 1):
         own = [item for item in items if item.scenario.name == name]
         heard = [item.heard for item in own if item.heard is not None]
+        placed = [item.placed for item in own]
         knowledge = own[0].knowledge()
         everyone: list[Policy] = [_policy(one, scenario, knowledge) for one in policies]
         everyone += [AdvisedAtOnce(model, style) for model, style in advisers]
         for policy in everyone:
-            chosen = decisions(scenario, heard, knowledge, policy)
+            chosen = decisions(scenario, heard, knowledge, policy, placed)
             found += chosen
-            found += controls(scenario, heard, knowledge, chosen)
+            found += controls(scenario, heard, knowledge, chosen, placed)
         if advisers:
             print(f"advised: {number}/{len(scenarios)} scenarios", file=sys.stderr, flush=True)
     return found

@@ -21,6 +21,7 @@ from research.evaluation.windows.choice import Choice, Outcome
 from research.evaluation.windows.contents import Contents, Uncoded, contents
 from research.evaluation.windows.fused import packed_frames, unpacked_frames
 from research.evaluation.windows.measure import NotMeasuredError, Window, packed, unpacked
+from research.evaluation.windows.placed import Placed, placed
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.windows.search import explore
 from research.evaluation.windows.timing import Timing
@@ -32,6 +33,7 @@ MADE_FROM = (
     "research/evaluation/sharing.py",
     "research/evaluation/windows/frames.py", "research/evaluation/windows/announcements.py",
     "research/evaluation/windows/fused.py", "research/evaluation/windows/contents.py",
+    "research/evaluation/windows/placed.py",
     "perception",
     "swarm/arrays.py", "swarm/geometry.py", "swarm/messages", "worlds",
 )  # fmt: skip
@@ -51,6 +53,7 @@ class WorkItem:
     window: int
     algorithms: tuple[str, ...]
     heard: Announced | None = None
+    placed: Placed = field(default_factory=dict)
     wanted: tuple[Choice, ...] = ()
     known: tuple[Any, ...] = ()
     """Frames that were fused before, packed."""
@@ -71,6 +74,11 @@ class WorkItem:
         frame, reach_m = self.scenario.decision_frame(self.window), _reach_m(self.scenario)
         return f"heard {self.scenario.setting()} {frame} {reach_m} {sorted(self.algorithms)}"
 
+    def placed_key(self) -> str:
+        """By which it is kept who could be placed before."""
+        frame, reach_m = self.scenario.decision_frame(self.window), _reach_m(self.scenario)
+        return f"placed {self.scenario.setting()} {frame} {reach_m}"
+
     def frames_key(self) -> str:
         """By which fused frames are kept: on whatever link, with whatever model of compute."""
         frames = self.scenario.sampled_frames(self.window)
@@ -88,16 +96,12 @@ def knowledge_of(algorithms: Sequence[str], scenario: Scenario) -> Knowledge:
 
 
 def listen(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[WorkItem]:
-    """The items with what the ego has heard at the beginning of each window."""
-    found: list[bytes | None] = [kept.get(item.heard_key()) for item in items]
-    missing = [at for at, raw in enumerate(found) if raw is None]
-    for place, raw in _each(_listen, [items[at] for at in missing], workers, "messages"):
-        found[missing[place]] = raw
-        kept.put(items[missing[place]].heard_key(), raw)
+    """The items with what the ego has heard, and could place, when each window begins."""
+    messages: list[bytes] = _kept(items, WorkItem.heard_key, _listen, workers, kept, "messages")
+    before: list[Placed] = _kept(items, WorkItem.placed_key, _place, workers, kept, "placed")
     return [
-        replace(item, heard=announcements.unpacked(raw))
-        for item, raw in zip(items, found, strict=True)
-        if raw is not None
+        replace(item, heard=announcements.unpacked(raw), placed=known)
+        for item, raw, known in zip(items, messages, before, strict=True)
     ]
 
 
@@ -122,11 +126,7 @@ def measure(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> list[
 
 def count(items: Sequence[WorkItem], workers: int, kept: ResultStore) -> Contents:
     """What robots have to send in the items' windows, uncoded."""
-    found: list[Any] = [kept.get(item.contents_key()) for item in items]
-    missing = [at for at, one in enumerate(found) if one is None]
-    for place, told in _each(_count, [items[at] for at in missing], workers, "counted"):
-        found[missing[place]] = told
-        kept.put(items[missing[place]].contents_key(), told)
+    found = _kept(items, WorkItem.contents_key, _count, workers, kept, "counted")
     robots = {
         item.place: {robot: Uncoded(*values) for robot, values in told.items()}
         for item, told in zip(items, found, strict=True)
@@ -156,6 +156,22 @@ def _listen(item: WorkItem) -> bytes:
         _reach_m(item.scenario),
     )
     return announcements.packed(messages)
+
+
+def _place(item: WorkItem) -> Placed:
+    """Where poses are right, nobody is left out."""
+    scenario = item.scenario
+    if not scenario.pose_noise_m:
+        return {}
+    window = Window(scenario, item.window)
+    return placed(
+        window.world,
+        scenario.decision_frame(item.window),
+        window.ego,
+        _reach_m(scenario),
+        window.fusion("early"),
+        scenario.pose_noise_m,
+    )
 
 
 def _looked_up(item: WorkItem) -> Outcomes | None:
@@ -190,6 +206,23 @@ def _seen(item: WorkItem) -> Snapshot:
         raise EvaluationError(f"nothing was heard in {item.place}")
     ego = tuple(item.heard)[item.scenario.ego]
     return announcements.snapshot(ego, item.heard, item.scenario.known_bps(item.window))
+
+
+def _kept(
+    items: Sequence[WorkItem],
+    key: Callable[[WorkItem], str],
+    work: Callable[[WorkItem], R],
+    workers: int,
+    kept: ResultStore,
+    what: str,
+) -> list[R]:
+    """What the work gives for each item, looked up where it is known."""
+    found: list[Any] = [kept.get(key(item)) for item in items]
+    missing = [at for at, one in enumerate(found) if one is None]
+    for place, result in _each(work, [items[at] for at in missing], workers, what):
+        found[missing[place]] = result
+        kept.put(key(items[missing[place]]), result)
+    return found
 
 
 def _each(

@@ -33,10 +33,11 @@ from swarm.files import write_whole
 
 DEFAULT, EVERYONE, SINGLE_RATE = "coverage", "static-early", "coverage at 10 Hz"
 PLAIN = "coverage, no places asked about"
+UNHEEDED = "coverage, who cannot be placed is asked all the same"
 NO_MEMORY = ", objects not remembered"
 RULES = ("everybody whole 1 Hz with places", "everybody whole 2 Hz with places")
 """The simplest that ask about places, too: the same of all, whatever the link."""
-CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, *RULES, RANDOM)
+CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, UNHEEDED, *RULES, RANDOM)
 MADE_FROM = (
     "ego_agent", "network_controller", "perception", "research/evaluation", "sensing", "swarm",
     "worlds",
@@ -59,6 +60,7 @@ class Policy:
 POLICIES = (
     Policy(DEFAULT, Decided("coverage", rarer=True)),
     Policy(PLAIN, Decided("coverage", rarer=True, places=False)),
+    Policy(UNHEEDED, Decided("coverage", rarer=True, learns=False)),
     Policy(SINGLE_RATE, Decided("coverage")),
     Policy(SINGLE_RATE + NO_MEMORY, Decided("coverage"), memory=False),
     Policy(EVERYONE, Decided(EVERYONE, validated=False)),

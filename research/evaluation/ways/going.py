@@ -11,7 +11,7 @@ from ego_agent.knowledge.compute import SINGLE, Work, packaged_compute
 from ego_agent.knowledge.own_costs import LIGHTER
 from research.evaluation.ways.drive import Driven, Focus
 from research.evaluation.ways.planned import ALGORITHMS, Deciding
-from research.evaluation.ways.remembered import places_by_frame
+from research.evaluation.ways.remembered import Rehearsal
 from research.evaluation.ways.way import Way
 from research.evaluation.windows.announcements import snapshot
 from research.evaluation.windows.links import Link
@@ -94,37 +94,48 @@ def _asked(
 ) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, Focus]], list[int]]:
     """By frame: who is asked for what, who of them about which places only, and how many take
     part."""
-    whole, about, taking_part = _wanted(driven, way)
-    places: Sequence[Mapping[str, Focus]] = [{}] * len(whole)
-    if way.memory and any(about):
-        places = places_by_frame(driven, whole, about, way.max_error_m)
+    if way.decided is None:
+        return _fixed(driven, way)
+    link, from_s = way.link, way.link_from_s
+    assert link is not None, f"{way.name}: what is decided depends on a link"
+    deciding = Deciding(driven, way.decided, lambda at_s: link.known_bps(from_s + at_s))
+    # Where poses are right, everybody is placed.
+    rehearses = way.decided.asks_about_places or driven.drive.pose_noise_m > 0.0
+    rehearsal = Rehearsal(driven, way.max_error_m) if rehearses else None
+    asked, places, taking_part = [], [], []
+    for number, frame in enumerate(driven.frames):
+        whole = deciding.asked(number, frame)
+        about = deciding.asked_about(number) if way.memory else {}
+        only: Mapping[str, Focus] = {}
+        if rehearsal is not None:
+            only = rehearsal.ask(frame, whole, about)
+            deciding.heed(rehearsal.placed)
+        asked.append({**whole, **{robot: about[robot] for robot in only}})
+        places.append(only)
+        taking_part.append(len(deciding.participants))
+    return asked, places, taking_part
+
+
+def _fixed(
+    driven: Driven, way: Way
+) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, Focus]], list[int]]:
+    """The same where it is always asked for the same."""
+    rate_hz = driven.world.rate_hz
+    numbers = range(len(driven.frames))
+    whole = [way.asked(number, driven.nearest, rate_hz) for number in numbers]
+    about = [way.asked_about(number, driven.nearest, rate_hz) for number in numbers]
+    taking_part = [len({robot for one in whole for robot in one})] * len(whole)
+    if not way.memory or not any(about):
+        return whole, [{}] * len(whole), taking_part
+    rehearsal = Rehearsal(driven, way.max_error_m)
+    places = [
+        rehearsal.ask(frame, *ask) for frame, *ask in zip(driven.frames, whole, about, strict=True)
+    ]
     asked = [
         {**everything, **{robot: forms[robot] for robot in only}}
         for everything, forms, only in zip(whole, about, places, strict=True)
     ]
     return asked, places, taking_part
-
-
-def _wanted(
-    driven: Driven, way: Way
-) -> tuple[list[Mapping[str, str]], list[Mapping[str, str]], list[int]]:
-    """By frame: who is asked for everything, who about places, and how many take part."""
-    rate_hz = driven.world.rate_hz
-    numbers = range(len(driven.frames))
-    if way.decided is None:
-        asked = [way.asked(number, driven.nearest, rate_hz) for number in numbers]
-        about = [way.asked_about(number, driven.nearest, rate_hz) for number in numbers]
-        everyone = len({robot for one in asked for robot in one})
-        return asked, about, [everyone] * len(asked)
-    link, from_s = way.link, way.link_from_s
-    assert link is not None, f"{way.name}: what is decided depends on a link"
-    deciding = Deciding(driven, way.decided, lambda at_s: link.known_bps(from_s + at_s))
-    decided, about, taking_part = [], [], []
-    for number, frame in enumerate(driven.frames):
-        decided.append(deciding.asked(number, frame))
-        about.append(deciding.asked_about(number))
-        taking_part.append(len(deciding.participants))
-    return decided, about, taking_part
 
 
 def _played(

@@ -17,6 +17,7 @@ from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import PLACES_HZ, RARER_HZ, about_places, algorithm_of, due, stride
+from ego_agent.knowledge.placing import Placing
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.decision import plan
@@ -78,6 +79,13 @@ class Decided:
     """Where `rarer`: whether robots are asked in between about places."""
     validated: bool = True
     """Whether what the policy proposes is repaired to what the link carries, as an ego does."""
+    learns: bool = True
+    """Whether it heeds whose contributions could not be laid in their places, as an ego does."""
+
+    @property
+    def asks_about_places(self) -> bool:
+        """Whether robots may be asked about places in between."""
+        return self.rarer and self.places
 
 
 class Deciding:
@@ -90,16 +98,19 @@ class Deciding:
         self._how = how
         objective = Objective(
             rarer_hz=RARER_HZ if how.rarer else (),
-            places_hz=PLACES_HZ if how.rarer and how.places else 0.0,
+            places_hz=PLACES_HZ if how.asks_about_places else 0.0,
         )
         objective = replace(
             objective,
             lambda_link=objective.lambda_link * how.price,
             lambda_compute=objective.lambda_compute * how.price,
         )
+        self._now_s = 0.0
         self._knowledge = Knowledge.of_detector(
-            drive.world.detector, objective, ALGORITHMS, learns=False
+            drive.world.detector, objective, ALGORITHMS, learns=how.learns
         )
+        # Of what an ego learns, this is all that happens here.
+        self._knowledge.placing = Placing(lambda: self._now_s)
         self._policy = _policy(how.policy, drive.seed)
         self._every = max(1, round(DECIDED_S * drive.world.rate_hz))
         self._decision: Decision | None = None
@@ -133,9 +144,14 @@ class Deciding:
         robots = about_places(decision.assignments, decision.rate_hz, number // step)
         return {robot: algorithm_of(decision, robot) for robot in robots}
 
+    def heed(self, placed: Mapping[str, bool]) -> None:
+        """Notes who of those that were asked for everything could be laid in their places."""
+        for robot, well in placed.items():
+            self._knowledge.placing.record(robot, placed=well)
+
     def _decide(self, number: int, frame: int) -> Decision:
         drive, known = self._drive, self._knowledge
-        now_s = number / drive.world.rate_hz
+        now_s = self._now_s = number / drive.world.rate_hz
         seen = snapshot(drive.ego, drive.heard(frame, ALGORITHMS), self._known_bps(now_s))
         now_ns = EPOCH_NS + round(now_s * 1e9)
         scene = analyze(seen, known)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from perception.detector.config import configuration
 from perception.memory.asking import places_of
@@ -35,31 +35,36 @@ def taken(
     return remember(memory, given, driven.world.detector, fused.scored_as, fused.known)
 
 
-def places_by_frame(
-    driven: Driven, whole: Sequence[Asked], about: Sequence[Asked], max_error_m: float
-) -> list[dict[str, Focus]]:
-    """Who is asked about which places in each frame of a drive, as an ego does: none of whom it has
-    not got a whole scan yet, and nobody where nothing is remembered. `whole`: who is asked for
-    everything in each frame, `about`: who would be about places. By what is remembered where
-    everything arrives: what does not hardly changes where objects are, or what poses are off by.
-    """
-    world = driven.world
-    memory = Memory(configuration(world.detector).usual_speed_m_s)
-    known: deque[Remembered] = deque(maxlen=LAG_FRAMES)
-    shown: set[str] = set()
-    found = []
-    for number, frame in enumerate(driven.frames):
+class Rehearsal:
+    """A drive where everything arrives, frame by frame: what an ego asks about because of what it
+    remembers, and whom it cannot place. What does not arrive hardly changes where objects are, or
+    what poses are off by."""
+
+    def __init__(self, driven: Driven, max_error_m: float) -> None:
+        self._driven = driven
+        self._max_error_m = max_error_m
+        self._memory = Memory(configuration(driven.world.detector).usual_speed_m_s)
+        self._known: deque[Remembered] = deque(maxlen=LAG_FRAMES)
+        self._shown: set[str] = set()
+        self.placed: Mapping[str, bool] = {}
+        """Of those that the newest frame asked for everything: whether that was fused."""
+
+    def ask(self, frame: int, whole: Asked, about: Asked) -> dict[str, Focus]:
+        """Who is asked about which places in the next frame: none of whom the ego has not got a
+        whole scan yet, and nobody where nothing is remembered. `whole`: who is asked for
+        everything, `about`: who would be about places."""
+        driven, known, world = self._driven, self._known, self._driven.world
         here = world.pose(driven.ego, frame).matrix()
         enough = len(known) == LAG_FRAMES
         places = places_of(known[0], LAG_FRAMES / world.rate_hz, here) if enough else b""
-        robots = [robot for robot in about[number] if places and robot in shown]
-        asked = (*whole[number], *robots)
+        robots = [robot for robot in about if places and robot in self._shown]
+        asked = (*whole, *robots)
         without_outline = all(driven.knows_pose(robot, frame) for robot in asked)
         only = dict.fromkeys(robots, Focus(places, without_outline))
-        found.append(only)
-        forms = {robot: about[number][robot] for robot in only}
-        fused = driven.fused(frame, {**whole[number], **forms}, max_error_m, only)
-        shown |= whole[number].keys()
-        taken(memory, driven, frame, fused)
-        known.append(suspected(memory, fused.known))
-    return found
+        forms = {robot: about[robot] for robot in only}
+        fused = driven.fused(frame, {**whole, **forms}, self._max_error_m, only)
+        self.placed = {robot: robot in fused.helpers for robot in whole}
+        self._shown |= whole.keys()
+        taken(self._memory, driven, frame, fused)
+        known.append(suspected(self._memory, fused.known))
+        return only
