@@ -16,6 +16,7 @@ from perception.fusion.detectors import shared_finder
 from perception.fusion.one_pass import PointForm
 from perception.fusion.outline import outline, thinned
 from perception.scene import ground_mask
+from perception.scene.structure import ground_and_structure, in_sectors
 from perception.types import clean_points
 from swarm.errors import PerceptionError
 from swarm.geometry import Points, Pose, invert, transform
@@ -42,7 +43,8 @@ class EarlyFusion(PointForm):
         self.finder = finder
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
-        """The scan, without its ground unless asked otherwise, within the asked error.
+        """The scan within the asked error; unless asked otherwise without its ground, and with
+        little of what else is no object where the detector needs no more.
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
         nothing there. Where several do, without what lies outside of all of their areas. Where it
@@ -54,23 +56,34 @@ class EarlyFusion(PointForm):
         if reach.max(initial=0.0) > MAX_RANGE_M:
             # A stray return must not cost the whole scan; the codec would refuse it.
             cloud = cloud[(reach <= MAX_RANGE_M).all(axis=1)]
-        ground = ground_mask(cloud)
+        ground, wanted = self._wanted(cloud)
         bare = bool(options.demand) and options.without_outline
         places = np.zeros((0, 2)) if bare else thinned(outline(cloud, ground))
         if not options.keep_ground:
-            cloud = cloud.compress(~ground, axis=0)
+            cloud = cloud.compress(wanted, axis=0)
         if options.reference is not None and options.pose is not None:
             ego_from_sensor = invert(options.reference.matrix()) @ options.pose.matrix()
             seen = transform(ego_from_sensor, cloud)
-            wanted = self._of_use(seen)
+            of_use = self._of_use(seen)
             if options.demand:
-                wanted &= within(options.demand, seen)
-            cloud = cloud.compress(wanted, axis=0)
+                of_use &= within(options.demand, seen)
+            cloud = cloud.compress(of_use, axis=0)
         elif options.demand:
             raise PerceptionError("places are asked about without where the ego is")
         if options.egos and options.pose is not None:
             cloud = self._of_use_to_any(cloud, options.pose, options.egos)
         return add_outline(encode_points(cloud, options.max_error_m), places)
+
+    def _wanted(self, cloud: Points) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which points are ground, and which are worth sending: bool (N,) each. Where the detector
+        is a learned one that does with little of the structure, a few bars of that; clusters, which
+        are found where nothing is learnt, would take such bars for posts."""
+        config = self.finder.config
+        if self.finder.area is None or not config.sparse_structure:
+            ground = ground_mask(cloud)
+            return ground, ~ground
+        ground, structure = ground_and_structure(cloud, config.tallest_m, config.widest_m)
+        return ground, ~ground & (~structure | in_sectors(cloud))
 
     def _of_use_to_any(self, cloud: Points, pose: Pose, egos: tuple[Pose, ...]) -> Points:
         """The points near enough to one of the egos, whichever way it looks by now."""

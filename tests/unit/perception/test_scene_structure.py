@@ -1,0 +1,132 @@
+"""Walls, racks and canopies are told from objects, and sent by a few bars only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.codec.outlined import take_outline
+from perception.detector.config import configuration
+from perception.detector.weight_files import has_weights
+from perception.fusion.base import EncodeOptions
+from perception.fusion.one_pass import PointForm
+from perception.fusion.registry import make_fusion
+from perception.kernels import library
+from perception.scene import fast
+from perception.scene.structure import ground_and_structure, in_sectors
+from swarm.geometry import invert
+from worlds.registry import open_world
+
+Cloud = NDArray[np.float32]
+FACTORY, ROAD = configuration("factory"), configuration("road")
+FLOOR_M = -1.2
+
+
+def box(x: float, y: float, long: float, wide: float, low: float, high: float) -> Cloud:
+    """Points on the sides of an upright box, 0.1 m apart; heights over the floor."""
+    steps = [np.arange(0.0, size + 1e-6, 0.1) for size in (long, wide, high - low)]
+    parts = []
+    for along, up in [(steps[0], steps[2])]:
+        a, z = np.meshgrid(along, up)
+        parts += [
+            np.stack([x + a, np.full_like(a, y + side), z + low + FLOOR_M]) for side in (0.0, wide)
+        ]
+    b, z = np.meshgrid(steps[1], steps[2])
+    parts += [
+        np.stack([np.full_like(b, x + side), y + b, z + low + FLOOR_M]) for side in (0.0, long)
+    ]
+    return np.concatenate([part.reshape(3, -1).T for part in parts]).astype(np.float32)
+
+
+def floor() -> Cloud:
+    x, y = np.meshgrid(np.arange(-15.0, 15.0, 0.25), np.arange(-15.0, 15.0, 0.25))
+    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, FLOOR_M)]).astype(np.float32)
+
+
+THINGS = {
+    "a wall": (box(-8.0, 8.0, 16.0, 0.3, 0.0, 4.0), True),
+    "a pillar": (box(9.0, 2.0, 0.5, 0.5, 0.0, 4.4), True),
+    "a low wall": (box(-10.0, -9.0, 8.0, 0.3, 0.0, 1.0), True),
+    "a person beside the wall": (box(0.0, 7.2, 0.4, 0.4, 0.0, 1.75), False),
+    "a forklift": (box(4.0, -4.0, 2.5, 1.2, 0.0, 2.1), False),
+    "a forklift across": (box(-6.0, 0.0, 1.2, 2.5, 0.0, 2.1), False),
+}
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_is_too_tall_or_too_wide_is_structure(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if compiled and library.places() is None:
+        pytest.skip("perception was installed without a compiler")
+    if not compiled:
+        monkeypatch.setattr(fast, "places", lambda: None)
+    clouds = [floor(), *(cloud for cloud, _ in THINGS.values())]
+    ground, structure = ground_and_structure(
+        np.concatenate(clouds), FACTORY.tallest_m, FACTORY.widest_m
+    )
+    assert not (ground & structure).any()
+    ends = np.cumsum([len(cloud) for cloud in clouds])
+    assert ground[: ends[0]].all()
+    for (name, (_, is_structure)), begin, end in zip(THINGS.items(), ends, ends[1:], strict=False):
+        share = structure[begin:end][~ground[begin:end]].mean()
+        assert share == pytest.approx(1.0 if is_structure else 0.0, abs=0.02), name
+
+
+def test_a_car_under_a_canopy_is_no_structure_and_a_lorrys_box_is() -> None:
+    car = box(3.0, 3.0, 4.5, 1.9, 0.0, 1.5)
+    canopy = box(2.0, 2.0, 6.5, 4.0, 3.4, 4.3)
+    lorry = box(-8.0, -6.0, 7.0, 2.5, 0.0, 4.0)
+    cloud = np.concatenate([floor(), car, canopy, lorry])
+    _, structure = ground_and_structure(cloud, ROAD.tallest_m, ROAD.widest_m)
+    there = structure[len(floor()) :]
+    assert not there[: len(car)].any()
+    assert there[-len(lorry) :].mean() > 0.9
+
+
+@pytest.mark.parametrize(
+    "cloud",
+    [
+        np.zeros((0, 3), np.float32),
+        np.zeros((1, 3), np.float32),
+        np.full((5, 3), 500.0, np.float32),
+        np.array([[1.0, 1.0, z] for z in (0.0, 1.0, 2.0, 3.0, 4.0)], np.float32),
+    ],
+    ids=["nothing", "one point", "beyond reach", "a column of few"],
+)
+def test_little_is_split_without_an_error(cloud: Cloud) -> None:
+    ground, structure = ground_and_structure(cloud, FACTORY.tallest_m, FACTORY.widest_m)
+    assert ground.shape == structure.shape == (len(cloud),)
+
+
+def test_directions_in_which_structure_is_kept_lie_evenly_around() -> None:
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
+    ring = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.zeros(4096)]).astype(np.float32)
+    kept = in_sectors(9.0 * ring)
+    assert kept.mean() == pytest.approx(1 / 8, abs=0.01)
+    assert kept.reshape(64, -1).any(axis=1).all()
+
+
+@pytest.mark.skipif(not has_weights("factory"), reason="no weights: make train")
+def test_early_sends_objects_whole_and_little_of_what_is_none() -> None:
+    world = open_world("factory", robots=8, seed=1_955_001)
+    early = make_fusion("early", "factory")
+    assert isinstance(early, PointForm)
+    scan, truth = world.scan("R2", 40), world.ground_truth(40).boxes
+    sent = early.read(take_outline(early.encode(scan.points, EncodeOptions()))[0])
+    whole = early.read(take_outline(early.encode(scan.points, EncodeOptions(keep_ground=True)))[0])
+    heights = fast.heights(scan.points)
+    standing = scan.points[heights > fast.GROUND_BAND_M]
+    assert len(sent) < 0.6 * len(standing) < len(whole)
+    here = truth.transformed(invert(scan.pose.matrix()))
+    shown = []
+    for center, size in zip(here.centers, here.sizes, strict=True):
+        seen, told = (
+            np.count_nonzero(np.hypot(*(cloud[:, :2] - center[:2]).T) < np.hypot(*size[:2]) / 2)
+            for cloud in (standing, sent)
+        )
+        if seen >= 10 and np.hypot(*center[:2]) > 1.0:
+            shown.append(told / seen)
+    assert len(shown) >= 3
+    assert np.mean(shown) > 0.95
