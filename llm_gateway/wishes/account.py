@@ -9,6 +9,7 @@ from llm_gateway.wishes.clauses.clause import ARTICLES
 from llm_gateway.wishes.names import lexicon
 from llm_gateway.wishes.names.mention import Mention
 from llm_gateway.wishes.names.mentions import Text
+from llm_gateway.wishes.numbers import NAMED
 from llm_gateway.wishes.reading import Reading
 from llm_gateway.wishes.times.phrases import LEFT
 
@@ -20,6 +21,18 @@ _WHOLE = {"all", "ganze", "whole"}
 _TOLD = {"been", "had", "hatte", "hatten", "war", "waren", "was", "were"}
 _FAR = 12
 """Words before a time among which a report begins."""
+_NEAR = 6
+"""Words around "bis" that tell what it is of."""
+_FALLS = {"absinken", "fallen", "nachgeben", "runter", "runtergehen", "sinken"}
+_EXTENDS = re.compile(r"reich(?:t|en)\b|schlange|stau|steh(?:t|en)\b|zieh(?:t|en)\b")
+_LIMITS = {"earlier", "earliest", "frueher", "fruehestens", "later", "latest", "sooner", "spaeter",
+           "spaetestens"}  # fmt: skip
+_THAN_NUMBERS = {"als", "at", "than", "um", *NAMED}
+"""Behind "no earlier" they begin a time."""
+_BEGUN = {"are", "begin", "began", "have", "is", "started"}
+"""Behind "visiting hours" they tell that it is their time."""
+_BUSY = {"business", "busy", "office", "opening", "peak", "rush", "visiting"}
+_OF_HOURS = {"few", "half", "more", "next", "of", "some", "the", "these", "those", "what"}
 _POINTS = {"dann", "then"}
 _IS = {"ist", "haben", "hat", "macht", "machen", "schon", "is"}
 _AS_YOU_LIKE = {"as", "do", "macht", "normal", "wie", "whatever", "zurueck", "back"}
@@ -34,13 +47,15 @@ _EVENTS = frozenset(
 _PAPERS = frozenset(
     """auftrag batch bulletin case charge chapter day drill exercise experiment fall formula
     incident item job log memo meldung no notice nr nummer number order page phase project
-    reviewer round run runde scenario schicht seite shift step schritt test ticket trial
-    uebung version versuch week""".split()
+    reviewer round run runde scenario schicht seite shift step schritt test ticket trial uebung
+    version versuch week alarm baujahr chg code error fault fehler fehlercode firmware flight flug
+    fw inc ref release req rev software stoerung vorgang""".split()
 )
 """Before a number they make a name of it: "notice 14"."""
 _THAN = (["als"], ["than"], ["statt"], ["over"])
 _BEFORE = re.compile(
-    r"(?:(?:,|bitte|first|please|zuerst) )*(?:ahead of|before|vor)(?: (?:dem|den|der|the))?"
+    r"(?:(?:,|asked|bitte|first|please|polled|taken|tried|used|zuerst) )*(?:ahead of|before|"
+    r"vor)(?: (?:dem|den|der|the))?"
 )
 """Between two robots: the first one is preferred."""
 _GOES_ON = frozenset(
@@ -52,7 +67,7 @@ _GOES_ON = frozenset(
 
 def settle(text: Text, reading: Reading) -> Reading:
     """A reading in which whatever must be accounted for and is not is unclear."""
-    unclear = [*reading.unclear, *_unread(text)]
+    unclear = [*reading.unclear, *_unread(text, reading)]
     for number, (mention, role) in enumerate(zip(text.mentions, reading.roles, strict=True)):
         if role == "none" and number in reading.reasons:
             continue
@@ -75,21 +90,37 @@ def _question(text: Text, mention: Mention) -> str:
     return f"{said} {asked}".strip()
 
 
-def _unread(text: Text) -> list[str]:
+def _unread(text: Text, reading: Reading) -> list[str]:
     """Words of times and numbers that belong to nothing that was found; and what is to come only
     after something else."""
-    inside = {at for m in text.mentions for at in range(m.first, m.last)}
+    inside = {at for m in text.mentions for at in range(m.first, m.last)} | reading.measured
     timed = any(m.when is not None and (m.when.until or m.when.lasts) for m in text.mentions)
     ranged = any(m.when is not None and m.when.start and m.when.until for m in text.mentions)
     found = []
     for at, word in enumerate(text.words):
         if at in inside or _is_talk(text, at) or (ranged and word.text in {"then", "dann"}):
             continue
-        until = word.text == "bis" and _following(text, at, 1).isdisjoint({"auf", "zu"})
+        until = word.text == "bis" and not _reaches(text, reading, at)
+        until |= word.text in _LIMITS and not _following(text, at, 2).isdisjoint(_THAN_NUMBERS)
         later = (timed and _puts_off(text, at)) or _waits(text, at)
         if word.text in LEFT or _NUMBER.fullmatch(word.text) or until or later:
             found.append(text.said(at, min(at + 4, len(text.words))))
     return found
+
+
+def _reaches(text: Text, reading: Reading, at: int) -> bool:
+    """Whether "bis", at word `at`, tells how much or how far: "Link bis 0,5",
+    "Stau bis zum Tor"."""
+    near = [word.text for word in text.words[max(0, at - _NEAR) : at]]
+    for mention, role in zip(text.mentions, reading.roles, strict=True):
+        if mention.first == at + 1 and mention.kind == "share":
+            behind = {word.text for word in text.words[mention.last : mention.last + _NEAR]}
+            falls = not _FALLS.isdisjoint({*near} | behind)
+            return role == "link" or (role == "quality" and falls)
+    if not _following(text, at, 1).isdisjoint({"auf", "zu"}):
+        return True
+    far = not _following(text, at, 1).isdisjoint({"an", "in", "vor", "zum", "zur"})
+    return far and any(_EXTENDS.match(said) for said in near)
 
 
 def _following(text: Text, at: int, words: int) -> set[str]:
@@ -114,6 +145,8 @@ def _refers(text: Text, at: int) -> bool:
     following = [word.text for word in text.words[at + 1 : at + 3]]
     ends |= bool({*following} & {"rest", "others", "anderen"})
     robot = any(m.kind == "robot" and m.last == at for m in text.mentions)
+    if [word.text for word in text.words[max(0, at - 2) : at]] == ["up", "to"]:
+        return True
     return text.words[max(at - 1, 0)].text in _UP_TO or (ends and not robot)
 
 
@@ -122,6 +155,10 @@ def _is_talk(text: Text, at: int) -> bool:
     word, before = text.words[at], text.words[max(at - 1, 0)].text
     if word.text in {"hours", "days", "weeks"} and before == "for":
         return True  # "At it for hours".
+    if word.text in {"hour", "hours"} and (_following(text, at, 1) & _BEGUN or before in _BUSY):
+        named = before.isalpha() and before not in NAMED and before not in _OF_HOURS
+        opens = text.words[max(at - 2, 0)].text
+        return named and (at == 1 or opens in {",", ".", "!", ";", ":", "-", "(", "its", "is"})
     if word.text in {"week", "month", "woche", "monat"} and before in _LAST:
         return True
     if word.text in _UP_TO and _following(text, at, 1) & _POINTS:
@@ -140,7 +177,7 @@ def _is_talk(text: Text, at: int) -> bool:
         return True
     if word.text == "1" and before in {"prio", "prioritaet", "priority"}:
         return True
-    if word.text.isdigit() and before in _PAPERS:
+    if _NUMBER.fullmatch(word.text) and before in _PAPERS:
         return True
     if word.text in {"then", "dann"} and _refers(text, at):
         return True
@@ -175,7 +212,11 @@ def _has_part(text: Text, mention: Mention, reading: Reading) -> bool:
     """Whether it only is for whom a part of the link is kept, or who needs it."""
     words = [word.text for word in text.words[max(0, mention.first - 4) : mention.last + 9]]
     needs = {"brauchen", "braucht", "for", "fuer", "need", "needs", "weil", "because"} & {*words}
-    return bool({"free", "link"} & {*reading.roles}) and bool(needs) and "high" not in reading.roles
+    return (
+        bool({"free", "link", "save"} & {*reading.roles})
+        and bool(needs)
+        and "high" not in reading.roles
+    )
 
 
 def _is_told(text: Text, mention: Mention) -> bool:

@@ -1,10 +1,9 @@
-"""Reads numbers as people write them: "half", "at least 90 percent", "zwei Drittel", "0,75"."""
+"""Reads numbers as people write them: "12", "0,75", "a hundred and five", "fünf und zwanzig"."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from llm_gateway.wishes.words import Word, text_at
 
@@ -21,53 +20,47 @@ _TENS = {
     "hundred": 100, "dreissig": 30, "vierzig": 40, "fuenfzig": 50, "sechzig": 60, "siebzig": 70,
     "achtzig": 80, "neunzig": 90, "hundert": 100,
 }  # fmt: skip
-_UNITS = {text: n for line in (_ENGLISH, _GERMAN) for n, text in enumerate(line.split())}
-NAMED = _UNITS | _TENS | {"zwo": 2, "sechse": 6, "siebene": 7, "achte": 8, "neune": 9, "fuenfe": 5}
-_GERMAN_TENS = re.compile(
-    r"(ein|zwei|drei|vier|fuenf|sechs|sieben|acht|neun)und(zwanzig|\w+ssig|\w+zig)"
+SMALL = {text: n for line in (_ENGLISH, _GERMAN) for n, text in enumerate(line.split())}
+NAMED = SMALL | _TENS | {"zwo": 2, "sechse": 6, "siebene": 7, "achte": 8, "neune": 9, "fuenfe": 5}
+_GERMAN_HUNDREDS = re.compile(r"(ein|[a-z]{3,6})?hundert(?:und)?(\w*)")
+_GERMAN_TENS = re.compile(r"(ein|[a-z]{3,6})und(zwanzig|\w+ssig|\w+zig)")
+HUNDRED = {"hundred", "hundert"}
+POINT = {"comma", "komma", "point"}
+_BETWEEN = {"between", "zwischen"}
+AND = {"and", "und"}
+ARTICLES = {"a", "an", "one", "the", "ein", "eine", "einen", "einem", "einer", "der", "die", "das"}
+_PHYSICAL = frozenset(
+    """ah bar c celsius cm db dbm deg degree degrees f fahrenheit g ghz grad hz kg khz km kmh
+    knots kw kwh lux m mah mbar mhz mm mph ms mv ns ppm psi px rpm ton tons tonne tonnen tonnes
+    v volt volts w watt μm μs °""".split()
 )
-_ONE = {"a", "an", "one", "the", "ein", "eine", "einen", "einem", "einer", "der", "die", "das"}
-_PARTS = {
-    "half": 2, "halves": 2, "halfs": 2, "haelfte": 2, "halbe": 2, "halben": 2, "halb": 2,
-    "halber": 2, "halbes": 2, "third": 3, "thirds": 3, "drittel": 3, "quarter": 4, "quarters": 4,
-    "viertel": 4, "fifth": 5, "fifths": 5, "fuenftel": 5, "tenth": 10, "tenths": 10, "zehntel": 10,
-}  # fmt: skip
-_PERCENT = {"%", "percent", "pct", "prozent", "perc", "percents", "procent"}
-
-QUALITY = re.compile(
-    r"(?:min|mindest|minimal)?(?:genauigk|guete|qualit)\w*|accuracy|precision|q|qmin"
-)
-"""What a number bounds, with a slip at its end, too: "Mindestqualitt"."""
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """A part of something, as written from word `first` up to, not including, word `last`."""
-
-    first: int
-    last: int
-    value: float
-    """As said: 0.9 of "90 percent", 1.5 of "150 percent"."""
-
-    @property
-    def possible(self) -> bool:
-        """Whether it is a part of a whole."""
-        return 0 < self.value <= 1
+"""Units of what no wish can bound."""
 
 
 def whole(text: str) -> int | None:
     """The whole number that a word stands for, if it stands for one.
 
-    >>> whole("12"), whole("zwoelf"), whole("fuenfundvierzig"), whole("docks")
-    (12, 12, 45, None)
+    >>> whole("12"), whole("zwoelf"), whole("hundertfuenfundvierzig"), whole("docks")
+    (12, 12, 145, None)
     """
     if text.isascii() and text.isdigit():
         return int(text[:9])
-    found = _GERMAN_TENS.fullmatch(text)
-    if found and found[2] in NAMED:
-        ones = 1 if found[1] == "ein" else NAMED[found[1]]
-        return NAMED[found[2]] + ones
-    return NAMED.get(text)
+    if text in NAMED:
+        return NAMED[text]
+    if (found := _GERMAN_HUNDREDS.fullmatch(text)) is not None:
+        hundreds, rest = _times_of(found[1] or "ein"), whole(found[2] or "null")
+        rest = 1 if found[2] == "ein" else rest
+        return None if hundreds is None or rest is None else 100 * hundreds + rest
+    if (found := _GERMAN_TENS.fullmatch(text)) is not None:
+        ones, tens = _times_of(found[1]), NAMED.get(found[2])
+        return None if ones is None or tens is None else tens + ones
+    return None
+
+
+def _times_of(text: str) -> int | None:
+    """A number below ten before "und" or "hundert"."""
+    number = 1 if text == "ein" else NAMED.get(text)
+    return number if number is not None and 0 < number < 10 else None
 
 
 def decimal(text: str) -> float | None:
@@ -77,84 +70,90 @@ def decimal(text: str) -> float | None:
     return float(text.replace(",", "."))
 
 
-def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
-    """A number in digits or words from word `at` on, and the word behind it: "forty-five"."""
-    text = text_at(words, at)
-    value = decimal(text)
-    if value is None and (number := whole(text)) is not None:
-        value = float(number)
-    if value is None:
+def integer_at(words: Sequence[Word], at: int) -> tuple[int, int] | None:
+    """A whole number in digits or words from word `at` on, and the word behind it.
+
+    >>> from llm_gateway.wishes.words import words
+    >>> integer_at(words("a hundred and twenty-five minutes"), 0)
+    (125, 6)
+    """
+    text, end = text_at(words, at), at + 1
+    value = whole(text)
+    if text in ARTICLES and text_at(words, end) in HUNDRED:
+        value = 1
+    if value is None or text.isdigit():
+        return None if value is None else (value, end)
+    if value < 10 and text_at(words, end) in HUNDRED:
+        value, end = 100 * value, end + 1
+    if value >= 100 and value % 100 == 0:
+        rest = _below_hundred(words, end + (text_at(words, end) in AND))
+        return (value, end) if rest is None else (value + rest[0], rest[1])
+    return _below_hundred(words, at) or (value, end)
+
+
+def _below_hundred(words: Sequence[Word], at: int) -> tuple[int, int] | None:
+    """ "five", "seventeen", "twenty-five", "ninety five"."""
+    value, end = _said(words, at), at + 1
+    if value is None or not 0 < value < 100:
         return None
-    end = at + 1
-    dash = 1 if text_at(words, end) == "-" else 0
-    ones = whole(text_at(words, end + dash))
-    if text in _TENS and ones is not None and ones < 10 and text_at(words, end + dash).isalpha():
-        return value + ones, end + dash + 1
+    behind = end + (text_at(words, end) == "-")
+    ones = _said(words, behind)
+    if value >= 20 and value % 10 == 0 and ones is not None and 0 < ones < 10:
+        return value + ones, behind + 1
     return value, end
 
 
-def share_at(words: Sequence[Word], at: int) -> Share | None:
-    """The part that is written from word `at` on."""
-    if at >= len(words):
-        return None
-    return _percent(words, at) or _fraction(words, at) or _bare(words, at) or _times(words, at)
+def _said(words: Sequence[Word], at: int) -> int | None:
+    """The number that one word stands for, not in digits."""
+    text = text_at(words, at)
+    return whole(text) if text.isalpha() else None
 
 
-def _minus(words: Sequence[Word], at: int) -> int:
-    """-1 behind a minus sign that belongs to no word before it."""
-    touches = at > 1 and words[at - 1].start == words[at - 2].end
-    return -1 if text_at(words, at - 1) in {"-", "−", "minus"} and not touches else 1
-
-
-def _percent(words: Sequence[Word], at: int) -> Share | None:
-    """ "90 percent", "ninety five per cent", "85%"."""
-    found = counted(words, at)
+def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
+    """A number in digits or words from word `at` on, and the word behind it: "one point five"."""
+    value = decimal(text_at(words, at))
+    if value is not None:
+        return value, at + 1
+    found = _apart(words, at) or integer_at(words, at)
     if found is None:
         return None
-    value, end = found
-    ones = _UNITS.get(text_at(words, end), 10)
-    if words[at].text in _UNITS and 0 < value < 10 and ones < 10:
-        value, end = 10 * value + ones, end + 1  # "Seven zero percent", by radio.
-    if text_at(words, end) == "-":
-        end += 1
-    if text_at(words, end) == "per" and text_at(words, end + 1) in {"cent", "cents"}:
-        end += 2
-    elif text_at(words, end) in _PERCENT:
-        end += 1
-    else:
+    number, end = found
+    digits, last = _decimals(words, end)
+    return (float(f"{number}.{digits}"), last) if digits else (float(number), end)
+
+
+def _apart(words: Sequence[Word], at: int) -> tuple[int, int] | None:
+    """ "fünf und zwanzig", written apart."""
+    ones = 1 if text_at(words, at) == "ein" else _said(words, at)
+    here = at + 1 + (text_at(words, at + 1) == "-")
+    if text_at(words, here) != "und" or text_at(words, at - 1) in _BETWEEN:
         return None
-    return Share(at, end, _minus(words, at) * round(value / 100, 4))
-
-
-def _fraction(words: Sequence[Word], at: int) -> Share | None:
-    """ "half", "a third", "two thirds", "drei Viertel", "1/3"."""
-    text = words[at].text
-    top = whole(text)
-    if text.isdigit() and text_at(words, at + 1) == "/" and text_at(words, at + 2).isdigit():
-        bottom = int(text_at(words, at + 2)[:6])
-        return Share(at, at + 3, round(int(text[:6]) / bottom, 3)) if bottom else None
-    if text in _ONE or top is not None:
-        part = _PARTS.get(text_at(words, at + 1))
-        if part is None or text_at(words, at + 1) == "halb":
-            return None
-        return Share(at, at + 2, round((1 if top is None else top) / part, 3))
-    if text == "dreiviertel":
-        return Share(at, at + 1, 0.75)
-    part = _PARTS.get(text)
-    return None if part is None else Share(at, at + 1, round(1 / part, 3))
-
-
-def _bare(words: Sequence[Word], at: int) -> Share | None:
-    """ "0.8"; whole numbers alone are no part of anything."""
-    text = words[at].text
-    if not re.fullmatch(r"[01]?[.,]\d{1,4}", text):
+    here += 1 + (text_at(words, here + 1) == "-")
+    tens = _said(words, here)
+    if ones is None or tens is None or not 0 < ones < 10 or tens < 20 or tens % 10:
         return None
-    return Share(at, at + 1, _minus(words, at) * (decimal(text) or 0.0))
+    return ones + tens, here + 1
 
 
-def _times(words: Sequence[Word], at: int) -> Share | None:
-    """ "three times": more than the whole."""
-    number = whole(words[at].text)
-    if number is not None and number > 1 and text_at(words, at + 1) in {"times", "mal"}:
-        return Share(at, at + 2, float(number))
-    return None
+def _decimals(words: Sequence[Word], at: int) -> tuple[str, int]:
+    """The digits behind "point", said one by one or as one number, and the word behind them."""
+    digits, here = "", at + 1
+    if text_at(words, at) not in POINT:
+        return "", at
+    while (found := _below_hundred(words, here)) is not None or _said(words, here) == 0:
+        digits, here = f"{digits}{found[0] if found else 0}", found[1] if found else here + 1
+    return digits, here
+
+
+def is_physical(words: Sequence[Word], at: int) -> bool:
+    """Whether word `at` is a unit of what no wish can bound, and begins no name: "C3".
+
+    >>> from llm_gateway.wishes.words import words
+    >>> is_physical(words("94 C now"), 1), is_physical(words("0.8 C3 out"), 1)
+    (True, False)
+    """
+    if text_at(words, at) not in _PHYSICAL:
+        return False
+    behind = words[at + 1] if at + 1 < len(words) else None
+    named = behind is not None and words[at].end == behind.start and behind.text not in ".,;:!?)"
+    return not named or words[at].text == "°"

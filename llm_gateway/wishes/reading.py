@@ -43,5 +43,7 @@ class Reading:
     witness may say the same. Empty: nothing."""
     reasons: frozenset[int] = frozenset()
     """Numbers of mentions that only tell why: nothing need be wished of them."""
+    measured: frozenset[int] = frozenset()
+    """Words that are numbers of which nothing can be wished."""
     nobody: bool = False
     """Whether no robot at all is to be asked."""

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 _SHORT = {"w/o": "without", "w/": "with", "u.": "und", "1st": "first", "2nd": "second",
           "3rd": "next"}  # fmt: skip
 """What people write for a word, signs and all."""
-_BOUNDS = {">=": "mindestens", "≥": "mindestens", "<=": "hoechstens", "≤": "hoechstens"}
+_BOUNDS = {">=": "mindestens", "≥": "mindestens", "<=": "hoechstens", "≤": "hoechstens",
+           ">": "mindestens", "<": "hoechstens"}  # fmt: skip
+_BOUND = re.compile(r"[<>](?=\s*\d)")
+"""A sign that bounds the number behind it."""
 _SOUTHERN = {"d": "die", "s": "das"}
 """Articles that lean on the word behind them: "d'Leut", "s'Tor"."""
 _ARROW = re.compile(r"[-=]+>")
@@ -48,7 +51,10 @@ def fold(text: str) -> str:
 
 def words(text: str) -> list[Word]:
     """The words of a wish, in order."""
-    return [Word(_long(m.group()), m.start(), m.end()) for m in _WORD.finditer(text)]
+    return [
+        Word(_long(m.group(), bounds=bool(_BOUND.match(text, m.start()))), m.start(), m.end())
+        for m in _WORD.finditer(text)
+    ]
 
 
 def text_at(words: Sequence[Word], at: int) -> str:
@@ -56,13 +62,15 @@ def text_at(words: Sequence[Word], at: int) -> str:
     return words[at].text if 0 <= at < len(words) else ""
 
 
-def _long(said: str) -> str:
-    """A word folded, in full; arrows are one sign."""
+def _long(said: str, *, bounds: bool) -> str:
+    """A word folded, in full; arrows are one sign. `bounds`: a number stands behind it."""
     folded = fold(said)
     if folded in _SOUTHERN and folded != said.casefold():
         return _SOUTHERN[folded]
     if _ARROW.fullmatch(folded):
         return "→"
+    if len(folded) == 1 and folded in "<>" and not bounds:
+        return folded
     return _SHORT.get(folded) or _BOUNDS.get(folded, folded)
 
 

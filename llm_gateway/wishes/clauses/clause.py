@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
+from llm_gateway.wishes.clauses.wording import SHORTENED_INSIDE, spelt, whole_cues
 from llm_gateway.wishes.cues import asides
-from llm_gateway.wishes.cues.plain import known
-from llm_gateway.wishes.cues.spelling import KNOWN, SPELLING
+from llm_gateway.wishes.cues.common import NOT
 from llm_gateway.wishes.names.mention import Mention
 from llm_gateway.wishes.names.mentions import POLITE, VERBS, Text
-from llm_gateway.wishes.words import alike, exchanged
+from llm_gateway.wishes.words import text_at
 
 _ENDS = {".", ";", "!", "?", "\n"}
 _BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "doch", "then", "dann",
@@ -20,6 +20,7 @@ _BREAKS = {",", ":", "–", "—", "(", ")", "-", "and", "but", "und", "aber", "
 _PARTICLES = {"aber", "doch", "jedoch", "hingegen", "dann", "also", "denn", "though", "however",
               "dafuer"}  # fmt: skip
 """Behind a name alone they go on with its clause: "R2 aber nicht"."""
+_MODALS = {"darf", "duerfen", "kann", "koennen", "muessen", "muss", "soll", "sollen", "sollte"}
 _SHORTENED = {"approx", "ca", "hoechst", "max", "min", "mind"}
 """Behind them, and before a number, a full stop ends no sentence."""
 ARTICLES = {"the", "den", "die", "der", "dem", "das"}
@@ -27,9 +28,6 @@ _CAPITALS = {
     "robot": "ROBOT", "place": "PLACE", "class": "CLASS", "share": "SHARE", "time": "TIME",
     "network": "NET", "compute": "CPU", "policy": "POLICY", "unknown": "UNKNOWN",
 }  # fmt: skip
-_ABBREVIATED = {"garned": "gar nicht", "garnet": "gar nicht", "garnich": "gar nicht",
-                "garnicht": "gar nicht", "lo": "low", "prio": "priority",
-                "prios": "priority"}  # fmt: skip
 _PAIRS = {
     ("a", "o"), ("ab", "zu"), ("again", "again"), ("bread", "butter"), ("by", "large"),
     ("far", "away"), ("first", "foremost"), ("front", "center"), ("front", "centre"),
@@ -39,33 +37,13 @@ _PAIRS = {
 """Words around an "and" that parts nothing: "das A und O"."""
 _ENOUGH = {"enough", "genuegt", "genuegts", "reicht", "reichts"}
 """Before "if" they say that this is all that is wished."""
+_NOTHING = {"nichts", "nix", "nothing"}
+_IS = {"counts", "interessiert", "is", "ist", "matters", "zaehlt"}
 _WHICH = {"was", "which", "wofuer", "wonach", "worauf", "worum", "wovor"}
 """Tell of "nothing" what it is: "nichts, worauf man achten muss"."""
 _WHO = {"he", "hes", "she", "shes", "theyre", "theyve"}
 """Behind "as" they begin to tell why: "R2 first as he's just been cleaned"."""
 _BESIDES = {"&", "+", "and", "sowie", "u", "und"}
-_WHOLE = (
-    (r"\b(nichts|nix) was\b", r"\1 das"),
-    (r"\b(?:leave|keep|lass\w*) (?:it|them|das|es)"
-     r" (?:like that|that way|at that|as it is|as is|so)\b", "SO"),
-    (r"\b(?:(?:during|in|for|over) (?:that|this)(?: time)?|in that time|meanwhile|in der zeit|"
-     r"waehrenddessen|so lange|solange|derweil|before then|bis dahin|till then|"
-     r"until then)\b(?! as)",
-     "THEN"),
-    (r"(?:\b(?:use|take|nimm|ask) )?\b(?:all|every\w*|any\w*|alle[sn]?)(?: of)?(?: the| them)?"
-     r"(?: others?| robots?| roboter| ones?| anderen)?"
-     r"(?: (?:can|may|could|should|is allowed to|darf|duerfen|will)(?: be)?(?: [a-z]+)?| help| "
-     r"helps)? (?:but|bar|barring|save|except|besides|apart|aside|excluding|other(?= than)|minus|"
-     r"without|ausser|bis auf|ohne|abgesehen von|mit ausnahme von)"
-     r"(?: for| from| than)?", "ALLBUT"),
-    (r"\b(?:nobody|no ?one|none|nothing|no robot)(?: else| other)?(?: (?:gets|is|may be|shall be|"
-     r"should be|to be) [a-z]+)? (?:but|except|than|besides|"
-    r"other than|apart from)"
-     r"(?: for)?", "NOBODYBUT"),
-    (r"\b(?:niemand\w*|nichts|keine[rn]?)(?: ander\w+| sonst)? (?:ausser|als|bis auf)",
-    "NOBODYBUT"),
-)  # fmt: skip
-"""What says "all but" belongs to what follows, whatever else its words say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +87,7 @@ def clauses(text: Text) -> list[Clause]:
         ends = word in _ENDS and not (word == "." and _shortens(text, at, pieces))
         if ends or (word in _BREAKS and not _belongs(text, at, pieces)):
             if pieces:
-                clause = _whole(" ".join(pieces))
+                clause = whole_cues(" ".join(pieces))
                 found.append(
                     Clause(clause, tuple(numbers), sentence, word == "?", opens, opener, begin, at)
                 )
@@ -120,7 +98,7 @@ def clauses(text: Text) -> list[Clause]:
             opener = "" if ends else _opener(opener, word)
             pieces, numbers, begin = [], [], at + 1
         elif word != "," and word not in _ENDS:
-            pieces.append(_spelt(word))
+            pieces.append(spelt(word))
         at += 1
     asked = {clause.sentence for clause in found if clause.asked}
     wished = {clause.sentence for clause in found if asides.WISHED.search(clause.text)}
@@ -153,20 +131,10 @@ def _capital(mention: Mention) -> str:
     return _CAPITALS[mention.kind]
 
 
-def _spelt(word: str) -> str:
-    """A word without a slip, where it plainly is one of those that count."""
-    if word in _ABBREVIATED:
-        return _ABBREVIATED[word]
-    if word in SPELLING or word in KNOWN or known(word):
-        return word
-    meant = [cue for cue in SPELLING if alike(word, cue)]
-    if not meant:
-        meant = [cue for cue in exchanged(word) if cue in KNOWN]
-    return meant[0] if len(meant) == 1 else word
-
-
 def _shortens(text: Text, at: int, pieces: list[str]) -> bool:
     """Whether full stop `at` only ends a short form: "min. 0.8", but not "0.8 min. R2 out"."""
+    if text_at(text.words, at - 1) in SHORTENED_INSIDE:
+        return True
     if pieces[-1:] == [] or pieces[-1] not in _SHORTENED or pieces[-2:-1] == ["SHARE"]:
         return False
     counted = any(m.first == at + 1 and m.kind in ("share", "time") for m in text.mentions)
@@ -178,7 +146,8 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     word = text.words[at].text
     before = " ".join(pieces[-3:])
     alone = set(pieces) - ARTICLES
-    if word in _PARTICLES and len(alone) == 1 and alone <= {"ROBOT", "PLACE", "CLASS"}:
+    things = {"ROBOT", "PLACE", "CLASS"}
+    if word in _PARTICLES and len(alone & things) == 1 and alone <= things | _MODALS:
         return all(mention.first != at + 1 for mention in text.mentions)
     if word == "sowie" and (at == 0 or text.words[at - 1].text in _ENDS):
         return True  # "As soon as".
@@ -191,6 +160,8 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     following = text.words[at + 1].text if at + 1 < len(text.words) else ""
     if (pieces[-1:] or [""])[0] and (pieces[-1], following) in _PAIRS:
         return True
+    if word == "as" and following in {"long", "soon"}:
+        return True
     if word in _BESIDES and _beside(text, at, pieces):
         return True
     if word == "-" and 0 < at < len(text.words) - 1:
@@ -199,6 +170,8 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
     if word == ",":
         # What is wished of "that R3 is asked" stands before it.
         supposed = following in {"if", "ob", "wenn"}
+        if pieces[:1] and pieces[0] in _NOTHING and following in _IS and len(pieces) > 1:
+            return True  # "Nichts, was am Tor passiert, ist wichtig".
         nothing = pieces[-1:] in (["nichts"], ["nix"], ["nothing"])
         if supposed and _ENOUGH & {*pieces}:
             return True
@@ -231,9 +204,8 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
             "oft",
             "gut",
         }
-        no = {"not", "nicht", "dont", "ned", "net", "nich", "nid"}
         behind = pieces[-2:] if pieces[-1:] == ["mehr"] else pieces[-1:]
-        return bool(no & {*behind}) or following in measured
+        return any(NOT.fullmatch(word) for word in behind) or following in measured
     if word == "since":
         return any(mention.first <= at < mention.last for mention in text.mentions)
     tells = following in _WHO and not {"as", "so", "soon", "long", "same", "such"} & {*pieces}
@@ -254,9 +226,3 @@ def _beside(text: Text, at: int, pieces: list[str]) -> bool:
     follows = text.words[after.last].text if after.last < len(text.words) else ""
     said = set(pieces[:-1]) - ARTICLES - POLITE
     return not (said and follows in VERBS)
-
-
-def _whole(text: str) -> str:
-    for pattern, capital in _WHOLE:
-        text = re.sub(pattern, capital, text)
-    return text

@@ -7,9 +7,12 @@ import re
 from llm_gateway.wishes.clauses.clause import Clause
 from llm_gateway.wishes.clauses.draft import FILLERS, Draft
 from llm_gateway.wishes.clauses.negations import denies, needless, negated
+from llm_gateway.wishes.clauses.parts import read_parts
+from llm_gateway.wishes.clauses.policies import read_policies
+from llm_gateway.wishes.clauses.reported import whereabouts
 from llm_gateway.wishes.clauses.roles import certain, robot_role
-from llm_gateway.wishes.clauses.weighing import share_role, weight_role
-from llm_gateway.wishes.cues import asides, common, resources, robots, speech
+from llm_gateway.wishes.clauses.weighing import weight_role
+from llm_gateway.wishes.cues import common, resources, robots, speech
 from llm_gateway.wishes.names.mention import Mention
 from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.words import Word
@@ -20,26 +23,23 @@ _NAMES = re.compile(r"\b(?:ROBOT|PLACE|CLASS|SHARE|POLICY|UNKNOWN)\b")
 NEITHER = re.compile(
     r"\b(?:auch (?:nicht|nich|ned|net|nid)|(?:also|too) no[tr]?|not also|either|neither|nor)\b"
 )
-_JUDGED = re.compile(
-    r"\bPOLICY (?:(?:policy|strategy) )?(?:is|was|ist|war|seems|works|worked|performs)\b"
-    r"(?! (?:to|the|your|our|in|on|what|zu|die|der|dran|am|best|better|fine|ok|okay|good)\b)"
-)
-"""Tells how good a policy is."""
 _SAME = re.compile(
     r"(?:the )?same (?:goes |thing |holds |applies )?(?:for|with|to) ROBOT(?: too)?|"
     r"(?:das|da)?(?:selbe|gleiche)s? (?:gilt )?(?:auch )?(?:fuer|mit) (?:(?:den|die|das) )?ROBOT|"
     r"(?:genauso|ebenso) (?:(?:der|die|das|den) )?ROBOT"
 )
 _ALSO = re.compile(r"\b(?:also|too|auch|ebenfalls|ebenso|likewise|as well)\b")
-_OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
+_SINCE = {"seit", "since"}
+"""Before a time they tell how long something is so already."""
 
 
 def read_named(draft: Draft, at: int, clause: Clause) -> None:
     """Gives roles to what clause number `at` names, as far as its own words say them."""
     _robots(draft, at, clause)
     _weights(draft, at, clause)
-    _shares(draft, at, clause)
+    read_parts(draft, at, clause)
     _resources(draft, clause)
+    read_policies(draft, clause)
     _others(draft, clause)
 
 
@@ -108,7 +108,7 @@ def _weights(draft: Draft, at: int, clause: Clause) -> None:
     numbers = draft.of(clause, "place", "class")
     if not numbers:
         return
-    if len(numbers) > 1 and _each_weight(draft, clause, numbers):
+    if (len(numbers) > 1 and _each_weight(draft, clause, numbers)) or whereabouts(draft, at):
         return
     role = weight_role(clause.text)
     near = _nearest(draft, at)
@@ -160,66 +160,12 @@ def _inherited(draft: Draft, clause: Clause, before: Clause) -> Role | None:
     return role if bare else None
 
 
-def _shares(draft: Draft, at: int, clause: Clause) -> None:
-    numbers = draft.of(clause, "share")
-    if not numbers:
-        return
-    if len(numbers) > 1:
-        _several_shares(draft, clause, numbers)
-        return
-    titled = at and clause.opener == ":" and not draft.clauses[at - 1].mentions
-    role = share_role(f"{draft.clauses[at - 1].text} {clause.text}" if titled else clause.text)
-    bounded = resources.AT_MOST.search(clause.text) or _OF_IT.search(clause.text)
-    given = asides.GIVEN.search(clause.text) and not asides.OURS.search(clause.text)
-    free = resources.FREE.search(clause.text) or (
-        given and not resources.AT_MOST.search(clause.text)
-    )
-    if role == "doubt" and (bounded or free) and at:
-        near = draft.clauses[max(0, at - 3) : at]
-        said: Role = "free" if free else "link"
-        before = [draft.linked(n) for c in near for n in draft.of(c, "share")]
-        fits = all(part in (None, draft.linked(numbers[0], said)) for part in before)
-        if any("NET" in c.text.split() for c in near) and fits:
-            role = said
-    if role == "doubt":
-        role = _again(draft, numbers[0])
-    _bound_share(draft, numbers[0], role)
-
-
-def _again(draft: Draft, number: int) -> Role:
-    """ "Quality 0.85, so 0.85 it is": what the same part was said to be before."""
-    share = draft.text.mentions[number].share
-    before = {
-        role
-        for mention, role in zip(draft.text.mentions[:number], draft.roles, strict=False)
-        if mention.share is not None and share is not None and mention.share.value == share.value
-    }
-    role = before.pop() if len(before) == 1 else None
-    return role if role in ("quality", "link", "free") else "doubt"
-
-
-def _several_shares(draft: Draft, clause: Clause, numbers: list[int]) -> None:
-    """ "quality of 85 percent with at most half the link": each by the words around it."""
-    *pieces, rest = clause.text.split("SHARE")
-    pieces[-1] += f" {rest}"
-    roles = [share_role(f"{piece} SHARE") for piece in pieces]
-    if len(roles) != len(numbers) or len(set(roles)) != len(roles) or "doubt" in roles:
-        roles = ["doubt"] * len(numbers)
-    for number, role in zip(numbers, roles, strict=True):
-        _bound_share(draft, number, role)
-
-
-def _bound_share(draft: Draft, number: int, role: Role) -> None:
-    share = draft.text.mentions[number].share
-    draft.roles[number] = role if share is not None and share.possible else "doubt"
-
-
 def _resources(draft: Draft, clause: Clause) -> None:
     numbers = draft.of(clause, "network", "compute")
     if not numbers:
         return
     role: Role | None = None
-    if draft.of(clause, "share"):
+    if any(draft.roles[n] != "none" for n in draft.of(clause, "share")):
         role = "none"
     elif resources.WASTE.search(clause.text):
         stopped = negated(clause.text) or resources.STOP.search(clause.text)
@@ -236,21 +182,18 @@ def _resources(draft: Draft, clause: Clause) -> None:
 def _others(draft: Draft, clause: Clause) -> None:
     for number in clause.mentions:
         mention = draft.text.mentions[number]
-        if mention.kind == "policy":
-            other = "policy" in draft.roles
-            said: Role = "none" if other else "doubt"
-            judged = _JUDGED.search(clause.text)
-            draft.roles[number] = said if negated(clause.text) or judged else "policy"
-            draft.denied |= {*mention.names} if negated(clause.text) else set()
-        elif mention.kind == "time":
-            draft.roles[number] = _time_role(mention, clause.text)
+        if mention.kind == "time":
+            idle = all(draft.roles[n] in (None, "none") for n in clause.mentions)
+            since = _words(draft, number)[0].text in _SINCE or speech.HAPPENED.search(clause.text)
+            draft.roles[number] = _time_role(mention, clause.text, told=idle and bool(since))
         elif mention.kind == "unknown":
             draft.roles[number] = "doubt"
 
 
-def _time_role(mention: Mention, clause: str) -> Role:
-    """A time that is over belongs to the report that names it, and is unclear elsewhere."""
+def _time_role(mention: Mention, clause: str, *, told: bool) -> Role:
+    """A time that is over belongs to the report that names it, and is unclear elsewhere. `told`:
+    the clause only tells what happened then."""
     if mention.when is None or mention.when.clear:
         return "doubt" if mention.when is None else "when"
-    told = speech.TOLD.search(clause) or not _NAMES.search(clause)
-    return "none" if mention.when.past and told else "doubt"
+    over = mention.when.past and (speech.TOLD.search(clause) or not _NAMES.search(clause))
+    return "none" if over or (told and not mention.when.question) else "doubt"

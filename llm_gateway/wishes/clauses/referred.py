@@ -10,9 +10,8 @@ from llm_gateway.wishes.clauses.negations import needless, negated
 from llm_gateway.wishes.clauses.roles import others_role, robot_role
 from llm_gateway.wishes.clauses.voids import tells
 from llm_gateway.wishes.clauses.weighing import weight_role
-from llm_gateway.wishes.cues import common, resources, robots
+from llm_gateway.wishes.cues import common, fleet, resources, robots
 from llm_gateway.wishes.cues.plain import strange, unknown_thing
-from llm_gateway.wishes.cues.robots import SUFFICES
 from llm_gateway.wishes.reading import Role
 
 _ONLY_FIRST = re.compile(r"(?:\w+ ){0,2}(?:only|just|nur|bloss|ask|use|fragt?|nimm|nehmt)\b")
@@ -35,6 +34,12 @@ _DECIDES = re.compile(
     r"ran)\b"
 )
 """Says when a policy decides that is named beside it."""
+_FALLS = re.compile(
+    r"\b(?:accuracy|genauigkeit|guete|it|precision|qualitaet|quality|sie)(?: \w+)? (?:can|darf|"
+    r"kann|may) (?:\w+ )??(?:abfallen|absinken|decrease|dip|drop|fall|go down|nachgeben|runter|"
+    r"runtergehen|sink|sinken|suffer)\b"
+)
+"""Lets quality fall, to a bound that is said beside it."""
 _BELOW = re.compile(
     r"\b(?:darunter|drunter|below (?:that|this|it)|under (?:that|this|it)|less than that|lower "
     r"than that|nothing (?:below|under|less|lower)|nichts (?:darunter|drunter))\b"
@@ -42,6 +47,12 @@ _BELOW = re.compile(
 """Says again that quality may not fall below a bound."""
 
 
+_THEY = re.compile(
+    r"(?:he|it|its|she|they|theyre) [a-z]|(?:das|der|die|er|sie) [a-z]+(?:e[lr]?n|t)\b"
+)
+"""Begins to tell more of robots."""
+_CAREFUL = re.compile(r"\b(?:careful|mindful|sorgsam|vorsichtig)\b")
+"""Weighs a place as well as it saves something."""
 _WEIGHS = re.compile(
     r"\b(?:attention|aufmerksamkeit|gewicht|gewichtung|importance|prioritaet|priority|vorrang|weight|"
     r"wichtigkeit)\b"
@@ -51,14 +62,14 @@ _WEIGHS = re.compile(
 
 def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     """Gives what a clause says of "it" to what was named before it, or right behind."""
-    if clause.opener in _AFTER and robots.REST.fullmatch(clause.text):
+    if clause.opener in _AFTER and fleet.REST.fullmatch(clause.text):
         _give(draft, at, "first", "robot")
-    if robots.REST.match(clause.text) and not _moved(clause.text):
+    if fleet.REST.match(clause.text) and not _moved(clause.text):
         draft.handled.add(at)
         return
     parted = any(draft.linked(n) is not None for n in range(len(draft.roles)))
     settled = "policy" in draft.roles and _DECIDES.search(clause.text)
-    floor = "quality" in draft.roles and _BELOW.search(clause.text)
+    floor = "quality" in draft.roles and (_BELOW.search(clause.text) or _FALLS.search(clause.text))
     if (settled or floor) and not draft.of(clause, "robot", "place", "class", "share", "unknown"):
         draft.handled.add(at)
         return
@@ -76,7 +87,7 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
     if weighs and _give(draft, at, "high", "place", "class"):
         draft.handled.add(at)
         return
-    refused = at and clause.text in _NO and robots.OTHERS.fullmatch(draft.clauses[at - 1].text)
+    refused = at and clause.text in _NO and fleet.OTHERS.fullmatch(draft.clauses[at - 1].text)
     if refused and _give(draft, at, "only", "robot"):
         draft.handled.add(at)
         return
@@ -87,7 +98,8 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         if not _give(draft, at, role, "robot"):
             draft.doubt(clause)
         return
-    if resources.SAVE.search(clause.text) and not clause.mentions:
+    elsewhere = _CAREFUL.search(clause.text) and unknown_thing(clause.text)
+    if resources.SAVE.search(clause.text) and not (clause.mentions or elsewhere):
         saves: Role = "doubt" if needless(clause.text) or negated(clause.text) else "save"
         if _give(draft, at, saves, "network", "compute"):
             draft.handled.add(at)
@@ -106,8 +118,13 @@ def read_referred(draft: Draft, at: int, clause: Clause) -> None:
         ailing = role == "out"
         sure = role not in ("out", "only") or not strange(clause.text, ailing=ailing)
         told = role == "only" and not sure and {"out", "first"} & {*draft.roles}
+        if role == "out" and not sure and _slips(draft, at):
+            draft.handled.add(at)
+            return
         if role is not None and not told and not (sure and _give(draft, at, role, "robot")):
             draft.doubt(clause)
+        elif role == "out" and not told and not pointed:
+            return  # "R3 is stuck at the docks, leave out".
     if not draft.of(clause, "place", "class") and not draft.of(clause, "robot", "unknown"):
         weight = weight_role(clause.text)
         if weight is not None and not draft.of(clause, "network", "compute", "share"):
@@ -141,11 +158,22 @@ def _pointed_role(draft: Draft, clause: Clause, *, pointed: bool) -> Role | None
     told = role == "only" and not _ONLY_FIRST.match(clause.text)
     if robotless and (role == "doubt" or weighs or told):
         return None
-    if role == "only" and clause.mentions and not pointed and SUFFICES.search(clause.text):
+    if role == "only" and clause.mentions and not pointed and fleet.SUFFICES.search(clause.text):
         return None  # "Until noon is enough": it is the time that suffices.
-    others = robots.OTHERS.search(clause.text) and not common.PRONOUN.search(clause.text)
-    # It is the others who are out.
-    return "doubt" if role == "out" and others else role
+    others = fleet.OTHERS.search(clause.text) and not common.PRONOUN.search(clause.text)
+    # It is the others who are out, or come first.
+    others = others and not robots.OVER_OTHERS.search(clause.text)
+    return "doubt" if role in ("first", "out") and others else role
+
+
+def _slips(draft: Draft, at: int) -> bool:
+    """ "Skip R3, they slip away": whether a clause tells more of robots that are out anyway."""
+    clause, before = draft.clauses[at], draft.clauses[max(0, at - 1)]
+    words = draft.text.words[clause.first : clause.last]
+    if not _THEY.match(clause.text) or before.sentence != clause.sentence or len(words) < 2:
+        return False
+    noun = draft.text.wish[words[1].start].isupper()
+    return not noun and {draft.roles[n] for n in draft.of(before, "robot")} == {"out"}
 
 
 def _weighs_thing(draft: Draft, at: int, clause: Clause) -> bool:
@@ -162,9 +190,9 @@ def _weighs_thing(draft: Draft, at: int, clause: Clause) -> bool:
 
 def _moved(text: str) -> bool:
     """Whether a clause does something with the robots of which it speaks."""
-    cues = (robots.OUT, robots.UNUSED, robots.IDLE, robots.BACKUP, robots.FIRST, common.NOT)
-    plain = robots.REST.sub(" ", text, count=1)
-    return any(cue.search(plain) for cue in cues)
+    cues = (robots.OUT, robots.UNUSED, fleet.IDLE, fleet.BACKUP, robots.FIRST, common.NOT)
+    plain = fleet.REST.sub(" ", text, count=1)
+    return any(cue.search(plain) for cue in cues) or bool(_NO & {*plain.split()})
 
 
 def _give(draft: Draft, at: int, role: Role, *kinds: str) -> bool:
@@ -178,7 +206,8 @@ def _give(draft: Draft, at: int, role: Role, *kinds: str) -> bool:
             continue
         if any(draft.roles[n] not in (None, role) for n in numbers):
             return False
-        if near > at and clause.sentence != draft.clauses[at].sentence:
+        backup = role == "first" and fleet.BACKUP.search(clause.text)
+        if near > at and (backup or clause.sentence != draft.clauses[at].sentence):
             return False
         there = kinds == ("place",) and tells(draft.clauses, clause)
         pointed = there or common.PRONOUN.search(draft.clauses[at].text)

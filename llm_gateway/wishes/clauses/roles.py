@@ -6,8 +6,8 @@ import re
 
 from llm_gateway.wishes.clauses.negations import negated
 from llm_gateway.wishes.clauses.weighing import weight_role
-from llm_gateway.wishes.cues import common, robots
-from llm_gateway.wishes.cues.plain import bare, strange
+from llm_gateway.wishes.cues import common, fleet, robots
+from llm_gateway.wishes.cues.plain import bare, known, strange
 from llm_gateway.wishes.reading import Role
 
 _TWICE = re.compile(
@@ -39,6 +39,7 @@ _LOW_PRIORITY = re.compile(
     r"weniger|wenig|zero) (?:\w+ )?(?:preference|prioritaet|priority|vorrang|vorzug)\b"
 )
 """Of a robot no field of an intent says so."""
+_BY_NOBODY = re.compile(r"\b(?:keiner|niemand|no ?one|nobody)\b(?! (?:else|sonst)\b)")
 _PREFERS = re.compile(r"\b(?:prefer\w*|first|bevorzug\w*|zuerst|vorrang|favou?r\w*|priori\w*)\b")
 _NOT_AT_ALL = re.compile(
     r"(?:bitte |please |besser |lieber |better )?(?:not(?: at all)?|nicht|bloss nicht|gar nicht|"
@@ -60,6 +61,12 @@ _AT = re.compile(
     r"\b(?:at|in|on|near|around|for|from|im|am|an|bei|beim|auf|fuer|vor|that|which|what|where)"
     r"(?: \w+){0,2} (?:PLACE|CLASS)\b|\b(?:PLACE|CLASS) (?:that|which|die|das|den)\b"
 )
+_NONE_OF = re.compile(r"\b(?:none of (?:our|the)|kein\w* (?:der|von den|unserer)) ([a-z]{3,})\b")
+_USES = re.compile(
+    r"\b(?:nobody|no ?one) (?:can|is to|may|must|shall|should) (?!be\b)\w+ "
+    r"(?:a|an|beyond|more|our|over|the)\b"
+)
+"""Forbids people something: "nobody should use the lift"."""
 SHORT = 4
 """Words of a clause that says one thing only."""
 _ALWAYS = re.compile(
@@ -75,12 +82,17 @@ _ALWAYS = re.compile(
 
 def nobody(text: str) -> bool:
     """Whether a clause wishes that no robot at all is asked."""
-    found = robots.NOBODY.search(text)
-    if found is None or "ROBOT" in text or robots.OTHERS.search(text.replace(found[0], " ")):
+    found = fleet.NOBODY.search(text)
+    if found is None or "ROBOT" in text or fleet.OTHERS.search(text.replace(found[0], " ")):
         return False
     if _TWICE.search(found[0]) or re.search(r"[A-Z]{3}BUT|\bUNKNOWN\b", text):
         return False
-    return not robots.SOMEBODY.search(text)
+    if _USES.search(text):
+        return False
+    some = _NONE_OF.search(text)
+    if some is not None and not known(some[1]):
+        return False  # "None of the scouts".
+    return not fleet.SOMEBODY.search(text)
 
 
 def robot_role(text: str, *, alone: bool = False) -> Role | None:
@@ -95,7 +107,9 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         return "doubt"
     if _NOT_ONLY.search(text) or ("NOBODYBUT" in text and robots.OUT.search(text)):
         return None if alone else "doubt"
-    if "NOBODYBUT" in text or _NOBODY_ELSE.search(text):
+    if "NOBODYBUT" in text:
+        return "doubt" if negated(text.replace("NOBODYBUT", " ")) else "only"
+    if _NOBODY_ELSE.search(text):
         return "only"
     plain = robots.OVER_OTHERS.sub("first", _RECENTLY.sub(" ", text))
     plain = robots.ONLY.sub("ONLYTHESE", plain)
@@ -106,7 +120,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
     no = negated(robots.NOT_BUT_OUT.sub(" ", plain)) if "ALLBUT" not in text else False
     only = "ONLYTHESE" in plain
     first = bool(robots.FIRST.search(_RATHER.sub(" ", plain) if out else plain))
-    if first and _LOW_PRIORITY.search(plain):
+    if first and (_LOW_PRIORITY.search(plain) or _BY_NOBODY.search(plain)):
         return "doubt"
     unused = bool(robots.UNUSED.search(plain))
     if (bare and not only) or (no and (out or only or first)) or robots.LAST.search(text):
@@ -128,7 +142,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         return "first" if robots.POSSIBLY.search(text) else None
     if hits == {"out"} and alone and not (common.PRONOUN.search(text) or no or _plain_out(text)):
         return None
-    backup = hits == {"only"} and robots.BACKUP.search(text) and not robots.OTHERS.search(text)
+    backup = hits == {"only"} and fleet.BACKUP.search(text) and not fleet.OTHERS.search(text)
     if backup or (hits == {"first"} and text.count("ROBOT") == 1 and _OVER.search(text)):
         return "doubt"
     return hits.pop() if len(hits) == 1 else ("doubt" if hits else None)
@@ -149,6 +163,12 @@ def _turned(text: str) -> bool:
     return bool(robots.OUT.search(rest)) or (rest != "" and negated(rest))
 
 
+def asks(text: str) -> bool:
+    """Whether a clause says that somebody is to be asked: "R1 must be asked"."""
+    used = robots.UNUSED.search(text) or robots.DEMANDED.search(text)
+    return bool(used) and not (negated(text) or robots.OUT.search(text))
+
+
 def certain(text: str, role: Role) -> bool:
     """Whether a clause that leaves a robot out, or asks nobody else, says so plainly.
 
@@ -165,14 +185,14 @@ def certain(text: str, role: Role) -> bool:
 
 def others_role(text: str) -> Role | None:
     """What a clause says of the robots named beside it, by what it says of all the others."""
-    if not robots.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
+    if not fleet.OTHERS.search(text) or re.search(r"\b(?:NOBODYBUT|ALLBUT)\b", text):
         return None
-    plain = robots.OTHERS.sub(" ", text, count=1)
+    plain = fleet.OTHERS.sub(" ", text, count=1)
     if _REFUSED.fullmatch(plain.strip()):
         return "only"
-    if robots.BACKUP.search(plain):
+    if fleet.BACKUP.search(plain):
         return "first"
-    out = robots.OUT.search(plain) or robots.IDLE.search(plain)
+    out = robots.OUT.search(plain) or fleet.IDLE.search(plain)
     no = negated(plain)
     if (out and not no) or (no and not out and robots.UNUSED.search(plain)):
         return "only"

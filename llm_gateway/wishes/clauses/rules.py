@@ -12,10 +12,11 @@ from llm_gateway.wishes.clauses.clashes import doubt_clashes
 from llm_gateway.wishes.clauses.draft import STRONG, Draft
 from llm_gateway.wishes.clauses.elliptic import read_elliptic
 from llm_gateway.wishes.clauses.leftover import doubt_leftover, doubt_told
+from llm_gateway.wishes.clauses.measured import measured
 from llm_gateway.wishes.clauses.named import read_named
 from llm_gateway.wishes.clauses.referred import read_referred
-from llm_gateway.wishes.clauses.reported import idle, only_reasons
-from llm_gateway.wishes.clauses.roles import nobody
+from llm_gateway.wishes.clauses.reported import idle, only_reasons, others_need
+from llm_gateway.wishes.clauses.roles import asks, nobody
 from llm_gateway.wishes.clauses.strangers import doubt_strangers
 from llm_gateway.wishes.clauses.voids import foreign, reasons, tells
 from llm_gateway.wishes.names.mentions import Text
@@ -38,6 +39,7 @@ def read(text: Text) -> Reading:
             clause.mentions or STRONG.search(clause.text)
         ):
             draft.doubt(clause)
+    draft.handled |= {at for at in range(len(draft.clauses)) if others_need(draft, at)}
     for at, clause in enumerate(draft.clauses):
         if not draft.void[at] and at not in draft.handled and not reasons(clause):
             read_referred(draft, at, clause)
@@ -62,10 +64,12 @@ def read(text: Text) -> Reading:
         verdict = "part"
     suspected = tuple(draft.suspected.get(n) for n in range(len(roles)))
     unclear = tuple(dict.fromkeys(draft.unclear))
-    return Reading(roles, verdict, unclear, suspected, only_reasons(draft), draft.nobody)
+    return Reading(
+        roles, verdict, unclear, suspected, only_reasons(draft), measured(draft), draft.nobody
+    )
 
 
-_THEN = {"then", "dann", "da"}
+_THEN = {"then", "dann", "da", "dahin"}
 """In a time they point to one that is told before."""
 _BOUNDS = re.compile(
     r"\b(?:start|begin|stop|end|finish|wrap|clos|shut|over|done|leav|beginn|schluss|aufhoer|fertig|"
@@ -108,6 +112,7 @@ def _tell_times(draft: Draft) -> None:
 def _repeat(draft: Draft) -> None:
     """What is named twice has the role of where it has one; a short resource is to be saved."""
     mentions = draft.text.mentions
+    asked = {n for c in draft.clauses if asks(c.text) for n in draft.of(c, "robot")}
     for number, mention in enumerate(mentions):
         if draft.roles[number] is not None:
             continue
@@ -120,6 +125,8 @@ def _repeat(draft: Draft) -> None:
         names = set(mention.names)
         roles = {role for role, same in others if short or names & same}
         covered = short or (names and names <= set().union(*(same for _, same in others)))
+        if roles == {"out"} and number in asked:
+            continue  # "Skip R1. R1 must be asked".
         if len(roles) == 1 and covered and (number not in draft.doubted or "out" in roles):
             draft.roles[number] = roles.pop()
     for number in (*draft.wasted, *draft.doubted):

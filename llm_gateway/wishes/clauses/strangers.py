@@ -10,12 +10,11 @@ from llm_gateway.wishes.clauses.negations import negated
 from llm_gateway.wishes.clauses.roles import robot_role
 from llm_gateway.wishes.clauses.voids import reasons
 from llm_gateway.wishes.clauses.weighing import weight_role
-from llm_gateway.wishes.cues import common, robots
-from llm_gateway.wishes.cues.plain import known
+from llm_gateway.wishes.cues import common, fleet, robots
+from llm_gateway.wishes.cues.plain import unfamiliar
 
 _LISTS = {"and", "or", "und", "oder", "sowie", "&", "+", "plus", "/"}
 _THINGS = ("ROBOT", "PLACE", "CLASS")
-_LEAST = 3
 _MOST = 9
 """Words of a clause that says one thing of one name."""
 _IN = re.compile(
@@ -27,28 +26,36 @@ _IN = re.compile(
 _WHERE = re.compile(
     r"\bCLASS (?:\w+ )?(?:in|on|at|near|by|around|behind|im|am|beim|in der|auf der|auf dem|an der) "
     r"(?:(?:the|our) )?(?!foot\b|duty\b|site\b|transit\b|risk\b|motion\b|"
-    r"break\b)([a-z]{3,})\b(?! (?:of|shift|side|way|PLACE)\b)"
+    r"break\b)([a-z]{3,})\b(?! (?:of|shift|side|way|PLACE)\b)|"
+    r"^(?:in|on|at|near|behind|im|am|beim|in der|auf der|auf dem|an der) "
+    r"(?:(?:the|our) )?([a-z]{4,}) (?:are )?CLASS\b"
 )
 """A class at something that is no place of the site."""
 _SCENE = re.compile(
     r"\b(?:am|an|around|at|auf|aufm|bei|beim|bim|by|hinter|im|in|near|on|uf|unter|vor)"
-    r"(?: (?:dem|den|der|die|our|the))? ([a-z]{4,})\b|"
-    r"^(?:[a-z]+ )??(?:das|der|die|our|the) ([a-z]{4,})\b"
+    r"(?: (?:dem|den|der|die|our|the))? (?:[a-z]{1,2} - )?([a-z]{4,})\b|"
+    r"^(?:[a-z]+ )??(?:das|der|die|our|the) ([a-z]{4,})\b|"
+    r"^([a-z]{4,})(?: (?:are|is|ist|sind)\b|$)"
 )
 """Tells of something, to which the clause behind it points."""
 _THERE = re.compile(r"\b(?:da|dort|there|where|wo)\b")
 """Points to a place only, beside a class that may itself be "it"."""
+_THEM = re.compile(r"\b(?:denen|die|ihm|ihnen|it|them|those)\b")
 _THAN = re.compile(
     r"\bROBOT (?:rather than|instead of|over|before|ahead of|statt|anstatt|anstelle von|lieber als|"
     r"eher als) (?:(?:the|den|die|das) )?(?!\w+ing\b)([a-z]{3,})\b"
 )
 _WEIGHED = re.compile(
-    r"(?:(?:the|die|der|das|den|and|und|also|auch) )*([a-z]{4,}) (?:(?:is|are|ist|sind|bitte|"
-    r"please|on) )*(?:low|high|hoch|rauf|runter|up|down|wichtig|unwichtig|egal|important|"
-    r"unimportant|priority|first|zuerst|raus|weg|out)"
+    r"(?:(?:the|die|der|das|den|and|und|also|auch|class|klasse|place|ort) )*([a-z]{4,}) "
+    r"(?:(?:are|at|auf|bitte|count|counts|ganz|gewicht|go|is|ist|matter|matters|mit|on|please|sehr|"
+    r"sind|to|very|weight|weighted|with|zaehlen|zaehlt) )*(?:down|egal|first|high|higher|"
+    r"hoch|hoeher|important|less|low|lower|mehr|more|nach (?:oben|unten)|niedrig|niedriger|oben|"
+    r"out|priority|rauf|raus|runter|top|unimportant|unten|unwichtig|unwichtiger|up|vorrang|weg|"
+    r"weniger|wichtig|wichtiger|zuerst|zuoberst)(?: (?:bitte|gewichten|please|setzen|stufen))*"
 )
 _TELLS = re.compile(
-    r"\b(?:is|are|was|were|has|have|hat|haben|wird|werden|ist|sind|s|sonst|otherwise|keeps?)\b"
+    r"\b(?:is|are|was|were|has|have|hat|haben|wird|werden|ist|sind|s|sonst|otherwise|"
+    r"keeps?|laeuft|laufen|rennt|rennen|faehrt|fahren|steht|stehen|arbeitet|arbeiten|regnet)\b"
 )
 
 
@@ -80,14 +87,14 @@ def _listed(draft: Draft, at: int) -> bool:
     if after is not None and after.sentence == clause.sentence and after.opener in _LISTS:
         first = next((word for word in after.text.split() if word not in ARTICLES), "")
         bare = len([word for word in words if word not in ARTICLES]) == 1
-        if first in _THINGS and words and (acts or bare) and _strange(words[-1]):
+        if first in _THINGS and words and (acts or bare) and unfamiliar(words[-1]):
             return True
     if before is None or before.sentence != clause.sentence or clause.opener not in _LISTS:
         return False
     ends = before.text.split()[-1:]
     opening = next((word for word in words if word not in ARTICLES), "")
     alone = len([word for word in words if word not in ARTICLES]) == 1
-    named = bool(ends) and ends[0] in _THINGS and _strange(opening)
+    named = bool(ends) and ends[0] in _THINGS and unfamiliar(opening)
     return named and (acts or (alone and _role_of(draft, before)))
 
 
@@ -109,7 +116,7 @@ def _at_a_place(draft: Draft, clause: Clause) -> bool:
     if draft.of(clause, "class", "robot", "unknown") or names <= elsewhere:
         return False
     found = _IN.search(clause.text)
-    if found is None or not weight_role(clause.text) or not _strange(found[1]):
+    if found is None or not weight_role(clause.text) or not unfamiliar(found[1]):
         return False
     many = found[1].endswith("s") and not found[1].endswith("ss")
     return many or _capital(draft, clause, found[1])
@@ -118,7 +125,7 @@ def _at_a_place(draft: Draft, clause: Clause) -> bool:
 def _somewhere(text: str) -> bool:
     """ "people on the balcony matter": whether a class counts at a place that nobody knows."""
     found = _WHERE.search(text)
-    return found is not None and bool(weight_role(text)) and _strange(found[1])
+    return found is not None and bool(weight_role(text)) and unfamiliar(found[1] or found[2])
 
 
 def _pointed(draft: Draft, at: int) -> bool:
@@ -132,14 +139,17 @@ def _pointed(draft: Draft, at: int) -> bool:
     found = _SCENE.search(before.text)
     if found is None or weight_role(clause.text) is None:
         return False
+    stands = found[3] and (clause.opener == ":" or _THEM.search(clause.text))
     alone = found[1] and found[0] == before.text and before.sentence == clause.sentence
-    return _strange(found[1] or found[2]) and bool(alone or points.search(clause.text))
+    return unfamiliar(found[1] or found[2] or found[3]) and bool(
+        stands or (not found[3] and (alone or points.search(clause.text)))
+    )
 
 
 def _rather(text: str) -> bool:
     """ "R3 rather than X": whether somebody unknown is what a robot is preferred to."""
     found = _THAN.search(text)
-    return found is not None and _strange(found[1])
+    return found is not None and unfamiliar(found[1])
 
 
 def _alone(draft: Draft, clause: Clause) -> bool:
@@ -149,14 +159,14 @@ def _alone(draft: Draft, clause: Clause) -> bool:
         clause, "robot", "place", "class", "unknown", "policy", "network", "compute", "share"
     ):
         return False
-    if len(text.split()) > _MOST or common.PRONOUN.search(text) or robots.OTHERS.search(text):
+    if len(text.split()) > _MOST or common.PRONOUN.search(text) or fleet.OTHERS.search(text):
         return False
     found = _WEIGHED.fullmatch(text)
-    if found and _strange(found[1]):
+    if found and unfamiliar(found[1]):
         return True
     if not _asks(text) or _TELLS.search(text):
         return False
-    return any(_strange(word) and _capital(draft, clause, word) for word in text.split())
+    return any(unfamiliar(word) and _capital(draft, clause, word) for word in text.split())
 
 
 def _acts(text: str) -> bool:
@@ -172,10 +182,6 @@ def _asks(text: str) -> bool:
 
 def _only_times(draft: Draft, clause: Clause) -> bool:
     return all(draft.text.mentions[n].kind == "time" for n in clause.mentions)
-
-
-def _strange(word: str) -> bool:
-    return word.isalpha() and word.islower() and len(word) >= _LEAST and not known(word)
 
 
 def _capital(draft: Draft, clause: Clause, word: str) -> bool:

@@ -6,10 +6,10 @@ import re
 
 from llm_gateway.wishes.clauses.negations import bounds
 from llm_gateway.wishes.clauses.others import given_role
-from llm_gateway.wishes.cues import asides, common, resources, weights
+from llm_gateway.wishes.cues import asides, common, resources, robots, weights
 from llm_gateway.wishes.names import lexicon
-from llm_gateway.wishes.numbers import QUALITY
 from llm_gateway.wishes.reading import Role
+from llm_gateway.wishes.shares import QUALITY
 
 _NO_LONGER = re.compile(r"\b(nicht|nich|ned|net|nid|not|no|nie) (?:mehr|more|any ?more|longer)\b")
 _NOT_ENOUGH = re.compile(
@@ -17,16 +17,40 @@ _NOT_ENOUGH = re.compile(
     r"vorsichtig)\b"
 )
 """No to too little: "can't be watched enough"."""
-_NOTHING = re.compile(
-    r"\b(are|is|san|sind|ist|theres|theyre|thats|its)((?: \w+){0,2}) (?:nichts|nix|nothing)\b"
-    r"(?= (?!(?:as|but|if|less|like|mehr|more|short|so|weniger)\b)\w)|"
-    r"^()()(?:nichts|nix|nothing)(?= (?:to|zu)\b)"
+_NO_PART = re.compile(
+    r"\b(?:anything but|far from|alles andere als|nobodys?|no ?one|none|niemand\w*|nothing)\b"
+    r"(?! (?:but|better|else|except|apart|besides|less|more|other|short)\b)"
 )
-"""It is not: "the ramp is nothing we need to see"."""
+_MAY = re.compile(r"\b(?:darf|duerfen|may|must|muss|should|soll\w*)\b")
+_LOST = re.compile(
+    r"\b(?:zero|null|ceas(?:es?|ed|ing) to|devoid of|lack(?:s|ed|ing)?|los(?:es?|t|ing)|verlier\w*|"
+    r"verlor\w*|without|ohne) (?:(?:all|an|any|its|their|never|nicht|nie|no|not|jede\w*|"
+    r"jegliche\w*|of) )*"
+    r"(?=(?:bedeutung|gewicht|importance|interest|matter|prioritaet|priority|relevan\w+|"
+    r"significance|weight|wichtigkeit)\b)"
+)
+"""No to what a clause says of a thing, by other words than "not"."""
+_NOT_WITHOUT = re.compile(r"\b(?:not|nicht|keineswegs) (?:entirely |ganz )?(?:ohne|without)\b")
+_UTMOST = re.compile(
+    r"\b(?:could|can|koenn\w*)(?:nt| not| hardly| scarcely| nicht| kaum)* (?:\w+ )?"
+    r"(more|less|\w*wichtiger)\b"
+)
+"""Can be no more, or no less: "could not be more important"."""
+_LIKE = re.compile(
+    r"\b(?:nichts|niemand|nix|nobody|no other \w+|nothing)\b.*\b(?:as|like|so|wie)\b.* "
+    r"(?:PLACE|CLASS)"
+)
+"""Nothing is "as important as the docks"."""
 _SHUT = re.compile(r"\bauge\w* (?:fest )?zu\w*\b|\bturn\w* a blind eye\b.*\b(?:not?|dont|never)\b")
 _COMPARED = re.compile(
     r"\b(?:PLACE|CLASS) .*\b(?:vor|before|over|above|ahead of|outranks?) (?:(?:the|den|die|der|"
     r"dem) )?(?:PLACE|CLASS)\b|\b(?:than|als) (?:\w+ )?(?:PLACE|CLASS)\b"
+)
+_UNDER = re.compile(
+    r"\b(?:above|below|hoechstens|less|mindestens|more|over|ueber|under|unter|weniger)\b"
+)
+_SOMEBODY = re.compile(
+    r"\b(?:anyone|bots?|everyone|jeder|keiner|no one|nobody|roboter|robots?|wer|who\w*)\b"
 )
 _MOST_OF_ALL = re.compile(
     r"\b(?:nothing|no other (?:area|class|part|place|spot|thing)|nowhere|nichts|nix)"
@@ -46,6 +70,10 @@ def weight_role(text: str) -> Role | None:
     text = _NO_LONGER.sub(r"\1", text)
     if (superlative := _MOST_OF_ALL.search(text)) is not None:
         return "low" if re.match(r"less|weniger|unwichtig", superlative[1] or "") else "high"
+    if (utmost := _UTMOST.search(text)) is not None and common.NOT.search(text):
+        return "low" if re.match(r"less|unwichtig", utmost[1]) else "high"
+    if _LIKE.search(text):
+        return "doubt" if weights.LOW.search(text) else "high"
     if (
         "ALLBUT" in text
         or _SHUT.search(text)
@@ -53,9 +81,15 @@ def weight_role(text: str) -> Role | None:
         or re.search(r"\b(?:nothing|nichts) .*\b(?:than|als)\b", text)
     ):
         return "doubt"
-    text = _NOTHING.sub(r"\1\2 not", text)
+    text = _NOT_WITHOUT.sub("with", text)
     low = bool(weights.LOW.search(text))
     rest = weights.LOW.sub(" ", text) if low else text
+    if low or not _MAY.search(text):
+        rest = _NO_PART.sub("not", rest)
+    if _LOST.search(rest):
+        if common.NOT.search(rest):
+            return "doubt"
+        rest = _LOST.sub("not ", rest)
     high = bool(weights.HIGH.search(rest))
     no = bool(common.NOT.search(bounds(rest)))
     if high and _NOT_ENOUGH.search(rest):
@@ -71,6 +105,13 @@ def weight_role(text: str) -> Role | None:
     return None
 
 
+def _low_ones(text: str) -> bool:
+    """ "Skip whoever is under 20 % charge": whether a clause wishes something of robots by how full
+    they are."""
+    acts = (robots.OUT, robots.UNUSED, robots.ONLY, robots.FIRST, _SOMEBODY)
+    return bool(_UNDER.search(text)) and any(cue.search(text) for cue in acts)
+
+
 def share_role(text: str) -> Role:
     """What a clause says of the part that it names."""
     words = set(text.split())
@@ -80,9 +121,15 @@ def share_role(text: str) -> Role:
     falls = re.search(r"\b(?:below|under|unter)\b", text) and not (
         common.NOT.search(text) or "nothing" in words
     )
-    if words & lexicon.BATTERY:
+    bounded = most or least or common.NOT.search(text)
+    if words & lexicon.BATTERY and "ROBOT" not in words and _low_ones(text):
+        return "doubt"
+    if words & lexicon.BATTERY or (asides.LOADED.search(text) and not bounded):
         return "none"
+    if asides.STANDS.search(text) and not (bounded or asides.OURS.search(text)):
+        return "doubt"
     if quality and not network:
+        least = resources.AT_LEAST.search(resources.AT_MOST.sub(" ", text))
         return "doubt" if (most and not least) or falls else "quality"
     if network and not quality:
         if asides.REPORTED.search(text) and not (most or asides.OURS.search(text)):

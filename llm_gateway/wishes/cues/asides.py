@@ -12,13 +12,15 @@ SUBJUNCTIVE = re.compile(rf"\b{_WOULD}\b")
 WISHED = re.compile(
     rf"^(?!what|how|who|which|why|was|wie|wer|wann)(?:(?:[a-z]+|TIME) ){{0,4}}{_WOULD}\b(?: "
     rf"[a-z]+){{0,6}} (?:if|wenn|dass)\b(?: TIME)?|"
-    r"^(?:[a-z]+ ){0,2}(?:ich (?:moechte|wollte) (?:\w+ )?bitten|ich bitte|i ask|please see to it)"
-    r"(?: [a-z]+)? (?:dass|that)\b"
+    r"^(?:[a-z]+ ){0,2}(?:id|we ?d|would) (?:much )?(?:prefer(?: it if)?|rather)(?: that)? "
+    r"(?:ye|you|yall)\b|^(?:[a-z]+ ){0,2}(?:ich (?:moechte|wollte) (?:\w+ )?bitten|ich bitte|i ask|"
+    r"please see to it)(?: [a-z]+)? (?:dass|that)\b"
 )
 """Opens a polite wish, which goes on in the past tense: "I'd be glad if R3 were left out"."""
 WHETHER = re.compile(r"^(?:if|wenn|dass|that|ob)\b")
 WERE = any_of(
-    "did", "had", "hatten", "hatte", "took", "used to", "was", "went", "were", "worden", "wurde",
+    "asked", "did", "didnt", "had", "ignored", "skipped", "used", "watched", "hatten", "hatte",
+    "took", "used to", "was", "went", "were", "worden", "wurde",
     "wurden",
 )  # fmt: skip
 """Tells nothing in a polite wish."""
@@ -45,7 +47,9 @@ REASONS = {"as", "because", "denn", "since", "weil"}
 """Open a clause that tells why."""
 WHY = re.compile(
     r"(?:ansonsten|deren|dessen|otherwise|sonst|whose|(?:bloss|just|nur|only) (?:because|damit|so|"
-    r"to|um|weil)|(?:(?:das|der|die|her|his|ihre?|its|seine?|the) )?(?:akku|batterie|battery|"
+    r"to|um|weil|zum (?:\w+en|test|vergleich)|(?:as|for|fuer) (?:(?:a|den|einen|the) )?"
+    r"(?:\w+ing|comparison|demo|experiment|test|trial|vergleich|versuch)\w*)|(?:(?:das|der|die|"
+    r"her|his|ihre?|its|seine?|the) )?(?:akku|batterie|battery|"
     r"camera|getriebe|kamera|lens|lidar|linse|motor|reifen|sensor\w*|tires?|tyres?))\b"
     r"(?! (?:ask|brauch\w*|darf|fragt|keine\w*|muss\w*|nehmt|niemand\w*|nix|no one|nobody|soll\w*|"
     r"take|use|wird)\b)"
@@ -53,7 +57,8 @@ WHY = re.compile(
 """Begins to tell why, or of whom."""
 REPORTED = any_of(
     r"^(?:all the|die|our|the) (?:\w+ ){1,2}(?:belegen|eat|fressen|hog|nutzen|occupy|take|use)",
-    "eats?", "frisst", "fressen", "hogs?", "is using", "occup(?:y|ies)", "takes", "uses",
+    r"ROBOT (?:\w+ )?(?:bekommt|braucht|gets|has|hat|needs|nutzt|uses)", "eats?", "frisst",
+    "fressen", "hogs?", "is using", "occup(?:y|ies)", "takes", "uses",
 )  # fmt: skip
 """Tells how much of the link somebody has now."""
 GIVEN = any_of(
@@ -68,3 +73,29 @@ OURS = any_of(
     "roboter", "schwarm", "sharing", "swarm", "uns", "us", "we", "wir", "you", "beobachtungen",
 )  # fmt: skip
 """With GIVEN: the part is the others', unless the sentence speaks of these."""
+USERS = re.compile(
+    r"(?:(?:da|der|das|die|our|the|unsere?|weil|denn|because|as) )*[\w-]*(?:alarm\w*|backups?|"
+    r"calls?|cameras?|controll?(?:ers?|s)?|erp|funk\w*|kameras?|leitstand|mes|monitor\w*|phones?|plcs?|"
+    r"scada|scanner\w*|sps|steuerung\w*|streams?|systeme?n?|systems|telefon\w*|telemetr\w*|traffic|"
+    r"video\w*|voip)\b(?: \w+){0,3}? (?:brauch(?:t|en)|comes? first|geh(?:t|en) vor|(?:ha(?:t|ben)|"
+    r"ha(?:s|ve)|takes?) (?:precedence|priority|prioritaet|vorfahrt|vorrang)|needs?)\b"
+)
+"""Tells what else the link or the computers are for."""
+LOADED = re.compile(
+    r"\bSHARE (?:auslastung|ausgelastet|belegt|busy|full|humidity|load|loaded|luftfeuchte|"
+    r"luftfeuchtigkeit|packet loss|loss|paketverlust|usage|used up|utili[sz]\w*|verlust|verluste|"
+    r"voll)\b|\b(?:humidity|loss|luftfeuchte|paketverlust\w*|slope|steigung|verlust\w*) "
+    r"(?:\w+ ){0,3}SHARE\b|\bCPU (?:\w+ ){0,2}(?:are|is|ist|laeuft|liegt|loads|runs|s|"
+    r"sind)(?: \w+){0,3} SHARE\b"
+)
+"""Tells how loaded something is, or how good the air: no part that a wish bounds."""
+STANDS = re.compile(
+    r"\bNET (?:is|ist|liegt|laeuft|s|sits|steht) (?:\w+ )?(?:at|auf|bei|zu) SHARE\b"
+)
+"""Tells how much of the link is taken, or how much may be."""
+STATES = re.compile(
+    r"\b(?:are|carr(?:y|ies)|com(?:es?|ing)|expect\w*|got|had|has|have|is|its|runs?|s|shows?|"
+    r"theres|theyre|theyve|waiting|was|were|weve|fahren|faehrt|haben|hat|hatten?|ist|kommen|"
+    r"kommt|laeuft|laufen|sind|steh(?:t|en)|wart(?:et|en)|waren?|wird|werden|zeigt)\b"
+)
+"""Tells how things are."""

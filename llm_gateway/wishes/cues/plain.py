@@ -16,7 +16,7 @@ _PLAIN = frozenset(
     stelle ort bereich ecke
     gegend koennts habts seids wollts sollts yall sir maam love guys bittschoen lassts tuts
     nehmts fragts lassens nehmens grosses isch immer erschte roster rota pool sit sits sitting
-    faellt faellst fallen weitermachen weiter machen arbeiten auskommen u ur ya em s m limits
+    faellt faellst fallen weiter machen arbeiten auskommen u ur ya em s m limits
     limit order bounds reach hands fingers answer answers speak talk join contribute respond
     reply cooperate feel feels well mine ours yours further till til line side sight mind
     planen plane plant machs gehts machts hats ists ma mer net bissl bisschen soviel antworten
@@ -59,9 +59,10 @@ _PLAIN = frozenset(
     grand swell dankbar froh recht schoen nett prima super toll klasse fein acknowledge roger
     copy repeat confirm understood verstanden gell ne bitteschoen own know way knows kennt
     kennen haett haetten quite share shares tried try tries versuchen versucht probieren probiert
-    trusted helper
+    regen sollst koenntest wuerdest moechtest solltest darfst willst magst trusted helper carry
+    proceed continue crack manage cope weitermachen
     helpers assist einzige einzigen einzig einspannen duerft goennt goennen tho though account
-    yer old oben dazu zieht nimm greift zurueck greifen hol holt holen kommt kommen dran
+    yer old oben sprich dazu zieht nimm greift zurueck greifen hol holt holen kommt kommen dran
     wholly purely strictly instead first last anstatt stattdessen mitnehmen ueberhaupt rein
     raus rauf runter period dot full""".split()
 )
@@ -85,8 +86,9 @@ _WHY = re.compile(
 """Tells a reason, or for what a robot is needed elsewhere."""
 _THING = re.compile(
     r"^(?:and |und )?(?=([a-z]{4,})(?: [a-z]+){0,2} (?:is|are|gets?|matters?|counts?|goes|go|geht|"
-    r"gehen|ist|sind|haben|hat)\b)|(?:\b(?:bitte|please|the|our|to|at|on|in|near|around|den|die|"
-    r"das|der|dem|im|am|beim|bei|zum|zur|auf|uns\w*) )(?=([a-z]{3,})\b)"
+    r"gehen|ist|sind|haben|hat|needs?|deserves?|zaehl\w+|brauch\w+|verdien\w+)\b)|"
+    r"(?:\b(?:bitte|please|the|our|to|at|on|in|near|around|den|die|das|der|dem|im|am|beim|bei|"
+    r"zum|zur|auf|uns\w*|for|fuer|rate|rank|weigh|mark|of) )(?:[a-z]{1,2} - )?(?=([a-z]{3,})\b)"
 )
 """Names something: the word behind an article, or before "is"."""
 _BARE = frozenset(
@@ -96,6 +98,9 @@ _BARE = frozenset(
     too thx lieber weder neither nor noch garnicht better besser hey ok okay today jetzt now
     jedenfalls mehr gar ueberhaupt whatsoever at all anything""".split()
 )
+
+_LEAST = 3
+"""Letters of a name."""
 
 
 def strange(text: str, *, ailing: bool = False) -> bool:
@@ -112,9 +117,20 @@ def unknown_thing(text: str) -> bool:
     return any(not known(found[1] or found[2]) for found in _THING.finditer(text))
 
 
+def unknown_robots(text: str) -> bool:
+    """Whether a clause speaks of robots by a word that no list knows: "no blue robots"."""
+    found = re.search(r"\b([a-z]{3,}) (?:- )?(?:bots?|robots?|robotern?|units?)\b", text)
+    return found is not None and not known(found[1])
+
+
 def bare(text: str) -> bool:
     """Whether a clause says no to what it names, and nothing else: "not R3", "nix mit R3"."""
     return set(text.split()) <= _BARE
+
+
+def unfamiliar(word: str) -> bool:
+    """Whether a word may be a name that no list knows."""
+    return word.isalpha() and len(word) >= _LEAST and not known(word)
 
 
 @lru_cache(maxsize=4096)

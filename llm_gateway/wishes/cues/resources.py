@@ -23,7 +23,8 @@ AT_MOST = any_of(
     "keep under", "keep within", "kommt mit", "limit", "make do", "makes do", "max", "maximal",
     "maximum", "mehr als", "more than", "nicht mehr", "nicht ueber", "no higher than",
     "no more than", "not above", "not exceed", "not more than", "not over", "obergrenze",
-    "SHARE only", r"restrict\w*", "stay below", "stay under", "stay within", "tops",
+    "(?:can|may) (?:have|take|use) SHARE", "(?:darfst|duerft|kannst|koennt) SHARE", "SHARE only",
+    r"restrict\w*", "stay below", "stay under", "stay within", "tops",
     "ueberschreiten", "up to", "within",
 )  # fmt: skip
 FREE = any_of(

@@ -17,7 +17,8 @@ OUT = any_of(
     "ausgeschaltet", "ausgeschlossen", "ausgespart", r"ausklammer\w*", "auslass", "auslassen",
     "ausnehmen", "ausplanen", "ausschalten", r"ausschliess\w*", "aussen vor", "ausser",
     "ausser betrieb", "ausser dienst", "ausser gefecht", "aussetzen", "aussetzt", r"aussortier\w*",
-    "aussparen", "auszulassen", "avoid", "axe", "banned", "(?:been )?(?:loaned|lent)(?: out)?",
+    "aussparen", "auszulassen", "avoid", "axe", "banned", "barred",
+    "(?:been )?(?:loaned|lent)(?: out)?",
     "beiseite", "bench", "benched", "besides", r"beurlaub\w*", r"blacklist\w*", r"blockier\w*",
     "count out", "cross off", "cut out", "daheim", "day off", "deactivate", "deactivated",
     r"deaktivier\w*", "die finger", "disable", "disabled", "disregard", r"ditch\w*", "do without",
@@ -43,7 +44,10 @@ OUT = any_of(
     "nichts von", "nichts wissen", "nix von", "no go", "not available", "nothing from", "off",
     "off duty", "off limits", "off our list", "off the books", "off the job", "off the list",
     "off the menu", "off the roster", "off the rota", "off the schedule", "off the table",
-    "off the team", "ohne", "omit", "on leave", "on loan", "opt out", "out", "out of action",
+    "off the team", "ohne", "omit", "on leave", "on loan", "opt out",
+
+    r"(?<!help )(?<!helps )out(?! (?:here|of (?:all|these|the (?:three|four|two)|them|those)|"
+    r"there)\b)", "out of action",
     "out of bounds", "out of service", "out of the loop", "out of the picture", "out of the pool",
     "out of the running", "out of the sharing", "outta", "outta the pool", "park", "parked",
     "parken", "parking", r"park\w*t", "pass on ROBOT", "pass over", "pause", "pausen",
@@ -54,7 +58,8 @@ OUT = any_of(
     r"scheid\w* aus", "schlaeft", "schlafen", r"schliess\w* .*", r"schmeiss\w* raus", "schonen",
     "scrap", "scratch ROBOT", "scratch ROBOT from", "send ROBOT (?:away|home)", "sendepause",
     "setzt aus", r"shelve\w*", r"shun\w*", "sick leave", r"sideline\w*", "sit out", r"skip\w*",
-    "sleep", "sleeping", "sleeps", r"snub\w*", "spare", "spared", r"sperr\w*", "stand by",
+    "sleep", "sleeping", "sleeps", r"snub\w*",
+    r"(?<!\ba )(?<!\bour )(?<!\bthe )(?<!\btheir )spare", "spared", r"sperr\w*", "stand by",
     "stand down", "standby", "stands down", "stay clear", "stay home", "stay out", "stays? home",
     "stays out", "steer clear", "stehen lassen", "stehenlassen", "stillgelegt", r"stillleg\w*",
     "stilllegen", r"stop \w*", r"streich\w*", "strike", r"suspend\w*", "switch off", "taboo",
@@ -112,7 +117,10 @@ ONLY = any_of(
     r"und keine[rn]? sonst", "und kein anderer", "und keinen anderen", "blos", "allein ROBOT",
     "nix anderes", "niemanden sonst", "kein anderer", "keine andere", "und fertig", "und basta",
     "bloss ROBOT", "einzig und allein", r"beschraenk\w* .*\bauf ROBOT", "only",
-    r"(?:limit|restrict|confine|reduce)\w* .*\bto ROBOT", "stick with", "stick to", "keep to",
+    r"(?:limit|restrict|confine|reduce)\w* .*\bto ROBOT",
+    r"(?:keep|stick) (?:it|this|things|everything)(?: down)? (?:at|to|with) ROBOT",
+    r"(?:belass|bleib)\w* (?:\w+ )?(?:es |wir |ihr )*bei ROBOT", "stick with", "stick to",
+    "keep to",
     "solely", "exclusively", "exclusive", "NOBODYBUT", "nobody else", "no one else", "none else",
     "noone else", "nothing else", "no other", "no others", "restrict", "nur", "ausschliesslich",
     "einzig", "lediglich", "sonst niemand", "sonst niemanden", "sonst keiner", "sonst keinen",
@@ -163,8 +171,9 @@ LAST = any_of(
 )  # fmt: skip
 OVER_OTHERS = re.compile(
     r"\b(?:over|before|ahead of|rather than|in preference to|sooner than|vor|lieber als|eher als) "
-    r"(?:(?:all|any of|the|den|allen|everyone) ){0,2}"
-    r"(?:rest|others?|anderen|else|uebrigen|everyone)\b"
+    r"(?:(?:asking|bothering|taking|trying|using|you (?:ask|bother|take|try|use)) )?"
+    r"(?:(?:all|any of|any|the|den|allen|anyone|anybody|everyone|everybody) ){0,2}"
+    r"(?:rest|others?|anderen|else|uebrigen|everyone|everybody)\b"
 )
 CONTRAST = re.compile(
     r"\b(?:not|nicht) (?:the )?ROBOT (?:but|sondern)\b|\bsondern\b|\binstead of\b"
@@ -175,6 +184,7 @@ RATHER = re.compile(
     r"^(?:please |bitte |and |und )?ROBOT (?:over|before|ahead of|vor) (?:(?:the|den|die|der|"
     r"das) )?ROBOT\b|\b(?:ask|fragt?|nehmt|nimm|take|try|use) "
     r"ROBOT (?:ahead of|before|vor) (?:(?:the|den|die|der) )?ROBOT\b|"
+    r"\bROBOT (?:asked |polled |taken |tried |used )(?:ahead of|before) (?:the )?ROBOT\b|"
     r"\bROBOT (?:rather than|lieber als|eher als|in preference to) (?:(?:the|den|"
     r"die|der|das) )?ROBOT\b"
 )
@@ -193,81 +203,10 @@ BUT_NOT = re.compile(
     r"den) )?ROBOT (?:not|nicht|net|ned|nich)$"
 )
 """An exception from all: "just not R3"."""
-OTHERS = any_of(
-    r"(?:everybody|everyone|anybody|anyone|nobody|no ?one) else", "(?:the )?remainder",
-    "no other (?:robot|bot|unit)s?", r"sonst (?:bitte )?(?:keine[rn]?|niemand\w*)",
-    r"(?:every|any) ?(?:one|body|thing|robot) else",
-    r"(?:all |alle )?(?:the |die |den |der )?(?:others?|other (?:ones|robots|bots)|"
-    r"remaining(?: ones| robots)?|anderen|uebrigen|restlichen)(?: robots?| robotern?| ones)?",
-    r"(?:the|den|der|dem) rest", r"^(?:(?:and|dann|then|und) )*rest", "alle andern",
-    "(?<! )rest(?= as| if| when| only)",
+DEMANDED = any_of(
+    "(?:ha(?:s|ve)|needs?|ought) to (?:be (?:asked|in|included|used)|help|join|take part)",
+    "(?:must|should) (?:be (?:asked|in|included|used)|help|join|take part)",
+    r"(?:muss|muessen|soll|sollen|sollte|sollten) (?:\w+ )*?(?:dabei sein|gefragt werden|helfen|"
+    r"mit|mithelfen|mitmachen|ran|rein)",
 )  # fmt: skip
-"""All robots but those that are named beside them."""
-REST = re.compile(
-    r"(?:(?:then|and|dann|und|erst|only|nur|danach|after that|afterwards|later|"
-    r"hinterher|anschliessend|nachher|spaeter) )*(?:(?:the|der|die|den) )?(?:rest|others|anderen)\b"
-)
-"""Begins to speak of the others."""
-BACKUP = any_of(
-    "after that", "afterwards", "as a spare", "as needed", "as required", "assist", "back ?ups?",
-    "bei bedarf", "danach", "einspringen", "ersatz", "erst danach", "erst dann", "fallback",
-    "fill in", "fine as", "helfen aus", "hinten an", "hintenan", "if necessary", "if need be",
-    "if needed", "im notfall", "in an emergency", "in reserve", "last", "later", "nachher",
-    "nachrangig", "next", "notfalls", "nur im notfall", "nur wenn", "only when", "reserve",
-    "second", "second choice", "secondary", "spaeter", "springen ein", "when need be",
-    "when needed", "zuletzt", "zur not", "zweite wahl",
-)  # fmt: skip
-"""Said of the others: who is named comes first."""
-_ASK = r"(?:ask|us(?:e|ing)|query|poll|call|contact|tak(?:e|ing)|involve|include|consult|task)\w*"
-_FRAG = (r"(?:(?:an|ab|be)?(?:g|ge)?frag|(?:be)?nutz|verwend|einsetz|eingesetzt|genommen|nehm|nimm|"
-         r"ruf|geruf|mitmach|anfunk|angefunk|behellig|heranzieh|herangezogen|kontaktier|einbezieh|einbezogen|einplan|"
-         r"eingeplant)\w*")  # fmt: skip
-_PAST = (r"(?:asked|used|queried|polled|called|contacted|pinged|taken|involved|included|consulted|"
-         r"tasked|bothered|disturbed|requested|needed|wanted|touched)")  # fmt: skip
-_NONE = (r"(?:(?:no ?one|nobody)s?|none(?: of (?:them|the \w+))?|(?:no|not a|not one)(?: single)?"
-         r" (?:robots?|bots?|units?|machines?))")  # fmt: skip
-_KEINEN = (r"(?:kein|keine[nrm]?|koan\w*|niemand\w*)(?: (?:einzige[nrm]?|der|von den|von euch|"
-r"von ihnen|"
-           r"roboter\w*|mehr))*")  # fmt: skip
-SUFFICES = any_of(
-    "are enough", "genuegen", "genuegts?", "is enough", "its enough", "reichen", "reichts?",
-    "suffice", "suffices", "will do",
-)  # fmt: skip
-NOBODY = any_of(
-    r"(?:no|zero) (?:queries|questions|requests?) (?:for|to) (?:all|robots|the robots)",
-    r"^(?:please )?(?:no|zero) (?:robots?|bots?|units?)(?: at all| please| TIME)*$",
-    r"(?:stop|quit|no) (?:ask|us|query|poll)ing (?:anyone|anybody|everyone|everybody|any \w+|"
-    r"all)",
-    rf"(?:dont|do not|never|mustnt|must not|shouldnt|should not|without)(?: \w+){{0,2}} {_ASK}"
-    r"(?: \w+)? any(?: (?:single|of (?:them|the|our|these|those)|robots?|bots?|units?))+",
-    rf"(?:dont|do not|never) (?:\w+ )?{_ASK} (?:anyone|anybody)",
-    rf"no need to {_ASK} any(?: (?:single|of (?:them|the)|robots?|bots?|units?))*",
-    rf"{_ASK} {_NONE}", rf"{_NONE}(?: TIME)?(?: at all)?(?: TIME)? {_PAST}",
-    rf"(?:dont|do not|never) (?:\w+ )?{_ASK} (?:a|one) (?:single )?(?:robot|bot|unit|one)",
-    rf"{_NONE}(?: at all)?(?: (?:should|shall|may|must|is to|are to|gets?|will))+(?: be)? "
-    rf"{_PAST}", rf"{_NONE}(?: i mean {_NONE})? (?:gets?|is|are) {_PAST}",
-    r"(?:leave|let) (?:all|every one of)(?: of)?(?: the| our)? (?:robots?|bots|units|them) "
-    r"(?:alone|be|in peace|rest|undisturbed)",
-    r"lass\w*(?: \w+)? alle(?: \w+)? (?:roboter\w*|robots|bots)(?: \w+)? (?:unbehelligt|in "
-    r"ruhe|in frieden|stehen|aus|weg|raus|ruhen)",
-    rf"(?:requests?|questions|quer(?:y|ies)) (?:to|from|for) {_NONE}",
-    r"no (?:requests?|questions|queries) (?:to|for) any\w*(?: robots?| bots?| of them)?",
-    rf"{_NONE} (?:is to|are to|is|are|may|shall|should|must|gets?|to) (?:be )?{_ASK}",
-    rf"{_FRAG}(?: (?:bitte|jetzt|mir|ihr))* {_KEINEN}",
-    rf"{_KEINEN}(?: \w+){{0,3}} (?:zu )?{_FRAG}",
-)  # fmt: skip
-"""No robot at all is to be asked."""
-SOMEBODY = any_of(
-    "else", "but", "except", "besides", "other than", "apart", "sonst", "ausser", r"ander\w+",
-    "bis auf", "als", "more than", "mehr als", "PLACE", "CLASS",
-)  # fmt: skip
-"""Beside NOBODY they say that somebody is, or that it is said of a place only."""
-IDLE = any_of(
-    "bleiben stehen", "feierabend", "go home", "haben frei", "hands off", "have to do",
-    "hold still", "idle", "join", "join in", "joins", "joins in", "keep out", "keep quiet",
-    "(?:keinen|nicht einen|kein) finger", "lift a finger", "nichts", "nothing", "pausieren",
-    "quiet", "rest", "ruhig", "schlafen", "schweigen", "silent", "sit out", "sleep", "stand by",
-    "stand down", "stay out", "stay put", "stehen", "stehenbleiben", "still", "stumm", "wait",
-    "warten",
-)  # fmt: skip
-"""Said of the others: only who is named is asked."""
+"""Somebody is to be asked in any case."""

@@ -63,7 +63,8 @@ POLITE = re.compile(
 )
 """Opens a wish as if it told or asked something."""
 TOLD = re.compile(
-    r"\b(?:got|had|broke|fell|failed|lost|hit|crashed|came|started|stopped|hat|"
+    r"\b(?:got|had|broke|fell|failed|lost|hit|crashed|came|started|stopped|gave|made|did|went|ran|"
+    r"worked|saw|showed|picked|dropped|stalled|hat|"
     r"haben|hatte|wurde|war|seit|since|kam|fiel|was|were)\b(?! (?:to|zu)\b)"
 )
 """Tells what happened, beside a time that is over."""
@@ -92,3 +93,9 @@ FOREIGN = re.compile(
     r"quote|zitat|schild|sign)\b"
 )
 """Words of a robot, of a text, to a model: nobody's wish."""
+HAPPENED = re.compile(
+    r"\b(?:bent|broke|came|fell|gave|got|had|hit|hatte|lost|ran|rang|saw|seit|since|went|"
+    r"(?!(?:allowed|asked|finished|based|counted|focused|needed|preferred|required|supposed|used|"
+    r"wanted|weighted)\b)[a-z]{3,}ed)\b|\b(?:hat|ist|wurde) .*(?:ge|ver|be|zer)[a-z]{2,}(?:en|t)$"
+)
+"""Tells what happened at a time that it names."""

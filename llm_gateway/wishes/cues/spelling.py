@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 
-from llm_gateway.wishes.cues import common, resources, robots, speech, weights
+from llm_gateway.wishes.cues import common, fleet, resources, robots, speech, weights
 
 PATTERNS = tuple(
     pattern
-    for module in (common, robots, weights, resources, speech)
+    for module in (common, robots, fleet, weights, resources, speech)
     for pattern in vars(module).values()
     if isinstance(pattern, re.Pattern)
 )

@@ -18,7 +18,8 @@ HIGH = any_of(
     "a und o", "above (?:all|everything|anything)", "absichern", "acht",
     r"acht\w* (?:ge|zu )?geben", "achte", "achten", "achtet", "achtung", "ahead of everything",
     "ahead of other areas", "ahead of other places", r"\w*albtraum\w*", "alert", "all over",
-    r"allerwichtigst\w*", r"alptraum\w*", "am herzen", "am meisten", "an erster stelle", "angst",
+    r"allerwichtigst\w*", r"alptraum\w*", "am herzen", "am hoechsten", "am meisten",
+    "an erster stelle", "angst",
     "angucken", "anschauen", "anschaut", "ansehen", "anseht", "argusaugen", "attention",
     "attentive", "aufmerksam", "aufmerksamkeit", "aufpassen", "aufs", r"aufwert\w*", "aufzupassen",
     "auge", "augen", r"\w*augenmerk", "augenmerk", "bauchschmerzen", r"beacht\w*", r"beaeug\w*",
@@ -37,7 +38,8 @@ HIGH = any_of(
     r"fokussier\w*", "foremost", r"fret\w*", r"frighten\w*", "front and center", "front and centre",
     "fuss(?:ed)? about", "(?:PLACE|CLASS) (?:ganz )?hoch", "ganz oben", "ganz vorne", "gaze",
     r"geb\w*(?: \w+){0,3} acht", "gefaehrlich", r"gefaehrlichste\w*", r"geh\w* (?:\w+ )?vor",
-    "gehen vor", r"geht (?:\w+ )*vor", "geht vor", "genau", "genauer", "genauestens", "genaustens",
+    "gehen vor", r"geht (?:\w+ )*vor", "geht vor",
+    "geht (?:es |mir |uns )+um", "genau", "genauer", "genauestens", "genaustens",
     "gets priority", "gewicht", "(?:grosse|groesste|wahre) (?:gefahr|problem|risiko)", "guard",
     "guck", "gucken", "guckt", "gut sehen", r"gut sicht\w*", r"hab\w* ein auge", "haeufiger",
     "harder", "hauptsache", "hauptsaechlich", r"hawk\w*", "headache", "heed", "heikel",
@@ -69,7 +71,8 @@ HIGH = any_of(
     "track", "trouble", "trumps?", "turn (?:the )?(?:PLACE|CLASS) up", "turn up", "ueber alles?",
     r"ueberwach\w*", "umso mehr", "umso wichtiger", "unversehrt", "urgent", r"verfolg\w*",
     r"vigilan\w*", "vigilant", "vital", "vor allem", "vor allem anderen", "vor allen", "vorfahrt",
-    "vorrang", r"vorrangig\w*", "vorsicht", "vortritt", "vorziehen", "vorzug", "wach", "wachsam",
+    "vorrang", r"vorrangig\w*", "vorsicht",
+    "vorsichtig", "vortritt", "vorziehen", "vorzug", "wach", "wachsam",
     "wacth", "watch", "watch out", "watched", "watching", "weight",
     r"(?:weigh|weight)\w* .*\b(?:heavy|heavily|up)", r"wesentlich\w*", "what counts", "what kills",
     "where it hurts", "where its at", "where the action is", "where things go wrong", r"wichtig\w*",
@@ -83,6 +86,7 @@ MINIMISED = any_of(
     "precious little", "scant", "scarcely", "schwach",
 )  # fmt: skip
 """Beside a cue that something counts more they say that it counts less: "pay little heed"."""
+_MEASURE = r"(?:gewicht|gewichtung|importance|prioritaet|priority|relevanz|weight|wichtigkeit)"
 _WEIGHT = (r"(?: \w+){0,3} (?:attention|aufmerksamkeit|bedeutung|gewicht|gewichtung|importance|"
            r"priority|"
            r"prioritaet|weight|wichtigkeit)")  # fmt: skip
@@ -110,7 +114,9 @@ LOW = any_of(
     r"(?:geringer|niedriger) (?:gewicht|bewert|setz|stuf|einstuf)\w*", "tote hose", "zero interest",
     "uebersehen", "uebersieht", "zweite reihe", "ferner liefen", r"ziemlich schnurz", "schnurz",
     r"is nothing$", "turn down", r"turn (?:the )?(?:PLACE|CLASS) (?:right )?down", r"downweight\w*",
-    r"weigh(?:t|ts|s|ed)? (?:it |them |PLACE |CLASS )?down", r"drop\w* (?:its|their|the) weight",
+    r"weigh(?:t|ts|s|ed|ted)? (?:it |them |PLACE |CLASS )?down",
+    rf"{_MEASURE}(?: (?:bitte|ganz|is|ist|please|sehr|stark|way))* (?:down|runter|herunter|"
+    r"nach unten)", r"drop\w* (?:its|their|the) weight",
     "back seat", "backseat", "back burner", "of (?:very )?little interest", "not fussed",
     "not interesting", r"counts? (?:very |but |only )?little",
     "matters? (?:very |but |only )?little", r"runter(?:setz|stuf|schraub|gewicht)\w*",
@@ -123,8 +129,9 @@ LOW = any_of(
     "niedriger", "niedriger gewichten", "hintergrund", "nebenher", "untergeordnet", "zweite geige",
     r"brauch\w* (?:keiner|niemand)", r"interessier\w* (?:keinen|niemanden)", "nobody needs",
     "dont care", "do not care", "couldnt care less", "not so much", "not that much", "not as much",
-    "not really", "not a priority", "doesnt count", "can wait", "could wait", "may wait", "warten",
-    "kann warten", "koennen warten", "not worth", "not interested", "no interest", "leave out",
+    "not really", "not a priority", "doesnt count", "can wait", "could wait", "may wait",
+    r"(?:darf|duerfen|kann|koennen|mag|soll\w*)(?: \w+){0,3} warten", "warten lassen",
+    "not worth", "not interested", "no interest", "leave out",
     "out of scope", "off the radar", "unattended", r"deprioriti[sz]e\w*", "low priority", "dull",
     "deserted", "trivial", "immaterial", "beside the point", "no matter", "let slide",
     "relax about", "unimportant", "superfluous", "nobody there", "kein interesse", "nicht so",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from llm_gateway.wishes.names import lexicon
 from llm_gateway.wishes.names.forms import same
+from llm_gateway.wishes.numbers import integer_at
 from llm_gateway.wishes.tongue import is_morning
 from llm_gateway.wishes.words import Word
 
@@ -28,6 +30,15 @@ class Cut:
         """The word at a place; empty outside."""
         return self._words[at].text if 0 <= at < len(self._words) else ""
 
+    def number(self, at: int) -> tuple[int, int] | None:
+        """The whole number from word `at` on, and the word behind it."""
+        return integer_at(self._words, at)
+
+    def touches(self, at: int) -> bool:
+        """Whether a sign stands between two words without a space."""
+        around = self._words[at - 1 : at + 2]
+        return all(a.end == b.start for a, b in pairwise(around))
+
     def counts(self, at: int) -> bool:
         """Whether word `at` says of the number before it that it is no name's: "2 hours"."""
         text = self.text(at)
@@ -40,6 +51,12 @@ class Cut:
             if here > at and self.text(here) in {"-", "_"}:
                 here += 1
             said = self.text(here)
+            number = self.number(here) if said.isalpha() and part.isdigit() else None
+            if number is not None and number[1] > here + 1:
+                if number[0] != int(part[:9]):
+                    return None
+                here = number[1]
+                continue
             if not said or not (same(said, part) or (also and said in other_words(part))):
                 return None
             here += 1

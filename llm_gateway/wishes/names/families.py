@@ -11,6 +11,8 @@ from llm_gateway.wishes.words import key
 _ALL = {"all", "alle", "allen", "aller", "every", "saemtliche", "saemtlichen"}
 _BOTH = {"both", "beide", "beiden", "beider"}
 _ARTICLES = {"the", "our", "die", "den", "der", "of"}
+_ROBOTS = {"bots", "robotern", "roboter", "robots", "units"}
+"""Behind what several names begin with they mean all of these: "the scout robots"."""
 _LEAST = 2
 
 
@@ -23,7 +25,7 @@ def families(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for name in names:
         head, *rest = key(name)
-        if rest and head.isalpha() and len(head) > 1:
+        if rest and head.isalpha():
             found[head] = (*found.get(head, ()), name)
     return {head: held for head, held in found.items() if len(held) >= _LEAST}
 
@@ -45,9 +47,14 @@ def family_at(
             quantified = True
             many = 2 if word in _BOTH else many if word in _ALL else number
         elif word not in _ARTICLES:
-            head = next((head for head in known if same(word, head)), None)
-            if head is None or word == head or not quantified:
+            lettered = at and words[at - 1] in _ARTICLES  # "As" is no plural of "A".
+            head = next((h for h in known if same(word, h) or (lettered and word == h + "s")), None)
+            of_robots = list(words[at + 1 : at + 2]) + list(words[at + 2 : at + 3])
+            kind = word == head and {*of_robots[: 1 + (of_robots[:1] == ["-"])]} & _ROBOTS
+            if head is None or not (kind or (quantified and word != head)):
                 return None
             held = known[head]
+            if kind:
+                at += 1 + (of_robots[0] == "-")
             return (held if many in (None, len(held)) else ()), at + 1
     return None

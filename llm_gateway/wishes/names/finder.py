@@ -11,10 +11,12 @@ from llm_gateway.wishes.names.cut import LIST, Cut, other_words
 from llm_gateway.wishes.names.forms import called, is_head
 from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.people import CALLED, ENDS, SPEAKS, TITLES
+from llm_gateway.wishes.names.policies import Policies
 from llm_gateway.wishes.names.roster import Roster
-from llm_gateway.wishes.numbers import share_at, whole
-from llm_gateway.wishes.times.clock import point_at
+from llm_gateway.wishes.numbers import whole
+from llm_gateway.wishes.shares import is_torn, share_at
 from llm_gateway.wishes.times.phrases import when_at
+from llm_gateway.wishes.times.when import When
 from llm_gateway.wishes.tongue import is_german_noun
 from llm_gateway.wishes.words import Word, alike, key
 from swarm.messages.intent import Site
@@ -29,6 +31,11 @@ _GREETINGS = {"hello", "hi", "hey", "dear", "hallo", "liebe", "liebes", "geehrte
               "geehrten", "moin", "servus", "thanks",
               "danke"}  # fmt: skip
 """Whom they greet is nobody whom the detector finds."""
+
+
+_EXCEPT = {"ausgenommen", "ausser", "barring", "except", "excepting"}
+_TURNS = {"", ",", "aber", "and", "but", "just", "nur", "only", "und"}
+"""Before "not" and a time."""
 
 
 class Finder:
@@ -46,12 +53,17 @@ class Finder:
         } | {key(name): name for name in site.places}
         self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
         self._classes = {key(name): name for name in site.classes}
-        self._policies: set[str] = set()
+        self._policies = Policies(cut)
         self._seen: list[str] = []
+        self._behind = 0
 
     def at(self, at: int, now: datetime) -> Mention | None:
         """What is named from word `at` on; to be asked for in order."""
         found = self._at(at, now)
+        if found is not None and is_torn(self._words, at, self._behind):
+            found = Mention("unknown", at, found.last)
+        if found is not None:
+            self._behind = found.last
         if found is not None and found.kind == "place":
             self._seen += [name for name in found.names if name not in self._seen]
         return found
@@ -120,7 +132,14 @@ class Finder:
 
     def _when(self, at: int, now: datetime) -> Mention | None:
         when = when_at(self._words, at, now)
-        return None if when is None else Mention("time", at, when.last, when=when)
+        if when is None:
+            return None
+        if self._text(at - 1) in _EXCEPT or (
+            self._text(at - 1) in {"not", "nicht"} and self._text(at - 2) in _TURNS
+        ):
+            # "Except between six and seven", "but not until six".
+            when = When(at, when.last, clear=False)
+        return Mention("time", at, when.last, when=when)
 
     def _share(self, at: int) -> Mention | None:
         share = share_at(self._words, at)
@@ -174,43 +193,11 @@ class Finder:
         if {text, one} & lexicon.COMPUTE or lexicon.COMPUTERS.fullmatch(text):
             return Mention("compute", at, at + 1)
         near = {self._text(n) for n in range(at - 3, at + 4)}
+        if text in lexicon.SENDING and near & lexicon.LITTLE:
+            return Mention("network", at, at + 1)
         if text in lexicon.ENERGY and near & lexicon.SAVING:
             return Mention("compute", at, at + 1)
-        return self._policy(at)
-
-    def _policy(self, at: int) -> Mention | None:
-        near = {self._text(n) for n in range(at - 5, at + 6)}
-        near |= {self._text(n) for n in range(at - 9, at + 10)} & {
-            "policy",
-            "strategie",
-            "strategy",
-        }
-        taken = {self._text(n) for n in range(at - 3, at + 4)} & lexicon.TAKE
-        known = (*lexicon.PLAIN_POLICIES.items(), *lexicon.POLICIES.items())
-        hits = {
-            end: (policy, name)
-            for policy, names in known
-            for name in names
-            if (end := self._named(name.split(), at, also=False)) is not None
-        }
-        if not hits or self._text(max(hits)) in {"of", "at", "in", "on", "near"}:
-            # "better coverage of the docks" names no policy.
-            return None
-        policy, name = hits[max(hits)]
-        plain = name in lexicon.PLAIN_POLICIES.get(policy, ())
-        alone = self._alone(at, max(hits))
-        if plain or alone or taken or near & lexicon.POLICY_WORDS or policy in self._policies:
-            self._policies.add(policy)
-            return Mention("policy", at, max(hits), (policy,))
-        # "Coverage" is a plain word, too; what is meant by the others has to be asked.
-        return None if policy == "coverage" else Mention("unknown", at, max(hits))
-
-    def _alone(self, at: int, last: int) -> bool:
-        """Whether a policy's name is a sentence of its own, but for a time: "Coverage ab drei"."""
-        behind = self._text(last)
-        opens = self._text(at - 1) in {"", ".", "!", "?", "\n"}
-        timed = behind in {"ab", "bis", "from", "till", "until"} and point_at(self._words, last + 1)
-        return opens and (behind in {"", ".", "!"} or bool(timed))
+        return self._policies.at(at)
 
     def _stranger(self, at: int) -> Mention | None:
         """A name as the site's, of something that it does not have: R9, aisle 9."""

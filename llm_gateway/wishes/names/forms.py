@@ -15,6 +15,9 @@ _SHORT_PLURALS = ("", "s", "es", "e")
 _LONG_PLURALS = (*_SHORT_PLURALS, "n", "en", "er", "ern", "nen")
 _INFLECTED = {"achte", "neune", "sechse", "siebene", "fuenfe"}
 """Rather a verb or an hour than a name's number."""
+_SIDES = {"east", "hinten", "links", "middle", "mitte", "nord", "north", "oben", "ost", "rechts",
+          "south", "sued", "unten", "vorne", "west"}  # fmt: skip
+"""Behind a name's main word they say which one it is."""
 _IRREGULAR = (("y", "ies"), ("f", "ves"), ("fe", "ves"), ("man", "men"), ("ouse", "ice"))
 _LEAST_HEAD = 4
 _LEAST = 3
@@ -51,7 +54,7 @@ def is_head(said: str, name: Sequence[str]) -> bool:
     words = [word for word in name if word.isalpha()]
     if len(said) < _LEAST_HEAD or not said.isalpha() or not words:
         return False
-    if len(name) > 1 and said == words[-1]:
+    if len(name) > 1 and said == words[-1 if words[-1] not in _SIDES else 0]:
         return True
     return len(words[-1]) >= len(said) + _LEAST and words[-1].endswith(said)
 

@@ -67,6 +67,9 @@ COMPUTERS = re.compile(
 ENERGY = _set("energy power electricity strom energie")
 """Beside SAVING it is that of computing."""
 SAVING = _set("save saving conserve reduce less cut spare sparen spart spar weniger einsparen")
+SENDING = _set("transmit transmitting uebertragen uebertragt sendet senden funkt funken")
+LITTLE = _set("little less wenig weniger")
+"""Beside SENDING they say that the network is to be spared."""
 COMPUTE = _set(
     "cpus gpus cores kerne chips board bordrechner grafikkarte grafikkarten rechenkapazitaet "
     "rechnerleistung recheneinheit recheneinheiten prozessorlast prozessorleistung computern "
@@ -81,7 +84,10 @@ QUALITY = _set(
     "qualitaetsniveau qualitaetsgrenze qualitaetsschwelle guetemass guetegrenze"
 )
 """What Q_min is of."""
-BATTERY = _set("battery batterys batterie akku charge charged ladung geladen akkus batteries")
+BATTERY = _set(
+    "battery batterys batterie akku charge charged ladung geladen akkus batteries soc akkustand "
+    "akkuladung restladung restakku restkapazitaet ladestand ladezustand batteriestand"
+)
 """Of which a part is told, not wished."""
 PLAIN_POLICIES = {
     "static-early": ("static early",),
@@ -113,9 +119,9 @@ POLICY_WORDS = _set(
 PLACES = _set("area bereich gegend ort place spot stelle zone")
 """Behind an article they may mean the place that was just named."""
 TAKE = _set(
-    "make makes put have has set schaltet schalt geht gehts ran did does do "
-    "use take run go let method nimm nehmt nehmen benutze benutzen fahr fahren stell stellt "
-    "stellen lass lasst mach macht methode modell"
+    "make makes put have has set schaltet schalt geht gehts ran did does do fahre fahrt "
+    "laufen use take run go let method nimm nehmt nehmen benutze benutzen fahr fahren stell "
+    "stellt stellen lass lasst mach macht methode modell"
 )
 """Near a policy's name they say that it decides."""
 EVERYBODY = _set("all everyone everybody every each alle alles allen anyone anybody jeder")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from llm_gateway.wishes.numbers import Share
+from llm_gateway.wishes.shares import Share
 from llm_gateway.wishes.times.when import When
 
 Kind = Literal[

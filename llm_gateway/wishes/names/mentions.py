@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from llm_gateway.wishes.cues import robots
 from llm_gateway.wishes.names import lexicon
 from llm_gateway.wishes.names.cut import LIST
 from llm_gateway.wishes.names.finder import Finder
@@ -21,6 +23,13 @@ VERBS = frozenset(
     brauchts gehen geht matter matters dagegen less weniger please bitte""".split()
 )
 """Behind a name they begin to say something of it alone."""
+_ONE_DOES = {"bleibt", "darf", "geht", "gets", "goes", "is", "isnt", "ist", "kann", "muss", "needs",
+             "soll", "stays"}  # fmt: skip
+_MODALS = {"can", "cant", "may", "must", "mustnt", "should", "shouldnt", "will", "wont"}
+_ACTS = (robots.OUT, robots.FIRST, robots.UNUSED, re.compile("but|except|just|nur|only"))
+"""Before a list they wish something of it."""
+_BESIDES = {"ausser", "ohne", "without"}
+"""Before a list they go with the verb behind it: "ohne R1 und R2 geht es"."""
 POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
 
 
@@ -82,11 +91,19 @@ def _glued(between: Sequence[str], kind: Kind) -> bool:
 
 def _parted(cut: Sequence[Word], held: Mention, mention: Mention) -> bool:
     """Whether a comma between two names begins another clause: "skip R1, R2 is fine"."""
-    between = {word.text for word in cut[held.last : mention.first]}
-    if between - _ARTICLES != {","} or mention.last == len(cut) or not held.first:
+    between = {word.text for word in cut[held.last : mention.first]} - _ARTICLES
+    if mention.kind == "robot" and not {*held.names}.isdisjoint(mention.names):
+        return True
+    if mention.last == len(cut) or not held.first:
         return False
     opens = held.first - 1
     while opens > 0 and cut[opens].text in _ARTICLES:
         opens -= 1
     before, behind = cut[opens].text, cut[mention.last].text
-    return behind in VERBS and before.isalpha() and before not in {"and", "und", "so", *POLITE}
+    if before in _BESIDES:
+        return False
+    if mention.kind == "robot" and not between.isdisjoint({"and", "und"}):
+        verbs = _ONE_DOES | _MODALS if "," in between else _ONE_DOES
+        return behind in verbs and any(cue.fullmatch(before) for cue in _ACTS)
+    parts = between == {","} and behind in VERBS
+    return parts and before.isalpha() and before not in {"and", "und", "so", *POLITE}

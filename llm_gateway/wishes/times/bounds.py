@@ -35,13 +35,18 @@ def timed(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> boo
 
 def _then(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """ "from then on", "ab dann", "from then until 18:00": from the hour that was said before."""
-    if text_at(words, at) not in {"from", "ab", "von"}:
+    until = text_at(words, at) in {"bis", "til", "till", "until"}
+    if not until and text_at(words, at) not in {"from", "ab", "von"}:
         return None
-    if text_at(words, at + 1) not in {"then", "dann", "da", "there"}:
+    if text_at(words, at + 1) not in (
+        {"dahin", "then"} if until else {"then", "dann", "da", "there"}
+    ):
         return None
     point = _said(words, at)
     if point is None:
         return None
+    if until:
+        return ending(at, at + 2, point, now)
     last = at + 2 + (text_at(words, at + 2) in {"on", "onwards", "an"})
     end = clock.point_at(words, last + 1) if text_at(words, last) in TO else None
     if end is not None:

@@ -34,6 +34,10 @@ _WEEKDAYS = (
     ("thursday", "donnerstag"), ("friday", "freitag"), ("saturday", "samstag"),
     ("sunday", "sonntag"),
 )  # fmt: skip
+_SHORT_DAYS = {"mon": 0, "mo": 0, "tue": 1, "di": 1, "wed": 2, "mi": 2, "thu": 3, "do": 3, "fri": 4,
+               "fr": 4, "sat": 5, "sa": 5, "sun": 6}  # fmt: skip
+"""So between a word before a day and an hour."""
+_BEFORE_DAYS = {"ab", "am", "bis", "by", "from", "next", "on", "till", "until", "von"}
 _PAST = {"yesterday", "gestern", "vorgestern"}
 _LAST = {"last", "letzte", "letzten", "letzter", "vergangene", "vergangenen"}
 _THIS = {"this", "diesen", "dieser", "diesem"}
@@ -80,7 +84,11 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
         if step is not None:
             found, here = step
             end = here
-        elif words[here].text in _NOISE or (words[here].text == "." and _short(words, here)):
+        elif (
+            words[here].text in _NOISE
+            or (words[here].text == "." and _short(words, here))
+            or (words[here].text == "," and _goes_on(words, here, found))
+        ):
             here += 1
         else:
             break
@@ -91,6 +99,18 @@ def names_day(words: Sequence[Word], at: int) -> bool:
     """Whether word `at` is a day's: "tomorrow"."""
     text = text_at(words, at)
     return text in _DAYS or any(text in names for names in _WEEKDAYS)
+
+
+def _goes_on(words: Sequence[Word], at: int, found: Point) -> bool:
+    """Whether a comma stands between a day and its date, or its hour: "Monday 10 Nov, 08:00"."""
+    if found.hour is not None or (found.weekday is None and found.date is None is found.of_year):
+        return False
+    at += text_at(words, at + 1) in {"dem", "den", "the"}
+    if found.weekday is not None and found.of_year is None and date_at(words, at + 1) is not None:
+        return True
+    read = hour_at(words, at + 1)
+    said = [] if read is None else [word.text for word in words[at + 1 : read[3]]]
+    return any(":" in text or text in {"uhr", "oclock"} for text in said)
 
 
 def _short(words: Sequence[Word], at: int) -> bool:
@@ -113,6 +133,10 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
     for number, names in enumerate(_WEEKDAYS):
         if text in names:
             return replace(found, weekday=number), at + 1
+    if text in _SHORT_DAYS and text_at(words, at - 1) in _BEFORE_DAYS:
+        stop = following == "."
+        if hour_at(words, at + 1 + stop) is not None:
+            return replace(found, weekday=_SHORT_DAYS[text]), at + 1 + stop
     if text not in _DAYS:
         return None
     if text == "morgen" and (text_at(words, at - 1) == "am" or found.days is not None):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,10 @@ _MONTHS = (
     ("august", "aug"), ("september", "sept"), ("october", "oct", "oktober", "okt"),
     ("november", "nov"), ("december", "dec", "dezember", "dez"),
 )  # fmt: skip
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})")
+_WITH_YEAR = re.compile(r"(\d{1,2})\.(\d{1,2})\.([12]\d{3})")
+_LEADS = re.compile(r"am|den|dem|(?:mon|diens|donners|frei|sams|sonn)tag|mittwoch")
+"""Before two numbers with a full stop they say that these are a day and a month."""
 _ORDINAL = {"st", "nd", "rd", "th", "."}
 _YEAR_DIGITS = 4
 
@@ -29,6 +34,8 @@ class Dated:
 
 def date_at(words: Sequence[Word], at: int) -> Dated | None:
     """The date that is written from word `at` on."""
+    if (dated := _dotted(words, at)) is not None:
+        return dated
     day = _day(words, at)
     if day is not None:
         here = _behind(words, at + 1)
@@ -48,6 +55,18 @@ def date_at(words: Sequence[Word], at: int) -> Dated | None:
     if year.isascii() and year.isdigit() and len(year) == _YEAR_DIGITS and year[0] in "12":
         return Dated(day, month, int(year), here + comma + 1)
     return Dated(day, month, None, here)
+
+
+def _dotted(words: Sequence[Word], at: int) -> Dated | None:
+    """ "Montag, 16.06.", "am 16.6.": two numbers and a full stop, where words say it is a date."""
+    whole = _WITH_YEAR.fullmatch(text_at(words, at))
+    if whole is not None:
+        return Dated(int(whole[1]), int(whole[2]), int(whole[3]), at + 1)
+    found = _DOTTED.fullmatch(text_at(words, at))
+    before = text_at(words, at - 1 - (text_at(words, at - 1) == ","))
+    if found is None or text_at(words, at + 1) != "." or not _LEADS.fullmatch(before):
+        return None
+    return Dated(int(found[1]), int(found[2]), None, at + 2)
 
 
 def _behind(words: Sequence[Word], at: int) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from llm_gateway.wishes.numbers import whole
+from llm_gateway.wishes.numbers import HUNDRED, integer_at, is_physical, whole
 from llm_gateway.wishes.words import Word, text_at
 
 _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minute", "stunden",
@@ -14,8 +14,7 @@ _NO_HOURS = {"%", "percent", "per", "prozent", "hours", "hour", "minutes", "minu
 _UHR = {"uhr", "oclock", "h"}
 MILITARY = re.compile(r"(?:[01]\d|2[0-4])[0-5]\d")
 """Hour and minute without a sign: 0600, 1730."""
-_MINUTES = {"fifteen": 15, "thirty": 30}
-"""Behind an hour in words: "six thirty"."""
+_OH = {"null", "o", "oh", "zero"}
 _AFTER = _NO_HOURS | _UHR
 
 
@@ -44,14 +43,20 @@ def _spoken(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
         return (hour - 2) % 12 + 1, 15, False, at + 2  # In the south: a quarter on the way to it.
     if text == "dreiviertel" and hour is not None and 1 <= hour <= 12:
         return _back(hour, 15, at + 2)
-    minutes = {"half": 30, "quarter": 15, "viertel": 15}.get(text, whole(text))
-    end = at + 1
+    named = {"half": 30, "quarter": 15, "viertel": 15}.get(text)
+    said = (named, at + 1) if named else integer_at(words, at)
+    if said is None:
+        return None
+    minutes, end = said
     if text_at(words, end) in {"minutes", "minuten"}:
         end += 1
     side = text_at(words, end)
-    hour = whole(text_at(words, end + 1))
-    if minutes is None or hour is None or not 1 <= hour <= 12 or not 0 < minutes < 60:
+    half = text_at(words, end + 1) == "halb" and side in {"nach", "vor"}
+    hour = whole(text_at(words, end + 1 + half))
+    if hour is None or not 1 <= hour <= 12 or not 0 < minutes < 60:
         return None
+    if half:  # "Fünf vor halb sieben".
+        return _back(hour, 30 - minutes if side == "nach" else 30 + minutes, end + 3)
     if side in {"past", "after", "nach"}:
         return hour, minutes, False, end + 2
     if side in {"to", "vor", "before"} and text not in {"half"}:
@@ -86,14 +91,14 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
         if MILITARY.fullmatch(text):
             behind = end + (text_at(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
             return int(text[:2]), int(text[2:]), True, behind
-        number = whole(text)
-        if text_at(words, end) in _NO_HOURS:
+        read = _worded(words, at)
+        if text.isdigit():
+            read = (int(text), 0, text.startswith("0") or int(text) > 12, end)
+        if read is None or len(text) > (2 if text.isdigit() else 12):
             return None
-        if number is None or len(text) > 12 or (text.isdigit() and len(text) > 2):
+        hour, minute, exact, end = read
+        if text_at(words, end) in _NO_HOURS or is_physical(words, end):
             return None
-        hour, exact = number, text.isdigit() and (text.startswith("0") or number > 12)
-        if text.isalpha() and text_at(words, end) in _MINUTES and 1 <= hour <= 12:
-            minute, end = _MINUTES[text_at(words, end)], end + 1
     if text_at(words, end) in _UHR:
         end += 1
         more = whole(text_at(words, end))
@@ -104,3 +109,29 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
     elif text_at(words, end) == "o" and text_at(words, end + 1) == "clock":
         end += 2
     return hour, minute, exact, end
+
+
+def _worded(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None:
+    """ "six", "six thirty", "eighteen hundred"; nothing where more follows: "zero one hundred"."""
+    said = integer_at(words, at)
+    if said is None:
+        return None
+    hour, end = said
+    behind = text_at(words, end)
+    if (minutes := _minutes(words, end)) is not None:
+        exact = hour > 12 or words[at].text in _OH or behind in HUNDRED
+        return hour, minutes[0], exact, minutes[1]
+    more = integer_at(words, end) if behind.isalpha() else None
+    torn = more is not None and (behind in _OH or text_at(words, more[1]) not in _AFTER)
+    return None if torn else (hour, 0, False, end)
+
+
+def _minutes(words: Sequence[Word], at: int) -> tuple[int, int] | None:
+    """The minutes behind an hour in words: "six thirty", "six oh five", "eighteen hundred"."""
+    if text_at(words, at) in HUNDRED:
+        return 0, at + 1 + (text_at(words, at + 1) in {"h", "hr", "hrs", "hours", "uhr"})
+    oh = text_at(words, at) in _OH
+    found = integer_at(words, at + oh)
+    if found is None or not text_at(words, at + oh).isalpha() or text_at(words, found[1]) in _AFTER:
+        return None
+    return found if (found[0] < 10) == oh and found[0] < 60 else None

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import timedelta
 
-from llm_gateway.wishes.numbers import QUALITY, counted, whole
+from llm_gateway.wishes.numbers import counted, whole
+from llm_gateway.wishes.shares import QUALITY
 from llm_gateway.wishes.words import Word, text_at
 
 UNITS = {
     "second": 1, "seconds": 1, "sec": 1, "sekunde": 1, "sekunden": 1,
     "minute": 60, "minutes": 60, "min": 60, "mins": 60, "minuten": 60,
     "hour": 3600, "hours": 3600, "hr": 3600, "hrs": 3600, "h": 3600, "stunde": 3600,
-    "stunden": 3600, "std": 3600, "stuendchen": 3600, "viertelstunde": 900,
-    "dreiviertelstunde": 2700,
+    "stunden": 3600, "std": 3600, "stuendchen": 3600, "viertelstunde": 900, "viertelstunden": 900,
+    "viertelstuendchen": 900, "dreiviertelstunde": 2700, "dreiviertelstuendchen": 2700,
     "day": 86400, "days": 86400, "tag": 86400, "tage": 86400, "tagen": 86400,
 }  # fmt: skip
 _ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", "einem", "the",
          "die", "der", "next",
          "naechste", "naechsten", "naechster"}  # fmt: skip
 
+_MINUTES = re.compile(r"[0-5]\d")
 _LASTS = {"another", "for", "fuer", "in", "naechsten", "next", "noch", "within"}
 """Before a number they say that it is one of minutes."""
 _OF = {":", "=", "at", "auf", "bei", "is", "ist", "of", "von"}
@@ -44,6 +47,8 @@ def with_more(words: Sequence[Word], found: tuple[timedelta, int]) -> tuple[time
 
 def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
     text = text_at(words, at)
+    if text == "ein" and (last := and_half(words, at + 1)) is not None:
+        return _times(1.5, words, last)
     if text in {"half", "halbe", "halben"}:
         skip = 2 if text_at(words, at + 1) in _ONES else 1
         return _times(0.5, words, at + skip)
@@ -56,26 +61,36 @@ def _length(words: Sequence[Word], at: int) -> tuple[timedelta, int] | None:
         return _times(1.5, words, at + 1)
     if text.endswith("einhalb") and (number := whole(text.removesuffix("einhalb"))) is not None:
         return _times(number + 0.5, words, at + 1)
+    said = counted(words, at)
     if text in _ONES and text_at(words, at + 1) == "second":
         return None  # "A second look".
-    if text in _ONES:
+    if text in _ONES and (said is None or said[1] == at + 1):
         found = _times(1, words, at + 1)
-        if found and [word.text for word in words[found[1] : found[1] + 3]] == ["and", "a", "half"]:
-            return found[0] * 1.5, found[1] + 3
+        if found and (last := and_half(words, found[1])) is not None:
+            return found[0] * 1.5, last
         return found
-    said = counted(words, at)
     if said is None:
         return None
     amount, end = said
     if text_at(words, end) == "min" and _is_bound(words, at, amount):
         return None
-    if [word.text for word in words[end : end + 3]] == ["and", "a", "half"]:
-        return _times(amount + 0.5, words, end + 3)
+    if (last := and_half(words, end)) is not None:
+        return _times(amount + 0.5, words, last)
     if text_at(words, end) == "-":
         end += 1
     if text_at(words, end) == "ganze":
         end += 1
     return _times(amount, words, end)
+
+
+def and_half(words: Sequence[Word], at: int) -> int | None:
+    """The word behind "and a half", from word `at` on."""
+    for part in ({"and", "und"}, {"a", "ein", "eine"}, {"half", "halb", "halbe"}):
+        at += text_at(words, at) == "-"
+        if text_at(words, at) not in part:
+            return None
+        at += 1
+    return at + (text_at(words, at) == "-")
 
 
 def _is_bound(words: Sequence[Word], at: int, amount: float) -> bool:
@@ -94,4 +109,11 @@ def _times(amount: float, words: Sequence[Word], at: int) -> tuple[timedelta, in
     seconds = UNITS.get(text_at(words, at))
     if seconds is None or not 0 < amount <= 10_000:
         return None
+    minutes = text_at(words, at + 1)
+    if (
+        text_at(words, at) == "h"
+        and _MINUTES.fullmatch(minutes)
+        and words[at].end == words[at + 1].start
+    ):
+        return timedelta(hours=amount, minutes=int(minutes)), at + 2  # "1h30".
     return timedelta(seconds=amount * seconds), at + 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
+from llm_gateway.wishes.cues.plain import known
 from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.dates import date_at
 from llm_gateway.wishes.times.moments import resolve
@@ -16,6 +17,9 @@ _LATE = {"tonight", "night", "nacht", "evening", "abend", "abends"}
 _WHO = {"crew", "shift", "team", "staff", "desk", "supervisor", "manager", "lead", "porter", "duty",
         "schicht", "schichtleitung", "dienst", "mannschaft"}  # fmt: skip
 """Beside a part of the day they tell who speaks, or of whom."""
+_MEALS = {"lunch", "lunchtime"}
+"""Before a noun they tell of what kind it is."""
+_AT_LUNCH = [["to", "away"], ["to", "gone"], ["to", "off"], ["to", "out"], ["to", "went"]]
 _GREETED = {"!", ",", "all", "everybody", "everyone", "folks", "guys", "leute", "mate",
             "miteinander", "mitenand", "team", "together", "zusammen"}  # fmt: skip
 """Behind a part of the day that opens a wish they say that it greets: "Morning all"."""
@@ -24,6 +28,9 @@ _GREETED = {"!", ",", "all", "everybody", "everyone", "folks", "guys", "leute", 
 def loose_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """A time that stands alone says neither beginning nor end: "today", "at five", "um 17 Uhr"."""
     text = text_at(words, at)
+    before = [text_at(words, at - 1), text_at(words, at - 2)]
+    if text in _MEALS and (before in _AT_LUNCH or before[0] in {"mit", "serving", "with"}):
+        return None
     if text_at(words, at - 1) in {"good", "guten", "gute", "schoenen", "happy"}:
         return None
     first = at + (text in {"the", "this", "our", "die", "der"})
@@ -37,6 +44,10 @@ def loose_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
     point = clock.point_at(words, begin)
     if point is None:
         return None
+    behind = text_at(words, point[1])
+    kind = point[1] - at <= len(["the", "lunch"]) and text_at(words, point[1] - 1) in _MEALS
+    if kind and behind.isalpha() and not known(behind):
+        return None  # "The lunch trays".
     told = {
         text_at(words, at - 1),
         text_at(words, at - 2) if text_at(words, at - 1) == "the" else "",

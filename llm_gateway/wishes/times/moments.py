@@ -28,7 +28,11 @@ def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
         there = [day for day in dated if day is not None]
         # What just was is meant rather than its next year's.
         meant = [day for day in there if today - _RECENT < day <= today] or there
-        return _first([time for day in meant for time in _on(day, hours, point.minute)], after)
+        for day in meant:
+            time = _first(_on(day, hours, point.minute), after)
+            if time is not None:
+                return time if point.weekday in (None, day.weekday()) else None
+        return None
     if point.date is not None:
         day = datetime(point.date.year, point.date.month, point.date.day, tzinfo=now.tzinfo)
         return _first(_on(day, hours, point.minute), after)

@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 
 from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.bounds import bound_at, timed
-from llm_gateway.wishes.times.lengths import UNITS, length_at, with_more
+from llm_gateway.wishes.times.lengths import UNITS, and_half, length_at, with_more
 from llm_gateway.wishes.times.loose import loose_at
 from llm_gateway.wishes.times.when import (
     TO,
@@ -31,14 +31,18 @@ _SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergange
 """Before a length of time they say that it is over."""
 _REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per"}
 """Before it they say neither that it lasts so long nor from when on."""
-_STARTS = {"begin", "beginne", "beginnt", "start", "starte", "startet"}
+_STARTS = {"begin", "beginn", "beginne", "beginnt", "start", "starte", "startet"}
 _STOPS = {"beende", "beendet", "end", "ende", "finish", "stop", "stopp", "stoppt"}
 _ASKING = {"", ",", ".", "!", ";", ":", "and", "bitte", "dann", "please", "then", "und"}
 """Before a verb they say that it is wished: "start at six and stop at eight"."""
 _SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
+_THAT = {"that", "these", "this", "those", "diese", "dieser", "diesen", "dieses"}
+_SPANS = {"period", "slot", "time", "window", "zeit", "zeitfenster", "zeitraum"}
+"""Behind "for that" they point to a time that is said elsewhere."""
 _OPEN = (
     ("ab", "jetzt"), ("ab", "sofort"), ("as", "of", "now"), ("at", "the", "moment"),
-    ("bis", "auf", "weiteres"), ("bis", "ich", "mich", "melde"),
+    ("bis", "auf", "weiteres"), ("fuer", "den", "anfang"), ("fuer", "den", "moment"),
+    ("fuers", "erste"), ("for", "the", "time", "being"), ("bis", "ich", "mich", "melde"),
     ("bis", "ich", "mich", "wieder", "melde"), ("bis", "ich", "was", "anderes", "sage"),
     ("effective", "immediately"), ("for", "now"), ("for", "the", "moment"), ("from", "now", "on"),
     ("right", "now"), ("until", "further", "notice"), ("until", "further", "word"),
@@ -75,6 +79,13 @@ def _open(words: Sequence[Word], at: int) -> int:
             said[0] = "until"
         if tuple(said) == phrase:
             return at + len(phrase)
+    pointed = text_at(words, at) in {"for", "fuer", "in", "during", "waehrend", "over"}
+    if pointed and text_at(words, at + 1) in _THAT:
+        here = at + 2
+        while text_at(words, here) in {"full", "ganze", "half", "halbe", "halben", "whole"}:
+            here += 1
+        if text_at(words, here) in _SPANS or text_at(words, here) in UNITS:
+            return here + 1
     return 0
 
 
@@ -160,14 +171,15 @@ def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
 
 
 def _ordered(words: Sequence[Word], at: int, now: datetime) -> When | None:
-    """ "Start at 19:15 and stop at 20:45": what is to begin or to end then."""
+    """ "Start at 19:15 and stop at 20:45", "Ende 16 Uhr": what is to begin or to end then."""
     text = text_at(words, at)
     if text not in _STARTS | _STOPS or text_at(words, at - 1) not in _ASKING:
         return None
-    if text_at(words, at + 1) not in {"at", "um"}:
-        return None
-    point = clock.point_at(words, at + 2)
+    begin = at + 1 + (text_at(words, at + 1) in {":", "=", "at", "um"})
+    point = clock.point_at(words, begin)
     if point is None or (point[0].hour is None and point[0].part not in clock.EXACT):
+        return None
+    if begin == at + 1 and not timed(words, begin, point):
         return None
     made = starting if text in _STARTS else ending
     return made(at, point[1], point[0], now)
@@ -191,8 +203,8 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
         long = timedelta(seconds=UNITS[text_at(words, here)]), here + 1
     if long is None:
         return None
-    if next_one and [word.text for word in words[long[1] : long[1] + 3]] == ["and", "a", "half"]:
-        long = long[0] * 1.5, long[1] + 3
+    if next_one and (last := and_half(words, long[1])) is not None:
+        long = long[0] * 1.5, last
     long = with_more(words, long)
     last = long[1] + (1 if text_at(words, long[1]) in {"lang", "long"} else 0)
     if text_at(words, last) in {"ago", "earlier"} or text_at(words, at - 1) in _SINCE | _REPEATED:
@@ -230,7 +242,9 @@ def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
 
 
 LEFT = frozenset(
-    """until till til hour hours minute minutes stunde stunden minuten uhr oclock tomorrow tonight
-    today week weeks month woche wochen monat heute feierabend weekend wochenende""".split()
+    """until till til hour hours hrs minute minutes mins stunde stunden std stuendchen viertelstunde
+    viertelstunden dreiviertelstunde dreiviertelstunden halbstunde halbstunden minuten sekunden uhr
+    oclock tomorrow tonight today week weeks month woche wochen monat heute feierabend weekend
+    wochenende""".split()
 )
 """Words that tell a time: where none of it was read, it is unclear."""

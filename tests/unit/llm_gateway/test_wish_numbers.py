@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from llm_gateway.wishes.numbers import share_at
+from llm_gateway.wishes.shares import share_at
 from llm_gateway.wishes.words import alike, words
 
 

@@ -106,3 +106,90 @@ def test_aber_sehr_turns_around_what_was_said() -> None:
 def test_who_is_at_work_may_be_looked_out_for() -> None:
     wish = "folks install the rack at the docks, watch out for them"
     assert weights(wish) == {"docks": "high", "person": "high"}
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "R2 is 300 ms late since the 0400 reboot, leave it out",
+        "R2's lidar mount is loose (INC 20817), leave it out",
+        "R2 hat 300 ms Versatz, bitte weglassen",
+        "R2 out, ticket CHG-5512",
+        "R2 out, its scanner shows a 4 deg tilt",
+        "R2 at 11 % SOC -> take it out",
+        "Everyone may be asked except R2 (at < 15 % SoC).",
+        "R2 raus, Akkustand 12 %",
+        "R2 out, the rest are busy with the A350 offload",
+        "R2 out, it has 3 dead cameras",
+        "R2 out, GPU node 2 is dead",
+        "R2 out, it is charging at the docks",
+        "R2 steht an der ramp und lädt, bitte weglassen",
+        "R2 nicht anfragen, hängt an der ramp",
+        "am ramp wird geschweißt, R2 bitte weglassen",
+        "R2 out, we're moving people",
+        "there are people at the docks, so skip R2",
+        "R2 raus, die rutschen weg",
+        "R2 out, please carry on without it",
+        "R2 out, it's slippery out there",
+        "R2 out, it fell over at 11",
+        "fürs Erste ohne R2, nur zum Testen",
+    ],
+)
+def test_what_tells_how_things_are_is_not_asked_back(wish: str) -> None:
+    assert clear(wish).exclude == ("R2",)
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "R2 out, max 300 ms latency",
+        "R2 out, at most 5 Mbit/s",
+        "R2 out, ask 3 others",
+        "R2 out, use 2 scouts",
+        "es sind 2 Roboter erlaubt, R2 raus",
+        "skip A350, R2 out",
+        "no GH-1002, R2 out",
+        "if the link goes over 40 %, use rules. 40 % of the link, R2 out",
+        "shelf 5 is falling over, watch it. R2 out",
+        "robots under 20 % charge out, R2 out",
+        "R2 out while people are at the docks",
+        "as long as people are at the docks, leave R2 out",
+        "as soon as the wifi is down, use only R2",
+        "quality 0.8 C3 out, R2 out",
+        "R2 out, CPU at most 50 %",
+        "docks down while they are at the ramp, R2 out",
+        "R2 out, die mule weg",
+    ],
+)
+def test_what_may_be_a_wish_of_its_own_is_asked_back(wish: str) -> None:
+    assert understood(wish).unclear, wish
+
+
+def test_how_loaded_something_is_bounds_nothing() -> None:
+    assert clear("the link is 85 % full, use at most 30 % of it").link_share == 0.3
+    assert clear("CPU is at 96 %, go easy on it").save == "compute"
+    assert (
+        clear("over 40 % airtime is bad as soon as it rains, so 40 % of the link").link_share == 0.4
+    )
+    assert clear("at most a tenth of the link, die Kransteuerung geht vor").link_share == 0.1
+    assert understood("the link is at 40 %, R2 out").link_share is None
+    assert understood("R2 has 40 % of the link, leave it out").link_share is None
+    assert understood("quality not above 0.9").q_min is None
+
+
+def test_what_leans_on_only_says_no_more() -> None:
+    assert clear("only R1, we don't need more then").only == ("R1",)
+    assert clear("R2 is charging, ask only R1").only == ("R1",)
+    assert clear("keep it to R1 and R2").only == ("R1", "R2")
+    assert understood("only R1. R2 has to be asked too").only is None
+
+
+def test_a_wish_may_be_told_as_what_one_would_rather_see() -> None:
+    assert clear("I'd rather you took R1 before anyone else").prefer == ("R1",)
+    assert clear("we'd rather you didn't ask R3").exclude == ("R3",)
+    assert clear("nobody should ask R3").exclude == ("R3",)
+
+
+def test_a_cue_for_robots_lowers_no_place() -> None:
+    intent = understood("R1 waits at the docks with a flat tyre, leave out")
+    assert (intent.exclude, intent.focus) == (("R1",), ())

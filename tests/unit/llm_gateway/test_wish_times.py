@@ -9,9 +9,11 @@ import pytest
 from llm_gateway.wishes.times.phrases import when_at
 from llm_gateway.wishes.times.when import When
 from llm_gateway.wishes.words import words
+from tests.support.wish_site import WishSite
 
 NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
 """A Monday."""
+SITE = WishSite(robots="R1", places="docks", classes="person")
 
 
 def when(text: str, now: datetime = NOW) -> When:
@@ -184,3 +186,35 @@ def test_before_ends_a_no_and_is_doubtful_otherwise() -> None:
         doubtful = _in(text, "before")
         assert doubtful is not None
         assert not doubtful.clear
+
+
+@pytest.mark.parametrize(
+    ("wish", "start", "until"),
+    [
+        ("R1 out, end 17:30", None, "2026-11-23T17:30:00+01:00"),
+        (
+            "ab 15 Uhr R1 raus; Ende 16 Uhr",
+            "2026-11-23T15:00:00+01:00",
+            "2026-11-23T16:00:00+01:00",
+        ),
+        ("R1 out, start 18:00", "2026-11-23T18:00:00+01:00", None),
+        ("R1 out until Monday 30 Nov, 08:00", None, "2026-11-30T08:00:00+01:00"),
+        ("R1 raus bis Montag, 30.11., 7 Uhr", None, "2026-11-30T07:00:00+01:00"),
+        ("R1 raus bis 30.11.2026 18:00", None, "2026-11-30T18:00:00+01:00"),
+        ("bis Fr 18 Uhr ohne R1", None, "2026-11-27T18:00:00+01:00"),
+        ("no R1 for 1h30", None, "2026-11-23T15:35:00+01:00"),
+        (
+            "audit 15:30-16:00, R1 out for that half hour",
+            "2026-11-23T15:30:00+01:00",
+            "2026-11-23T16:00:00+01:00",
+        ),
+    ],
+)
+def test_ends_and_dates_may_be_short(wish: str, start: str | None, until: str | None) -> None:
+    intent = SITE.understood(wish)
+    assert (intent.unclear, intent.start, intent.until) == ((), start, until)
+
+
+def test_a_date_on_another_weekday_is_asked_back() -> None:
+    wish = "R1 out until Tuesday 30 Nov, 08:00"
+    assert SITE.understood(wish).unclear

@@ -197,3 +197,68 @@ def test_a_place_is_named_again_by_its_main_word() -> None:
 )
 def test_numbers_of_papers_and_who_is_spoken_to_are_no_part_of_a_wish(wish: str) -> None:
     assert clear(wish).exclude == ("R2",)
+
+
+@pytest.mark.parametrize(
+    ("wish", "policy"),
+    [
+        ("coverage please, at most 80 % of the link", "coverage"),
+        ("Coverage und Güte mindestens 0,78", "coverage"),
+        ("at most 30 % of the link, and coverage", "coverage"),
+        ("back to coverage please", "coverage"),
+        ("coverage for two hours", "coverage"),
+        ("surrogate on, R2 out", "surrogate"),
+        ("llm aus, random rein", "random"),
+        ("statt llm wieder rules", "rules"),
+        ("kein surrogate mehr, sondern rules", "rules"),
+        ("Policy von coverage auf static-late umstellen", "static-late"),
+        ("von rules zu coverage wechseln", "coverage"),
+        ("rules instead of surrogate", "rules"),
+        ("use the rules policy, surrogate gave us odd picks", "rules"),
+        ("coverage entscheidet, mit surrogate hatten wir Aussetzer", "coverage"),
+    ],
+)
+def test_one_policy_takes_over_from_another(wish: str, policy: str) -> None:
+    assert clear(wish).policy == policy
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "use anything but surrogate",
+        "no more surrogate",
+        "llm off",
+        "rules or surrogate, R2 out",
+        "only coverage, quality 0.8",
+        "mit coverage bitte, Güte 0,8",
+        "Random checks today, R2 out",
+    ],
+)
+def test_which_policy_is_asked_where_words_do_not_say(wish: str) -> None:
+    intent = understood(wish)
+    assert intent.unclear
+    assert intent.policy is None
+
+
+def test_coverage_of_something_is_no_policy() -> None:
+    assert clear("good coverage of the docks matters most").policy is None
+    assert clear("Wi-Fi coverage is poor, save bandwidth").policy is None
+
+
+def test_robots_are_named_by_what_their_names_begin_with() -> None:
+    assert clear("no lark robots until 15:00").exclude == ("lark-a", "lark-b")
+    assert clear("only the larks").only == ("lark-a", "lark-b")
+    assert clear("only the Rs").only == ("R1", "R2", "R3", "R4")
+    assert clear("R1-3 out").exclude == ("R1", "R2", "R3")
+    assert clear("R1 und -3 zuerst").prefer == ("R1", "R3")
+    assert understood("no blue robots, docks high").unclear
+    assert understood("no scout robots, docks high").unclear
+    assert understood("none of the llamas may be asked, docks high").unclear
+
+
+def test_a_policy_stands_behind_a_dash_and_nobody_makes_no_preference() -> None:
+    assert clear("skip R2 - coverage").policy == "coverage"
+    assert clear("policy: rules; link: 40 %; q: 0.75").link_share == 0.4
+    intent = understood("nobody should ask R2, R3 first")
+    assert intent.unclear
+    assert intent.prefer == ()

@@ -237,3 +237,16 @@ def test_there_may_be_where_nobody_knows(wish: str) -> None:
 def test_there_may_point_to_what_a_report_names() -> None:
     wish = "forklifts have been racing around the docks all week, so put forklifts there first"
     assert weights(wish) == {"forklift": "high", "docks": "high"}
+
+
+def test_a_measure_may_go_down() -> None:
+    assert weights("docks -> Gewicht runter; Gang 2 -> Gewicht rauf") == {
+        "docks": "low",
+        "Gang 2": "high",
+    }
+    assert understood("docks weighted up, docks weighted down").unclear
+
+
+def test_an_unknown_class_that_is_weighed_is_asked_back() -> None:
+    assert understood("class seal high, class person high").unclear
+    assert understood("Schneepflüge ganz oben, docks hoch").unclear
