@@ -34,6 +34,7 @@ OBJECT_CELL_M = 0.4
 MIN_POINTS = 5
 
 _GROUND_SIDE = int(2 * RANGE_M / GROUND_CELL_M)
+_OBJECT_SIDE = int(2 * RANGE_M / OBJECT_CELL_M)
 _EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=np.int8)
 _STEPS = np.array(SPREAD_CELLS, dtype=np.int64)
 _RISES = (SLOPE * GROUND_CELL_M * _STEPS).astype(np.float32)
@@ -46,7 +47,7 @@ def segment(points: Points) -> Segmentation:
     if not len(cloud):
         return Segmentation.empty()
     height = heights(cloud)
-    members, labels, count = objects(cloud, height)
+    members, labels, count = _objects(cloud, height)
     return Segmentation(cloud, height <= GROUND_BAND_M, members, labels, count)
 
 
@@ -132,29 +133,24 @@ def _spread(lowest: NDArray[np.float32]) -> NDArray[np.float32]:
     return ground
 
 
-def objects(
-    points: Points,
-    height: NDArray[np.float32],
-    cell_m: float = OBJECT_CELL_M,
-    min_points: int = MIN_POINTS,
+def _objects(
+    points: Points, height: NDArray[np.float32]
 ) -> tuple[NDArray[np.intp], NDArray[np.int32], int]:
-    """Positions of the points in connected cells that hold so many or more, their labels, how many.
-    Only what stands above the ground and below the ceiling counts."""
-    side = int(2 * RANGE_M / cell_m)
+    """Positions of the points in connected cells of MIN_POINTS or more, their labels, how many."""
     compiled = places()
     if compiled is None:
         standing = np.flatnonzero((height > GROUND_BAND_M) & (height < CEILING_M))
         x, y = np.ascontiguousarray(points.take(standing, axis=0)[:, :2].T)
-        members, labels, count = _components(x, y, cell_m, min_points)
+        members, labels, count = _components(x, y)
         return standing[members], labels, count
     points = np.ascontiguousarray(points)
     members, found = np.empty(len(points), np.int64), np.zeros(2, np.int64)
     labels, cells = (np.empty(len(points), np.int32) for _ in range(2))
-    grid = np.empty(side**2, np.int32)
-    stack = np.empty(max(side**2, len(points) + 1), np.int32)
+    grid = np.empty(_OBJECT_SIDE**2, np.int32)
+    stack = np.empty(max(_OBJECT_SIDE**2, len(points) + 1), np.int32)
     compiled.find_objects(
         *(pointer(points), pointer(height), len(points), GROUND_BAND_M, CEILING_M),
-        *(RANGE_M, 1.0 / cell_m, side, min_points),
+        *(RANGE_M, 1.0 / OBJECT_CELL_M, _OBJECT_SIDE, MIN_POINTS),
         *(pointer(cells), pointer(grid), pointer(stack)),
         *(pointer(members), pointer(labels), pointer(found)),
     )
@@ -163,18 +159,17 @@ def objects(
 
 
 def _components(
-    x: NDArray[np.float32], y: NDArray[np.float32], cell_m: float, min_points: int
+    x: NDArray[np.float32], y: NDArray[np.float32]
 ) -> tuple[NDArray[np.intp], NDArray[np.int32], int]:
-    """See `objects`."""
-    cells = _cells(x, y, cell_m)
-    side = int(2 * RANGE_M / cell_m)
-    occupied = np.zeros((side, side), dtype=np.bool_)
+    """Positions of the points in connected cells of MIN_POINTS or more, their labels, how many."""
+    cells = _cells(x, y, OBJECT_CELL_M)
+    occupied = np.zeros((_OBJECT_SIDE, _OBJECT_SIDE), dtype=np.bool_)
     occupied.ravel()[cells] = True
     labelled = np.zeros_like(occupied, dtype=np.int32)
     window = _bounds(occupied)
     found = ndimage.label(occupied[window], _EIGHT_NEIGHBOURS, output=labelled[window])
     labels = labelled.ravel()[cells]
-    kept = np.bincount(labels, minlength=found + 1) >= min_points
+    kept = np.bincount(labels, minlength=found + 1) >= MIN_POINTS
     members = np.flatnonzero(kept[labels])
     compact = np.cumsum(kept, dtype=np.int32) - 1
     return members, compact[labels[members]], int(np.count_nonzero(kept))

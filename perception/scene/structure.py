@@ -1,4 +1,4 @@
-"""What in a scan is no object: too tall or too wide for any, as walls, racks and hedges are."""
+"""What in a scan is no object: too tall for any, as walls, racks and pillars are."""
 
 from __future__ import annotations
 
@@ -6,27 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.scene import fast
-from perception.scene.segmentation import Groups
 from swarm.geometry import Points
 
 CELL_M = 0.3
-"""What stands in cells side by side is one thing."""
-BIN_M = 0.5
+"""Side of a column, seen from above."""
+BIN_M, MAX_GAP_BINS = 0.5, 3
+"""So many of height may hold nothing, as between the decks of a rack: what hangs higher over an
+object is not one thing with it."""
 SECTORS, SECTOR_RAD = 128, 2.0 * np.pi / 1024
-"""Directions in which structure is kept, evenly around the sensor, and how wide each of them is."""
-MAX_GAP_BINS = 2
-"""Of height, in which nothing is seen: a canopy over a car is not one thing with it."""
+"""Structure is kept in so many directions, evenly around the sensor, each of them so wide."""
 
 
 def ground_and_structure(
-    points: Points, tallest_m: float, widest_m: float
+    points: Points, tallest_m: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which of finite points, float32 (N, 3), sensor frame, z up, metres, are ground, and which of
-    the others belong to what is taller or wider than any object; both bool (N,), False beyond the
-    reach of `fast`.
+    """Which of finite points, float32 (N, 3), sensor frame, z up, metres, are ground, and which
+    stand in columns that go on above the tallest object; both bool (N,), no point is both, and none
+    beyond the reach of `fast` is either.
 
-    Tall is a column that goes on above the tallest object without a gap. What is left stands for
-    itself: an object beside a wall is cut from it. Wide is the diagonal of what is connected then.
+    An object beside a wall is cut from it, but for what it has in the wall's own columns.
     """
     ground, structure = np.zeros((2, len(points)), dtype=np.bool_)
     near = fast.in_range(points)
@@ -34,35 +32,20 @@ def ground_and_structure(
     if len(cloud):
         height = fast.heights(cloud)
         ground[near] = height <= fast.GROUND_BAND_M
-        structure[near] = _structure(cloud, height, tallest_m, widest_m)
+        structure[near] = _tall(cloud, height, tallest_m)
     return ground, structure
 
 
 def in_sectors(points: Points) -> NDArray[np.bool_]:
-    """Which points (N, 3) lie in one of SECTORS directions from the sensor."""
+    """Which points (N, 3) lie in one of the directions in which structure is kept: bool (N,)."""
     apart = 2.0 * np.pi / SECTORS
     along = np.mod(np.arctan2(points[:, 1], points[:, 0]) + SECTOR_RAD / 2.0, apart)
     kept: NDArray[np.bool_] = along < SECTOR_RAD
     return kept
 
 
-def _structure(
-    cloud: Points, height: NDArray[np.float32], tallest_m: float, widest_m: float
-) -> NDArray[np.bool_]:
-    found = _tall(cloud, height, tallest_m)
-    members, labels, count = fast.objects(
-        cloud, np.where(found, np.float32(0.0), height), CELL_M, min_points=1
-    )
-    if count:
-        groups = Groups.of(labels, count)
-        x, y = np.ascontiguousarray(cloud.take(members, axis=0)[:, :2].T)
-        long, wide = (groups.maximum(along) - groups.minimum(along) for along in (x, y))
-        found[members] = (np.hypot(long, wide) > widest_m)[labels]
-    return found
-
-
 def _tall(cloud: Points, height: NDArray[np.float32], tallest_m: float) -> NDArray[np.bool_]:
-    """Points in columns in which something goes on above that height."""
+    """Points in columns in which something stands that goes on above that height."""
     x, y = np.floor(cloud[:, :2] / CELL_M).astype(np.int64).T
     x, y = x - x.min(), y - y.min()
     column = x * (int(y.max()) + 1) + y
@@ -70,19 +53,17 @@ def _tall(cloud: Points, height: NDArray[np.float32], tallest_m: float) -> NDArr
     above = np.zeros(int(column.max()) + 1, dtype=np.bool_)
     above[column[standing & (height > tallest_m)]] = True
     tall = np.flatnonzero(above)
-    number = np.full(len(above), -1, dtype=np.int64)
-    number[tall] = np.arange(len(tall))
-    below = np.flatnonzero(standing & above[column] & (height <= tallest_m))
-    bins = int(np.ceil(tallest_m / BIN_M))
-    level = np.minimum((height[below] / BIN_M).astype(np.int64), bins - 1)
-    held = np.zeros((len(tall), bins), dtype=np.bool_)
-    held[number[column[below]], level] = True
-    seen = np.zeros(len(tall), dtype=np.bool_)
+    within = np.flatnonzero(standing & above[column])
+    held = np.zeros((len(tall), int(np.ceil(fast.CEILING_M / BIN_M)) + 1), dtype=np.bool_)
+    held[np.searchsorted(tall, column[within]), (height[within] / BIN_M).astype(np.int64)] = True
+    seen, reached = np.zeros((2, len(tall)), dtype=np.bool_)
     empty, gap = np.zeros((2, len(tall)), dtype=np.int64)
-    for filled in held.T:
-        empty = np.where(filled | ~seen, 0, empty + 1)
-        gap = np.maximum(gap, empty)
+    for level, filled in enumerate(held.T):
+        # Between the lowest return and the first one above the tallest object.
+        gap = np.where(filled & ~reached, np.maximum(gap, empty), gap)
+        empty = np.where(filled, 0, empty + seen)
         seen |= filled
+        reached |= filled & (level * BIN_M >= tallest_m)
     above[tall[gap > MAX_GAP_BINS]] = False
-    found: NDArray[np.bool_] = standing & above[column]
+    found: NDArray[np.bool_] = (height > fast.GROUND_BAND_M) & above[column]
     return found

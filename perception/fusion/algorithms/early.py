@@ -75,14 +75,14 @@ class EarlyFusion(PointForm):
         return add_outline(encode_points(cloud, options.max_error_m), places)
 
     def _wanted(self, cloud: Points) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which points are ground, and which are worth sending: bool (N,) each. Where the detector
-        is a learned one that does with little of the structure, a few bars of that; clusters, which
-        are found where nothing is learnt, would take such bars for posts."""
+        """Which points are ground, and which are worth sending: bool (N,) each. Of structure only
+        some directions are, where a learned detector does with that; clusters, which are found
+        where nothing is learnt, would take these for posts."""
         config = self.finder.config
         if self.finder.area is None or not config.sparse_structure:
             ground = ground_mask(cloud)
             return ground, ~ground
-        ground, structure = ground_and_structure(cloud, config.tallest_m, config.widest_m)
+        ground, structure = ground_and_structure(cloud, config.tallest_m)
         return ground, ~ground & (~structure | in_sectors(cloud))
 
     def _of_use_to_any(self, cloud: Points, pose: Pose, egos: tuple[Pose, ...]) -> Points:
