@@ -73,7 +73,7 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of points that robots send."""
     keep_ground: bool = False
-    """Ask for ground points too."""
+    """Ask for all points of scans: ground, and all of walls and racks, too."""
     share: bool = True
     """Take what robots publish once for several egos, in place of answers of one's own."""
     llm_period_s: Annotated[float, msgspec.Meta(gt=0, le=3600)] = 5.0

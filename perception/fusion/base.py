@@ -22,6 +22,7 @@ class EncodeOptions:
     max_error_m: float = 0.1
     """Bound on the Euclidean error of any coded point."""
     keep_ground: bool = False
+    """All points of scans: ground, and all of what is too tall to be an object, too."""
     pose: Pose | None = None
     """The robot's own sensor in the world at capture."""
     reference: Pose | None = None

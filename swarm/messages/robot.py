@@ -101,6 +101,7 @@ class ObservationRequest(Message, frozen=True, kw_only=True):
     max_error_m: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.1
     """Bound on the position error of coded points."""
     keep_ground: bool = False
+    """All points of the scan: ground, and all of walls and racks, too."""
     max_bytes: Annotated[int, msgspec.Meta(ge=1)] = MAX_MESSAGE_BYTES
     """A larger payload is refused instead of sent."""
     reference: Vector6 | None = None

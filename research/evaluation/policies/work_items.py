@@ -21,7 +21,7 @@ from research.evaluation.windows.choice import Choice, Outcome
 from research.evaluation.windows.contents import Contents, Uncoded, contents
 from research.evaluation.windows.fused import packed_frames, unpacked_frames
 from research.evaluation.windows.measure import NotMeasuredError, Window, packed, unpacked
-from research.evaluation.windows.placed import Placed, placed
+from research.evaluation.windows.placed import FRAMES, STEP, Placed, placed
 from research.evaluation.windows.scenarios import Scenario
 from research.evaluation.windows.search import explore
 from research.evaluation.windows.timing import Timing
@@ -77,7 +77,7 @@ class WorkItem:
     def placed_key(self) -> str:
         """By which it is kept who could be placed before."""
         frame, reach_m = self.scenario.decision_frame(self.window), _reach_m(self.scenario)
-        return f"placed {self.scenario.setting()} {frame} {reach_m}"
+        return f"placed {self.scenario.setting()} {frame} {reach_m} {FRAMES}/{STEP}"
 
     def frames_key(self) -> str:
         """By which fused frames are kept: on whatever link, with whatever model of compute."""
