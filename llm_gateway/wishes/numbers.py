@@ -114,7 +114,7 @@ def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
     value = decimal(text_at(words, at))
     if value is not None:
         return value, at + 1
-    found = _apart(words, at) or integer_at(words, at)
+    found = tens_behind(words, at) or integer_at(words, at)
     if found is None:
         return None
     number, end = found
@@ -122,7 +122,7 @@ def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
     return (float(f"{number}.{digits}"), last) if digits else (float(number), end)
 
 
-def _apart(words: Sequence[Word], at: int) -> tuple[int, int] | None:
+def tens_behind(words: Sequence[Word], at: int) -> tuple[int, int] | None:
     """ "fünf und zwanzig", written apart."""
     ones = 1 if text_at(words, at) == "ein" else _said(words, at)
     here = at + 1 + (text_at(words, at + 1) == "-")

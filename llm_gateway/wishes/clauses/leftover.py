@@ -45,6 +45,11 @@ _KEPT = re.compile(
     r"sie ist)))?|stays(?: (?:as (?:it )?is|the same))?|unchanged|wie gehabt)$"
 )
 """Lets the policy be as it is."""
+_FORBIDS = re.compile(
+    r"\b(?:nobody|no ?one|none|niemand|keiner) (?:darf|is (?:allowed|permitted|to)|may|must|shall|"
+    r"should|soll\w*)\b|\b(?:darf|soll\w*)(?: \w+){0,3} (?:keiner|niemand)\b"
+)
+"""Forbids something, of robots or of people."""
 _OTHERS = re.compile(
     r"\b(?:others?|rest|anderen|uebrigen|fahren|gehen|haben|hatten|helfen|kommen|laufen|machen|"
     r"stehen|warten|ist|sind|waere?s?|sofort|darf|kann|muss|soll|will|same|needs|wants|has|runs|comes)$|t$"
@@ -83,7 +88,8 @@ def _wishes_unread(draft: Draft, clause: Clause) -> bool:
         return True
     if _TOO.fullmatch(text) and strange(text):
         return True
-    if fleet.NOBODY.search(text) and not nobody(text):
+    forbids = _FORBIDS.search(text) and not {"else", "sonst"} & {*text.split()}
+    if (forbids or fleet.NOBODY.search(text)) and not nobody(text):
         return True
     if {*text.split()} & lexicon.ROBOT_WORDS and (negated(text) or acts) and unknown_robots(text):
         return True

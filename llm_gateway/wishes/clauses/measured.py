@@ -14,12 +14,17 @@ from llm_gateway.wishes.cues.plain import unfamiliar
 from llm_gateway.wishes.names.lexicon import QUALITY, ROBOT_WORDS
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.numbers import is_physical
+from llm_gateway.wishes.times.lengths import LASTS
 from llm_gateway.wishes.words import text_at
 
 _NUMBER = re.compile(r"\d[\d.,]*")
 _LEAST = 3
 _LONG = 4
 """Digits of a number that is no robot's, an hour's or a part."""
+_ALONE = 2
+"""Words of a number and its unit."""
+_SHORT = {"m", "s"}
+"""Units that are short for minutes and seconds as well."""
 _IS_OVER = re.compile(
     r"\b(?:are|is|ist|liegt|s|sind) (?:\w+ )??(?:above|below|over|ueber|under|unter|up to)\b"
 )
@@ -53,7 +58,8 @@ def _is_told(text: Text, at: int, clause: Clause, *, acts: bool, named: bool) ->
     if _is_code(text, at):
         return not negated(clause.text) and (not acts or len(text.words[at].text) >= _LONG)
     if is_physical(text.words, at + 1):
-        return not _bounded(clause)
+        lasts = text_at(text.words, at - 1) in LASTS or len(clause.text.split()) == _ALONE
+        return not (_bounded(clause) or (behind in _SHORT and lasts))
     tells = STATES.search(clause.text) or speech.HAPPENED.search(clause.text)
     if acts or not tells or behind in ROBOT_WORDS:
         return False

@@ -29,6 +29,19 @@ _SAME = re.compile(
     r"(?:genauso|ebenso) (?:(?:der|die|das|den) )?ROBOT"
 )
 _ALSO = re.compile(r"\b(?:also|too|auch|ebenfalls|ebenso|likewise|as well)\b")
+_NOT_THIS = re.compile(
+    r"(?:not|nicht)(?: (?:den|der|die|das|the))? ROBOT(?: (?:bitte|please|TIME))*"
+)
+_NOBODY = re.compile(r"\b(?:keiner|niemand|no ?one|nobody)\b")
+_SAVE_FOR = re.compile(
+    r"(?:aber|allein|alone|bloss|apart|aside|ausgenommen|ausser|barring|besides|bis auf|but|"
+    r"except\w*|just|mit ausnahme|nur|only|other than|save|sondern|unless|with the exception)\b|"
+    r"(?:(?:das|den|der|die|the) )?ROBOT (?:ausgenommen|except\w*|exclud\w*|schon)\b"
+)
+"""Behind "nobody may ask R2" they begin to tell who may, or may not be asked either."""
+_BARE = re.compile(
+    r"(?:(?:den|der|die|das|the|just|bitte|please) )*ROBOT(?: (?:bitte|instead|please|TIME))*"
+)
 _SINCE = {"seit", "since"}
 """Before a time they tell how long something is so already."""
 
@@ -74,6 +87,11 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
         if len(numbers) == 1:
             draft.suspected[numbers[0]] = role
         role = None if role == "out" else "doubt"
+    if role == "out" and at and _NOT_THIS.fullmatch(clause.text):
+        # "Skip R2, but not R3".
+        before = {draft.roles[n] for n in draft.of(draft.clauses[at - 1], "robot")}
+        skipped = before == {"out"} and not negated(draft.clauses[at - 1].text)
+        role = "doubt" if skipped else role
     listed = {word.text for n in numbers for word in _words(draft, n)}
     said_no = any(negated(c.text) for c in draft.clauses if c.sentence == clause.sentence)
     if role in ("only", "out") and listed & {"or", "oder"} and not said_no:
@@ -97,11 +115,21 @@ def _words(draft: Draft, number: int) -> tuple[Word, ...]:
 
 
 def _crosses(draft: Draft, at: int, clause: Clause) -> bool:
-    """Whether "not R3 but R4 should be left out" begins here: no cue tells who is out."""
-    if at + 1 == len(draft.clauses) or not re.search(r"\b(?:not|nicht) ROBOT$", clause.text):
+    """Whether "not R3 but R4 should be left out", "don't ask R3 but R4", or "nobody may ask R3 but
+    R4" begins here: no cue tells who is out."""
+    after = draft.clauses[at + 1] if at + 1 < len(draft.clauses) else None
+    if after is None or not draft.of(after, "robot"):
         return False
-    after = draft.clauses[at + 1]
-    return after.opener in ("but", "sondern") and bool(draft.of(after, "robot"))
+    if after.sentence != clause.sentence and after.opener not in ("aber", "but"):
+        return False
+    said = " ".join(word.text for word in draft.text.words[clause.first : clause.last])
+    by_nobody = _NOBODY.search(said) and "NOBODYBUT" not in clause.text
+    bare = _BARE.fullmatch(after.text)
+    saved = bare or _SAVE_FOR.match(f"{after.opener} {after.text}".strip(" ,-–—()"))
+    if by_nobody and saved:
+        return True
+    no = (bare and negated(clause.text)) or re.search(r"\b(?:not|nicht) ROBOT$", clause.text)
+    return after.opener in ("aber", "but", "sondern") and bool(no)
 
 
 def _weights(draft: Draft, at: int, clause: Clause) -> None:

@@ -10,6 +10,18 @@ from llm_gateway.wishes.clauses.weighing import share_role
 from llm_gateway.wishes.cues import asides, resources
 from llm_gateway.wishes.reading import Role
 
+_HOLDS = re.compile(
+    r"\b(?:(?:as|so) long as|bis|given|provid(?:ed|ing)|till|until|waehrend|where|while)\b"
+    r".*\b(?:are|exceeds?|faellt|falls|has|have|holds?|is|its|keeps|remains?|runs?|sits?|"
+    r"s|stays|takes?|uses?)\b.* SHARE\b|"
+    r"\b(?:THEN|bis|waehrend)\b.* SHARE(?: \w+)* (?:betraegt|bleib\w*|faellt|ha(?:t|ben)|is[st]?|"
+    r"lieg\w*|sind|sinkt|steht|steigt)\b"
+)
+"""Tells how long, or where, a wish holds: no bound."""
+_BIDS = re.compile(
+    r"\b(?:at most|hoechstens|keep|max\w*|nehmt|no more|not|nutzt|take|(?<!they )(?<!we )use)\b"
+)
+"""Bounds it all the same."""
 _OF_IT = re.compile(r"\b(?:of it|of that|davon)\b")
 
 
@@ -17,6 +29,10 @@ def read_parts(draft: Draft, at: int, clause: Clause) -> None:
     """Gives roles to the parts that clause number `at` names."""
     numbers = draft.of(clause, "share")
     if not numbers:
+        return
+    held = f"{clause.opener} {clause.text}"
+    if _HOLDS.search(held) and not _BIDS.search(clause.text):
+        draft.set(numbers, "doubt")
         return
     if len(numbers) > 1:
         _several_shares(draft, clause, numbers)

@@ -29,7 +29,10 @@ _BUSY = re.compile(
 _WE_DO = re.compile(
     r"(?:(?:as|because|da|denn|since|weil) )?(?:jemand|man|some(?:body|one)|they|theyre|we|were|"
     r"weve|wir)\b(?!.*\b(?:brauch\w*|care|expect|like|love|moecht\w*|must|need|prefer|should|soll\w*|"
-    r"think|want|wish|woll\w*)\b)(?: [a-z0-9]+){1,3} (?:\w+ )?CLASS\b"
+    r"think|want|wish|woll\w*)\b)(?: (?:also|are|currently|gerade|heute|is|just|nearly|now|still))*"
+    r" (?:clean|deliver|entlad|hit|install|lad|liefer|load|montier|mov(?:e|ing)|pack|reinig|"
+    r"repair|reparier|ship|transport|unload|verlad|verleg|verschieb)\w*"
+    r"(?: (?!(?:in|nur|on|only)\b)[a-z0-9]+){0,2} CLASS\b"
 )
 """Tells what those who wish are doing with a class: "we're moving patients"."""
 _ASIDE = {"(", "-", "–", "—"}
@@ -42,18 +45,35 @@ _WHILE = re.compile(
 _THEREFORE = {"also", "damit", "so"}
 _ACTS = (robots.OUT, robots.ONLY, robots.FIRST, robots.POSSIBLY)
 _AILS = re.compile(
-    r"^(?:(?:der|die|das|the) )*ROBOT (?:charges|hat|has|haengt|ist|is|laedt|laden|sind|are|"
-    r"spinnt|steht|streikt|hakt|klemmt)\b"
+    r"(?:(?:der|die|das|the) )*ROBOT (?:charges|hakt|klemmt|laden|laedt|spinnt|streikt|"
+    r"(?:are|haengt|is|ist|sind)(?: (?:at|am|an der|currently|gerade|just|noch|now|still))*"
+    r" (?:beschaeftigt|broken|busy|charging|damaged|defective|defekt|faulty|kaputt|krank|laden|"
+    r"ladestation|stuck))(?: (?:anyway|at|gerade|jetzt|now|sowieso|PLACE|the))*"
 )
+"""Tells what is wrong with robots, and nothing else."""
 _NEEDS_IT = re.compile(r"\b(?:brauch\w*|needs?) .*\b(?:CPU|NET)\b")
+_WE_ARE = re.compile(
+    r"(?:(?:and|as|because|da|denn|und|weil) )*(?:i am|im (?=[a-z]+ing\b)|ich bin|jemand|man|"
+    r"some(?:body|one)|we are|were|wir sind)\b"
+)
+"""Tells what those who wish do, and may look for."""
+_THEY_ARE = re.compile(
+    r"(?:(?:and|as|because|da|denn|und|weil) )*(?:er|he|hes|it|its|sie|she|shes|they|theyre)\b"
+)
+"""Tells what robots, which were named before, are for."""
 _THERE = re.compile(r"\b(?:dort|here|hier|there|where)\b")
 _IT_IS = re.compile(
     r"^(?:(?:and|as|because|beide|both|da|denn|der|die|er|he|it|she|sie|that|they|und|weil|"
-    r"ROBOT) )*(?:arbeit\w*|are|busy|charg\w*|fahr\w*|faehrt|haeng(?:t|en)|helfen|help\w*|hes|"
-    r"hilft|is|ist|its|keeps?|laden|laedt|loses?|lost|park\w*|shes|sind|sit\w*|stand\w*|steck(?:t|en)|steh(?:t|en)|"
-    r"theyre|work\w*)\b(?! (?:all|alles) ).*\bPLACE\b"
+    r"ROBOT) )*(?:are|charges|fahren|faehrt|haeng(?:t|en)|hes|is|ist|its|laden|laedt|parkt?s?|"
+    r"shes|sind|sits?|stands?|steck(?:t|en)|steh(?:t|en)|theyre)(?: (?:busy|charging|currently|"
+    r"gerade|jetzt|just|noch|now|over|parked|right|sitting|standing|still|stood|stuck|waiting|"
+    r"working|(?:bringing|carrying|fetching|hauling|moving) [a-z]+))* (?:am|an|at|auf|bei|beim|by|"
+    r"from|im|in|near|next to|on)(?: (?:a|dem|den|der|einer?|einem|our|the)(?: [a-z]+ (?:am|an|at|"
+    r"auf|bei|beim|by|im|in|near|on)(?: (?:dem|den|der|our|the))?)?)? PLACE\b"
 )
-"""Tells where robots are, which were named before."""
+"""Tells where robots are, which were named before, and not how well they do there."""
+_ANYWAY = re.compile(r"(?: (?:already|anyway|gerade|jetzt|now|right|schon|sowieso|TIME))*")
+"""May stand behind a place where robots are that are asked."""
 _IS_FINE = re.compile(
     r"^(?:(?:am|an|at|auf|bei|beim|das|dem|den|der|die|hi|im|in|moin|on|the) )*PLACE "
     r"(?:is running|laeuft|laufen|passt|runs|(?:is|ist) (?:alright|fine|gut|"
@@ -96,7 +116,10 @@ def whereabouts(draft: Draft, at: int) -> bool:
     own = {draft.roles[n] for n in draft.of(clause, "robot")}
     if not (own == {"out"} or (at and wished and not own)) or _supposed(clause):
         return False
-    return bool(_IT_IS.search(clause.text)) and not STRONG.search(clause.text)
+    stands = _IT_IS.search(clause.text)
+    if stands is None or STRONG.search(clause.text):
+        return False
+    return "out" in wished | own or bool(_ANYWAY.fullmatch(clause.text[stands.end() :]))
 
 
 def _supposed(clause: Clause) -> bool:
@@ -116,7 +139,7 @@ def _ails(draft: Draft, clause: Clause) -> bool:
     """ "R2 is charging, ask only R4": whether a clause only tells what is wrong with robots."""
     held = [n for n in clause.mentions if draft.roles[n] not in (None, "none", "when")]
     acts = negated(clause.text) or any(cue.search(clause.text) for cue in _ACTS)
-    return bool(_AILS.search(clause.text)) and not (held or acts or clause.asked)
+    return bool(_AILS.fullmatch(clause.text)) and not (held or acts or clause.asked)
 
 
 def _states(draft: Draft, clause: Clause) -> bool:
@@ -124,6 +147,9 @@ def _states(draft: Draft, clause: Clause) -> bool:
     in a wish in which no place and no class counts more or less."""
     tells = STATES.search(clause.text) or _NEEDS_IT.search(clause.text)
     if not tells or clause.asked or negated(clause.text) or _supposed(clause):
+        return False
+    asked = {"first", "only", "out"} & {*draft.roles}
+    if _WE_ARE.match(clause.text) or (asked and _THEY_ARE.match(clause.text)):
         return False
     others = [c for c in draft.clauses if c is not clause]
     weighs = {"doubt", "high", "low"} & {*draft.roles} or any(

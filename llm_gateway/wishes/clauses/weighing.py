@@ -31,6 +31,24 @@ _LOST = re.compile(
 )
 """No to what a clause says of a thing, by other words than "not"."""
 _NOT_WITHOUT = re.compile(r"\b(?:not|nicht|keineswegs) (?:entirely |ganz )?(?:ohne|without)\b")
+_LAPSES = re.compile(
+    r"\b(?:drop|giv(?:e|es|ing) up|los(?:e|es|ing)|lower|relax)\w* (?:(?:all|any|our|the|your) )?"
+    r"(?:attention|concentration|eyes?|focus|guard|vigilance)\b|"
+    r"\b(?:avert|divert|draw|shift|tak(?:e|ing)|tear|turn)\w* (?:\w+ )?(?:attention|eyes?|focus|"
+    r"gaze) (?:away|from|off)\b|"
+    r"\blet (?:\w+ ){0,2}(?:attention|eyes?|focus|gaze|vigilance)(?: \w+){0,4} (?:drift|drop|fade|"
+    r"lapse|slip|stray|wander|waver)\b|"
+    r"\bverlier\w* .*\b(?:aufmerksamkeit|blick|fokus)\b|\baus dem (?:blick|fokus)\b|"
+    r"\b(?:aufmerksamkeit|augen?|blick|fokus|konzentration)\b.* (?:abwend\w*|abzieh\w*|nachlass\w*|"
+    r"verlier\w*|verlor\w*)|"
+    r"\b(?:wend|zieh)\w* .*\b(?:aufmerksamkeit|augen?|blick|fokus)\b.* ab\b"
+)
+"""Ends what it names: "lose focus"."""
+_KEPT_UP = re.compile(r"\b(?:do not|dont|must ?nt|must not|never|nicht|nie|niemals)\b")
+_ALL_RIGHT = re.compile(
+    r"\b(?:bad|egal|fine|hurt|matters?|mind|need|problem|schlimm|stoert|tragisch|worry)\b"
+)
+"""Beside "not" they say that it may be so."""
 _UTMOST = re.compile(
     r"\b(?:could|can|koenn\w*)(?:nt| not| hardly| scarcely| nicht| kaum)* (?:\w+ )?"
     r"(more|less|\w*wichtiger)\b"
@@ -49,6 +67,11 @@ _COMPARED = re.compile(
 _UNDER = re.compile(
     r"\b(?:above|below|hoechstens|less|mindestens|more|over|ueber|under|unter|weniger)\b"
 )
+_ABOVE = re.compile(
+    r"\b(?:are|is|ist|s|sind|stays?) (?:\w+ )?(?:above|below|over|under)\b|\b(?:above|over|ueber)"
+    r" SHARE\b|\bunter SHARE (?:ist|liegt|sind)\b"
+)
+"""Tells how much of the link is taken, rather than bounds it."""
 _SOMEBODY = re.compile(
     r"\b(?:anyone|bots?|everyone|jeder|keiner|no one|nobody|roboter|robots?|wer|who\w*)\b"
 )
@@ -72,6 +95,8 @@ def weight_role(text: str) -> Role | None:
         return "low" if re.match(r"less|weniger|unwichtig", superlative[1] or "") else "high"
     if (utmost := _UTMOST.search(text)) is not None and common.NOT.search(text):
         return "low" if re.match(r"less|unwichtig", utmost[1]) else "high"
+    if _LAPSES.search(text):
+        return "high" if _KEPT_UP.search(text) and not _ALL_RIGHT.search(text) else "doubt"
     if _LIKE.search(text):
         return "doubt" if weights.LOW.search(text) else "high"
     if (
@@ -140,6 +165,8 @@ def share_role(text: str) -> Role:
         if given or resources.FREE.search(text):
             return "doubt" if most and not least else "free"
         if least and not re.search(r"\b(?:under|unter|below|ueber|above|or less)\b", text):
+            return "doubt"
+        if _ABOVE.search(text) and not (most or common.NOT.search(text)):
             return "doubt"
         return "link"
     if not network and least and not most and not falls and not resources.FREE.search(text):

@@ -13,7 +13,7 @@ from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.people import CALLED, ENDS, SPEAKS, TITLES
 from llm_gateway.wishes.names.policies import Policies
 from llm_gateway.wishes.names.roster import Roster
-from llm_gateway.wishes.numbers import whole
+from llm_gateway.wishes.numbers import tens_behind, whole
 from llm_gateway.wishes.shares import is_torn, share_at
 from llm_gateway.wishes.times.phrases import when_at
 from llm_gateway.wishes.times.when import When
@@ -62,10 +62,20 @@ class Finder:
         found = self._at(at, now)
         if found is not None and is_torn(self._words, at, self._behind):
             found = Mention("unknown", at, found.last)
+        if found is not None and found.kind in ("place", "robot"):
+            found = self._whole(found)
         if found is not None:
             self._behind = found.last
         if found is not None and found.kind == "place":
             self._seen += [name for name in found.names if name not in self._seen]
+        return found
+
+    def _whole(self, found: Mention) -> Mention:
+        """What is named, unknown where its number may go on: "Roboter zwei und zwanzig"."""
+        for at in range(found.first, found.last):
+            apart = tens_behind(self._words, at)
+            if apart is not None:
+                return Mention("unknown", found.first, max(found.last, apart[1]))
         return found
 
     def _at(self, at: int, now: datetime) -> Mention | None:

@@ -47,6 +47,8 @@ _RUN = {"fahr", "fahre", "fahren", "fahrt", "let", "run", "start"}
 """Before a name they say that it decides, be it "on the ego"."""
 _SWAPS = {"als", "anstatt", "instead", "replace", "statt", "than", "with"}
 """Between two policies they say which one is to decide."""
+_TURNS = {"but", "kein", "keine", "nicht", "no", "not", "sondern"}
+"""So they do right before the second one, or the first."""
 _SWITCHED = {"active", "aktiv", "an", "aus", "ein", "off", "on", "raus", "rein", "weg"}
 """Behind a name, and before an end, they switch it on or off."""
 
@@ -96,7 +98,8 @@ class Policies:
         taken = {self._text(n) for n in range(at - 3, at + 4)} & lexicon.TAKE
         if taken or near & lexicon.POLICY_WORDS or policy in self._seen:
             return True
-        return (policy != "coverage" or bool(near & _SWAPS)) and self._beside(at)
+        swapped = near & _SWAPS or self._text(at - 1) in _TURNS
+        return (policy != "coverage" or bool(swapped)) and self._beside(at)
 
     def _beside(self, at: int) -> bool:
         """Whether another policy is named near."""

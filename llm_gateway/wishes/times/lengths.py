@@ -23,7 +23,7 @@ _ONES = {"a", "an", "one", "ne", "nen", "ner", "ein", "eine", "einen", "einer", 
          "naechste", "naechsten", "naechster"}  # fmt: skip
 
 _MINUTES = re.compile(r"[0-5]\d")
-_LASTS = {"another", "for", "fuer", "in", "naechsten", "next", "noch", "within"}
+LASTS = {"another", "for", "fuer", "in", "naechsten", "next", "noch", "within"}
 """Before a number they say that it is one of minutes."""
 _OF = {":", "=", "at", "auf", "bei", "is", "ist", "of", "von"}
 """Between "quality" and its number."""
@@ -95,7 +95,7 @@ def and_half(words: Sequence[Word], at: int) -> int | None:
 
 def _is_bound(words: Sequence[Word], at: int, amount: float) -> bool:
     """Whether "min" behind number `at` means "at least": "0.7 min.", "quality 90 min"."""
-    if text_at(words, at - 1) in _LASTS:
+    if text_at(words, at - 1) in LASTS:
         return False
     before = at - 1
     while text_at(words, before) in _OF:
