@@ -121,7 +121,7 @@ _FACTORY = DetectorConfig(
     # Worth 0.04 more of AP@0.7 than attention, with poses off by up to 0.2 m, and as much at 0.4 m
     # (floors of seeds from 1,960,100 on).
     fuses_cells_by="strongest",
-    # It saves a fifth of the bytes for as much AP@0.7, and has a few more false boxes
+    # It saves a sixth of the bytes for as much AP@0.7, and has a few more false boxes
     # (docs/results.md).
     sparse_structure=True,
 )
