@@ -83,7 +83,9 @@ class EarlyFusion(PointForm):
             ground = ground_mask(cloud)
             return ground, ~ground
         ground, structure = ground_and_structure(cloud, config.tallest_m)
-        return ground, ~ground & (~structure | in_sectors(cloud))
+        wanted = ~ground
+        wanted[structure] = in_sectors(cloud.compress(structure, axis=0))
+        return ground, wanted
 
     def _of_use_to_any(self, cloud: Points, pose: Pose, egos: tuple[Pose, ...]) -> Points:
         """The points near enough to one of the egos, whichever way it looks by now."""
