@@ -91,51 +91,43 @@ def _ego_ms(driven: Driven, taken: Sequence[Work]) -> float:
 
 def _asked(
     driven: Driven, way: Way
-) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, Focus]], list[int]]:
+) -> tuple[list[Mapping[str, str]], list[Mapping[str, Focus]], list[int]]:
     """By frame: who is asked for what, who of them about which places only, and how many take
     part."""
-    if way.decided is None:
-        return _fixed(driven, way)
-    link, from_s = way.link, way.link_from_s
-    assert link is not None, f"{way.name}: what is decided depends on a link"
-    deciding = Deciding(driven, way.decided, lambda at_s: link.known_bps(from_s + at_s))
+    deciding = _deciding(driven, way)
     # Where poses are right, everybody is placed.
-    rehearses = way.decided.asks_about_places or driven.drive.pose_noise_m > 0.0
+    learns = deciding is not None and driven.drive.pose_noise_m > 0.0
+    rehearses = learns or (way.memory and way.asks_about_places)
     rehearsal = Rehearsal(driven, way.max_error_m) if rehearses else None
-    asked, places, taking_part = [], [], []
+    rate_hz = driven.world.rate_hz
+    asked: list[Mapping[str, str]] = []
+    places: list[Mapping[str, Focus]] = []
+    taking_part: list[int] = []
     for number, frame in enumerate(driven.frames):
-        whole = deciding.asked(number, frame)
-        about = deciding.asked_about(number) if way.memory else {}
+        if deciding is None:
+            whole = way.asked(number, driven.nearest, rate_hz)
+            about = way.asked_about(number, driven.nearest, rate_hz)
+        else:
+            whole, about = deciding.asked(number, frame), deciding.asked_about(number)
+            taking_part.append(len(deciding.participants))
         only: Mapping[str, Focus] = {}
         if rehearsal is not None:
-            only = rehearsal.ask(frame, whole, about)
-            deciding.heed(rehearsal.placed)
+            only = rehearsal.ask(frame, whole, about if way.memory else {})
+            if deciding is not None:
+                deciding.heed(rehearsal.placed)
         asked.append({**whole, **{robot: about[robot] for robot in only}})
         places.append(only)
-        taking_part.append(len(deciding.participants))
-    return asked, places, taking_part
+    everyone = len({robot for one in asked for robot in one})
+    return asked, places, taking_part or [everyone] * len(asked)
 
 
-def _fixed(
-    driven: Driven, way: Way
-) -> tuple[Sequence[Mapping[str, str]], Sequence[Mapping[str, Focus]], list[int]]:
-    """The same where it is always asked for the same."""
-    rate_hz = driven.world.rate_hz
-    numbers = range(len(driven.frames))
-    whole = [way.asked(number, driven.nearest, rate_hz) for number in numbers]
-    about = [way.asked_about(number, driven.nearest, rate_hz) for number in numbers]
-    taking_part = [len({robot for one in whole for robot in one})] * len(whole)
-    if not way.memory or not any(about):
-        return whole, [{}] * len(whole), taking_part
-    rehearsal = Rehearsal(driven, way.max_error_m)
-    places = [
-        rehearsal.ask(frame, *ask) for frame, *ask in zip(driven.frames, whole, about, strict=True)
-    ]
-    asked = [
-        {**everything, **{robot: forms[robot] for robot in only}}
-        for everything, forms, only in zip(whole, about, places, strict=True)
-    ]
-    return asked, places, taking_part
+def _deciding(driven: Driven, way: Way) -> Deciding | None:
+    """None where it is always asked for the same."""
+    if way.decided is None:
+        return None
+    link, from_s = way.link, way.link_from_s
+    assert link is not None, f"{way.name}: what is decided depends on a link"
+    return Deciding(driven, way.decided, lambda at_s: link.known_bps(from_s + at_s))
 
 
 def _played(

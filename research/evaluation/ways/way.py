@@ -40,6 +40,13 @@ class Way:
     """How often robots with one of the `forms` are asked about the places of what is remembered,
     where they do not send anyway; 0: never."""
 
+    @property
+    def asks_about_places(self) -> bool:
+        """Whether robots may be asked about places in between."""
+        if self.decided is not None:
+            return self.decided.asks_about_places
+        return self.places_hz > 0.0 or any(one.places_hz > 0.0 for one in self.assignments)
+
     def asked(self, number: int, nearest: Sequence[str], rate_hz: float) -> Mapping[str, str]:
         """The robots that send in the frame of that number, nearest first, and what. `rate_hz`: of
         the drive's frames."""
