@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
-from ego_agent.knowledge.objective import Objective
 from perception.codec.places import Places
 from perception.fusion.base import Contribution, EncodeOptions, Fusion
 from perception.fusion.known import KnownRobot
@@ -21,7 +20,7 @@ from research.evaluation.windows.announcements import Announced, heard
 from research.evaluation.windows.frames import OnceWorld
 from swarm.errors import PerceptionError
 from swarm.geometry import Matrix
-from worlds.base import World
+from worlds.base import World, comm_range_of
 from worlds.cooperative.fusing import SINGLE, known_robots
 from worlds.cooperative.pose_errors import PoseErrors, disturbed
 from worlds.registry import open_world
@@ -99,7 +98,10 @@ class Driven:
 
     def __init__(self, drive: Drive) -> None:
         self.drive = drive
-        self.world = OnceWorld(drive.open())
+        world = drive.open()
+        self.world = OnceWorld(world)
+        self.comm_range_m = comm_range_of(world)
+        """How far from the ego a robot may take part."""
         self.ego = self.world.robots[drive.ego]
         self.frames = range(drive.first, drive.first + drive.frames)
         self.nearest = tuple(nearest_first(self.world, self.ego, drive.first))[1:]
@@ -134,13 +136,22 @@ class Driven:
             self._fused[key] = self._fuse(frame, asked, max_error_m, places)
         return self._fused[key]
 
+    def in_range(self, frame: int) -> list[str]:
+        """The other robots that may take part then."""
+        here = self.world.pose(self.ego, frame)
+        return [
+            robot
+            for robot in self.nearest
+            if self.world.pose(robot, frame).distance_to(here) <= self.comm_range_m
+        ]
+
     def heard(self, frame: int, algorithms: Sequence[str]) -> Announced:
         """What the ego has heard by that frame; beacons tell sizes of those algorithms."""
         key = (frame, tuple(algorithms))
         if key not in self._heard:
             fusions = {name: self.fusion(name) for name in algorithms}
             noise_m = self.drive.pose_noise_m
-            reach_m = Objective().comm_range_m + 10 * noise_m + 1.0
+            reach_m = self.comm_range_m + 10 * noise_m + 1.0
             self._heard[key] = heard(self.world, frame, self.ego, fusions, noise_m, reach_m)
         return self._heard[key]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from msgspec.structs import replace
@@ -105,8 +105,9 @@ def _asked(
     taking_part: list[int] = []
     for number, frame in enumerate(driven.frames):
         if deciding is None:
-            whole = way.asked(number, driven.nearest, rate_hz)
-            about = way.asked_about(number, driven.nearest, rate_hz)
+            near = driven.in_range(frame)
+            whole = _only(near, way.asked(number, driven.nearest, rate_hz))
+            about = _only(near, way.asked_about(number, driven.nearest, rate_hz))
         else:
             whole, about = deciding.asked(number, frame), deciding.asked_about(number)
             taking_part.append(len(deciding.participants))
@@ -119,6 +120,10 @@ def _asked(
         places.append(only)
     everyone = len({robot for one in asked for robot in one})
     return asked, places, taking_part or [everyone] * len(asked)
+
+
+def _only(robots: Collection[str], asked: Mapping[str, str]) -> Mapping[str, str]:
+    return {robot: form for robot, form in asked.items() if robot in robots}
 
 
 def _deciding(driven: Driven, way: Way) -> Deciding | None:

@@ -27,6 +27,7 @@ from research.evaluation.ways.driven import (
 )
 from research.evaluation.ways.going import gone
 from research.evaluation.ways.measure import Measured
+from research.evaluation.ways.planned import Decided
 from research.evaluation.ways.way import Way
 from research.evaluation.windows.links import Link
 from research.evaluation.windows.scenarios import chosen, factory_suite
@@ -90,6 +91,24 @@ def test_a_link_that_carries_little_brings_little_in_time() -> None:
 
     assert over(50_000_000) == [2] * 6
     assert sum(over(100_000)) < 6
+
+
+@needs_weights
+def test_rules_ask_whom_decisions_could_ask(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven = Driven(Drive("factory", 1_960_000, 3, 0, 60, 6))
+    near, far = driven.nearest
+
+    def ask(way: Way) -> set[str]:
+        return {robot for one in gone(driven, way) if one is not None for robot in one.came}
+
+    rule = Way("rule", (("early", 10.0),))
+    assert ask(rule) == {near, far}
+    here = driven.world.pose(driven.ego, 60)
+    reach_m = driven.world.pose(far, 60).distance_to(here) - 1.0
+    monkeypatch.setattr(driven, "comm_range_m", reach_m)
+    decided = Decided("static-early", validated=False)
+    link = Link("cell", Fixed(50_000_000))
+    assert ask(rule) == ask(Way("decided", link=link, decided=decided)) == {near}
 
 
 @needs_weights
