@@ -19,10 +19,12 @@ from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.own_costs import OwnCosts
 from ego_agent.knowledge.placing import Placing
 from ego_agent.knowledge.quality import QualityModel, quality_of
-from ego_agent.knowledge.rates import FOCUSED, USUAL_DETECTOR, RateModel, rates_of
+from ego_agent.knowledge.rates import USUAL_DETECTOR, RateModel, rates_of
 from swarm.errors import DecisionError
 from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
+FOCUSED = "+places"
+"""What is added to an algorithm's name for answers about places."""
 NO_WORK = Work(encode_ms=0.0, fixed_ms=0.0, add_ms=0.0)
 MAX_SERIES = 4096
 """Receipt series kept at most, one a robot and algorithm; the longest unused is dropped."""
@@ -137,10 +139,11 @@ class Knowledge:
         other.objective = objective
         return other
 
-    def places_hz(self, algorithm: Algorithm) -> float:
-        """How often who sends it more rarely is asked about places in between; 0: never."""
-        known = self.may_be_rarer(algorithm) and self.rates.focuses(algorithm)
-        return self.objective.places_hz if known else 0.0
+    def places_hz(self, algorithm: Algorithm, rate_hz: float) -> float:
+        """How often who sends it at that rate is asked about places in between; 0: never."""
+        if not self.may_be_rarer(algorithm):
+            return 0.0
+        return min(self.objective.places_hz, self.rates.between_hz(algorithm, rate_hz))
 
     def record_payload(
         self, robot: str, algorithm: str, size: int, now_ns: int, *, focused: bool = False

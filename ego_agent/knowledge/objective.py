@@ -40,8 +40,8 @@ class Objective(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Lower rates at which single robots may contribute to frames that are fused more often, as
     memory carries on what they showed."""
     places_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
-    """How often these are asked in between about the places of what is remembered, where their
-    algorithm can tell of places alone; 0: not at all."""
+    """How often, at most, these are asked in between about the places of what is remembered, where
+    their algorithm can tell of places alone; 0: not at all."""
     comm_range_m: Annotated[float, msgspec.Meta(gt=0, le=1e5)] = COMM_RANGE_M
     """Farthest participant, in the ground plane."""
     headroom: Headroom = 0.8

@@ -25,8 +25,8 @@ RARER_HZ = (5.0, 2.0, 1.0, 0.5)
 """Rates at which a live ego may ask single robots."""
 
 
-PLACES_HZ = 5.0
-"""How often a live ego asks in between about the places of what it remembers."""
+PLACES_HZ = 10.0
+"""How often, at most, a live ego asks in between about the places of what it remembers."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,7 +70,7 @@ def told(chosen: tuple[Assignment, ...], usual_hz: float) -> str:
         return ""
     text = f"Memory carries on what they showed: {', '.join(parts)}"
     if between := {one.places_hz for one in chosen if one.places_hz > 0.0}:
-        text += (
-            f", and {often(max(between))} in between what they see where something is remembered"
-        )
+        fewer = f"{min(between):g} to " if len(between) > 1 else ""
+        text += f", and {fewer}{often(max(between))} in between what they see where something is "
+        text += "remembered"
     return f"{text}."

@@ -406,8 +406,8 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
 
     def option(name: Algorithm, hz: float) -> Option:
         gain, kept = known.quality.gain(name), known.rates.kept(name, hz, usual_hz)
-        places_hz = known.places_hz(name)
-        if not hz < places_hz <= usual_hz:
+        places_hz = min(known.places_hz(name, hz), usual_hz)
+        if hz >= places_hz:
             return Option(name, hz, gain, kept)
         # Frames to which it contributes do not ask it about places.
         between_hz = places_hz * (1.0 - hz / usual_hz)

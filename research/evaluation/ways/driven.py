@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from ego_agent.knowledge.pace import PLACES_HZ
 from research.evaluation.bootstrap import bootstrap_mean
 from research.evaluation.machine import machine_facts
 from research.evaluation.result_store import ResultStore
@@ -24,6 +23,7 @@ from research.evaluation.tables import markdown
 from research.evaluation.ways.drive import Drive, Driven
 from research.evaluation.ways.measure import SETTLED_FRAMES, Measured, measure
 from research.evaluation.ways.planned import GUESSED, RANDOM, TRAINED, Decided
+from research.evaluation.ways.sampling import BETWEEN_HZ
 from research.evaluation.ways.way import Way
 from research.evaluation.windows.links import WINDOW_S
 from research.evaluation.windows.scenarios import Scenario
@@ -68,7 +68,7 @@ POLICIES = (
     Policy("static-late", Decided("static-late", validated=False)),
     Policy("rules", Decided("rules", validated=False)),
     *(
-        Policy(name, None, forms=(("early", hz),), places_hz=PLACES_HZ)
+        Policy(name, None, forms=(("early", hz),), places_hz=BETWEEN_HZ["factory"][hz])
         for name, hz in zip(RULES, (1.0, 2.0), strict=True)
     ),
     Policy(RANDOM, Decided(RANDOM, rarer=True)),

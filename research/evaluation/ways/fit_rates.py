@@ -10,9 +10,8 @@ The base is then that with which the mean over drives is right.
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
-from ego_agent.knowledge.pace import PLACES_HZ
 from ego_agent.knowledge.quality import QualityModel, quality_of
-from ego_agent.knowledge.rates import FOCUSED
+from ego_agent.knowledge.rates import RateModel
 from research.evaluation.ways.sampling import (
+    BETWEEN_HZ,
     FOCUSING,
     FORMS,
     RATES_HZ,
@@ -40,16 +39,19 @@ from swarm.files import write_whole
 from worlds.cooperative.judging import EVALUATION_RANGES_M
 
 Floats = NDArray[np.float64]
+Kinds = Mapping[str, tuple[float, ...]]
+FOCUSED = "+places"
+"""What is added to a form whose robots are asked about places in between."""
 DIGITS = 3
 RIDGE = 0.03
 """Weight of a curve's neighbours' likeness: a rate that few drew stays near the next ones."""
 
 
-KINDS = {
-    **dict.fromkeys(FORMS, RATES_HZ),
-    **{form + FOCUSED: tuple(hz for hz in RATES_HZ if hz < PLACES_HZ) for form in FOCUSING},
-}
-"""Rates of each form, and of those whose robots are asked about places in between."""
+def kinds_of(between_hz: Iterable[float]) -> Kinds:
+    """Rates of each form, and of those whose robots are asked about places in between, which are
+    `between_hz`."""
+    falling = tuple(sorted(between_hz, reverse=True))
+    return {**dict.fromkeys(FORMS, RATES_HZ), **{form + FOCUSED: falling for form in FOCUSING}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,26 +71,28 @@ class Law:
     """The same of the differences themselves."""
 
 
-def fitted(driven: Sequence[Sampled]) -> Law:
-    """The law with the least squares over all drives with more than one sample. Raises
-    EvaluationError for fewer than two of them."""
+def fitted(driven: Sequence[Sampled], between_hz: Iterable[float]) -> Law:
+    """The law with the least squares over all drives with more than one sample. `between_hz`: the
+    rates at which places were asked about in between. Raises EvaluationError for fewer than two
+    drives."""
+    kinds = kinds_of(between_hz)
     used = [one for one in driven if one.looks and len(one.samples) > 1]
     if len(used) < 2:
         raise EvaluationError(f"{len(used)} drives are too few to fit; at least 2 are needed")
-    start = np.concatenate([np.linspace(2.0, -0.5, len(rates)) for rates in KINDS.values()])
+    start = np.concatenate([np.linspace(2.0, -0.5, len(rates)) for rates in kinds.values()])
 
     def residuals(raw: Floats) -> Floats:
-        arrives = _arrives(raw)
+        arrives = _arrives(raw, kinds)
         inputs, target = _within(used, arrives)
         gains = _solved(inputs, target)
-        curves = _curves(raw)
+        curves = _curves(raw, kinds)
         smooth = np.concatenate([np.diff(curve, 2) for curve in curves.values()]) * RIDGE
         usual = np.stack([curves[form] for form in FORMS])
         apart = (usual - usual.mean(axis=0)).ravel()
         return np.concatenate([inputs @ gains - target, smooth, apart * RIDGE])
 
     found = least_squares(residuals, start, diff_step=1e-3)
-    arrives = _arrives(found.x)
+    arrives = _arrives(found.x, kinds)
     inputs, target = _within(used, arrives)
     steps = _solved(inputs, target)
     error = float(np.sqrt(np.mean((inputs @ steps - target) ** 2)))
@@ -103,18 +107,18 @@ def fitted(driven: Sequence[Sampled]) -> Law:
     return Law(float(np.mean(rest)), own, gains, arrives, error, spread)
 
 
-def _arrives(raw: Floats) -> dict[str, dict[float, float]]:
+def _arrives(raw: Floats, kinds: Kinds) -> dict[str, dict[float, float]]:
     found = {}
-    for kind, curve in _curves(raw).items():
+    for kind, curve in _curves(raw, kinds).items():
         values = np.minimum.accumulate(1.0 / (1.0 + np.exp(-curve)))
-        found[kind] = dict(zip(KINDS[kind], values.tolist(), strict=True))
+        found[kind] = dict(zip(kinds[kind], values.tolist(), strict=True))
     return found
 
 
-def _curves(raw: Floats) -> dict[str, Floats]:
+def _curves(raw: Floats, kinds: Kinds) -> dict[str, Floats]:
     """By kind, what stands for each of its rates."""
-    ends = np.cumsum([len(rates) for rates in KINDS.values()])[:-1]
-    return dict(zip(KINDS, np.split(raw, ends), strict=True))
+    ends = np.cumsum([len(rates) for rates in kinds.values()])[:-1]
+    return dict(zip(kinds, np.split(raw, ends), strict=True))
 
 
 def shares(
@@ -156,23 +160,33 @@ def _solved(inputs: Floats, target: Floats) -> Floats:
 def run(counts: Mapping[str, int], frames: int, workers: int, law: Path, quality: Path) -> None:
     """Measures so many drives with each detector and fits; writes what rates are worth to `law`,
     and Q to `quality`. Raises EvaluationError for too few drives, and as `each` does."""
-    rates: dict[str, dict[str, dict[str, float]]] = {}
+    rates: dict[str, RateModel] = {}
     models: dict[str, QualityModel] = {}
     for detector, count in counts.items():
         found = []
         for _, one in each(sampled, drives(detector, count, frames), workers, detector):
             found.append(one)
             print(f"{detector}: {len(found)}/{count}", file=sys.stderr, flush=True)
-        expected = fitted(found)
-        rates[detector] = {
-            form: {f"{hz:g}": round(part, 3) for hz, part in table.items()}
-            for form, table in expected.arrives.items()
+        between_hz = BETWEEN_HZ[detector]
+        expected = fitted(found, between_hz)
+        worth = {
+            kind: {f"{hz:g}": round(part, 3) for hz, part in table.items()}
+            for kind, table in expected.arrives.items()
         }
+        rates[detector] = RateModel(
+            by_algorithm={form: worth[form] for form in FORMS},
+            with_places={form: worth[form + FOCUSED] for form in FOCUSING},
+            places_hz={f"{hz:g}": often for hz, often in between_hz.items()},
+        )
         models[detector] = model_of(expected, detector)
         spread, left = expected.spread, expected.error
         print(f"{detector}: differences within a drive {spread:.3f}, left {left:.3f}")
-    write_whole(law, json.dumps(rates, indent=1) + "\n")
-    write_whole(quality, msgspec.json.format(msgspec.json.encode(models), indent=1).decode() + "\n")
+    write_whole(law, _plain(rates))
+    write_whole(quality, _plain(models))
+
+
+def _plain(models: Mapping[str, RateModel] | Mapping[str, QualityModel]) -> str:
+    return msgspec.json.format(msgspec.json.encode(models), indent=1).decode() + "\n"
 
 
 def model_of(law: Law, detector: str) -> QualityModel:

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ego_agent.knowledge.pace import PLACES_HZ
 from network_controller.profiles import Fixed
 from research.evaluation.bootstrap import bootstrap_mean
 from research.evaluation.ways.drive import Drive
 from research.evaluation.ways.measure import Measured
 from research.evaluation.ways.planned import RANDOM, Decided
+from research.evaluation.ways.sampling import BETWEEN_HZ
 from research.evaluation.ways.way import Way
 from research.evaluation.windows import links
 
@@ -34,8 +34,8 @@ STATIC = (
     ("early", 10.0, 0.0),
     ("early", 5.0, 0.0),
     ("early", 2.0, 0.0),
-    ("early", 2.0, PLACES_HZ),
-    ("early", 1.0, PLACES_HZ),
+    ("early", 2.0, BETWEEN_HZ["factory"][2.0]),
+    ("early", 1.0, BETWEEN_HZ["factory"][1.0]),
     ("late", 10.0, 0.0),
     ("late", 5.0, 0.0),
 )

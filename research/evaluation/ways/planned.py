@@ -55,6 +55,11 @@ class Drivable(Protocol):
         """Who decides."""
         ...
 
+    @property
+    def comm_range_m(self) -> float:
+        """How far from the ego a robot may take part."""
+        ...
+
     def heard(self, frame: int, algorithms: Sequence[str]) -> Announced:
         """What the ego has heard by then, with sizes of those algorithms."""
         ...
@@ -97,6 +102,7 @@ class Deciding:
         self._known_bps = known_bps
         self._how = how
         objective = Objective(
+            comm_range_m=drive.comm_range_m,
             rarer_hz=RARER_HZ if how.rarer else (),
             places_hz=PLACES_HZ if how.asks_about_places else 0.0,
         )

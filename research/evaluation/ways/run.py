@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ego_agent.knowledge.pace import PLACES_HZ
 from research.evaluation.bootstrap import Interval, bootstrap_mean
 from research.evaluation.machine import machine_facts
 from research.evaluation.ways import narrow
@@ -27,7 +26,7 @@ WAYS_SEEDS = range(TEST_SEEDS.start + 900_000, TEST_SEEDS.start + 940_000)
 """Floors that nothing was trained, fitted or set on."""
 FRAMES = 60
 ROBOTS = 6
-OURS = "early-1hz-places"
+OURS = "early-1hz-places-5hz"
 """The fixed way that a fifth of the bytes was asked of; what an ego chooses by itself, at the usual
 prices of bytes and compute, is measured by `driven` and by `narrow`."""
 EVERYONE = "early-10hz-no-memory"
@@ -60,8 +59,13 @@ def ways() -> tuple[Way, ...]:
         for form, hz in (("early", 5.0), ("early", 2.0), ("early", 1.0), ("late", 5.0))
     ]
     focused = [
-        Way(f"early-{hz:g}hz-places", (("early", hz),), in_turn=True, places_hz=PLACES_HZ)
-        for hz in (2.0, 1.0, 0.5)
+        Way(
+            f"early-{hz:g}hz-places-{often:g}hz",
+            (("early", hz),),
+            in_turn=True,
+            places_hz=often,
+        )
+        for hz, often in ((5.0, 10.0), (2.0, 10.0), (2.0, 5.0), (1.0, 10.0), (1.0, 5.0), (0.5, 5.0))
     ]
     mixed = [
         Way(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.base import Knowledge
-from ego_agent.knowledge.pace import PLACES_HZ
 from ego_agent.knowledge.quality import QualityModel
 from ego_agent.plan.choices.scoring import Scorer
 from research.evaluation.surrogate.samples import scene_of
@@ -29,11 +28,17 @@ FORMS = ("early", "intermediate", "late")
 FOCUSING = ("early",)
 """Of these, whose robots can tell of places alone."""
 RATES_HZ = (10.0, 5.0, 2.0, 1.0, 0.5)
+BETWEEN_HZ: Mapping[str, Mapping[float, float]] = {
+    "factory": {5.0: 10.0, 2.0: 10.0, 1.0: 5.0, 0.5: 5.0},
+    "road": {2.0: 5.0, 1.0: 5.0, 0.5: 5.0},
+}
+"""By detector and rate of points, how often places are asked about in between. On the road, where
+the ego drives past everything, more often is worth less."""
 RANDOM_WAYS = 12
 """Of each drive, beside some that are always measured."""
-PAIRED = ((10.0, False), (5.0, False), (2.0, False), (2.0, True), (1.0, True), (0.5, True))
-"""Rates of points, and whether places are asked about in between, that the same robots are measured
-with: how much one is worth beside another must not depend on whom chance has given it to."""
+PAIRED_HZ = (10.0, 5.0, 2.0)
+"""Rates of points that the same robots are measured with, beside all those with places asked about
+in between: how much one is worth beside another must not depend on whom chance has given it to."""
 LOOKS = 5
 """How often on a drive what robots show is looked at."""
 
@@ -87,23 +92,32 @@ def sampled(drive: Drive) -> Sampled:
     looks = _looks(driven)
     reachable = [robot for robot in driven.nearest if all(robot in at.robots for at in looks)]
     samples = []
-    for number, assignments in enumerate(random_assignments(reachable, drive.seed)):
+    between_hz = BETWEEN_HZ[driven.world.detector]
+    for number, assignments in enumerate(random_assignments(reachable, drive.seed, between_hz)):
         found = measure(driven, Way(str(number), assignments=assignments))
         samples.append(Sample(assignments, found.tally.precision().ap_70))
     return Sampled(looks, tuple(samples))
 
 
-def random_assignments(robots: list[str], seed: int) -> Iterator[tuple[Assignment, ...]]:
-    """Nobody; everybody with boxes; everybody, and a random half, with points as PAIRED; and random
-    robots, with one form and rate for all as often as with one for each, every other time with
-    places asked about in between."""
+def random_assignments(
+    robots: list[str], seed: int, between_hz: Mapping[float, float]
+) -> Iterator[tuple[Assignment, ...]]:
+    """Nobody; everybody with boxes; everybody, and a random half, with points at PAIRED_HZ, and at
+    all rates in `between_hz` with places asked about so often in between; and random robots, with
+    one form and rate for all as often as with one for each, every other time with places."""
+
+    def sends(robot: str, form: str, hz: float, *, places: bool) -> Assignment:
+        places_hz = between_hz.get(hz, 0.0) if places and form in FOCUSING else 0.0
+        return Assignment(robot=robot, algorithm=form, rate_hz=hz, places_hz=places_hz)
+
+    paired = [*((hz, False) for hz in PAIRED_HZ), *((hz, True) for hz in between_hz)]
     rng = np.random.default_rng(seed)
     yield ()
-    yield tuple(_sends(robot, "late", 10.0, places=False) for robot in robots)
+    yield tuple(sends(robot, "late", 10.0, places=False) for robot in robots)
     half = [robots[i] for i in rng.permutation(len(robots))[: (len(robots) + 1) // 2]]
     for some in (robots, half):
-        for hz, places in PAIRED:
-            yield tuple(_sends(robot, "early", hz, places=places) for robot in some)
+        for hz, places in paired:
+            yield tuple(sends(robot, "early", hz, places=places) for robot in some)
     for way in range(RANDOM_WAYS if robots else 0):
         count = int(rng.integers(1, len(robots) + 1))
         chosen = [robots[i] for i in rng.permutation(len(robots))[:count]]
@@ -113,15 +127,9 @@ def random_assignments(robots: list[str], seed: int) -> Iterator[tuple[Assignmen
         if rng.random() < 0.5:
             rates[:] = rates[0]
         yield tuple(
-            _sends(robot, str(form), float(hz), places=way % 2 == 1)
+            sends(robot, str(form), float(hz), places=way % 2 == 1)
             for robot, form, hz in zip(chosen, forms, rates, strict=True)
         )
-
-
-def _sends(robot: str, form: str, hz: float, *, places: bool) -> Assignment:
-    rarely = places and form in FOCUSING and hz < PLACES_HZ
-    places_hz = PLACES_HZ if rarely else 0.0
-    return Assignment(robot=robot, algorithm=form, rate_hz=hz, places_hz=places_hz)
 
 
 def _looks(driven: Driven) -> tuple[Look, ...]:

@@ -32,7 +32,11 @@ def test_rates_are_assigned_where_the_scene_names_rarer_ones(
     assert (usual["participants"], usual["assignments"]) == (["R1", "R3"], [])
     rarer = decided(monkeypatch, capsys, rarer_hz=[5, 2, 1, 0.5])
     assert {(one["robot"], one["algorithm"], one["rate_hz"]) for one in rarer["assignments"]} == {
-        ("R3", "early", 5.0),
+        ("R3", "early", 2.0),
         ("R4", "early", 2.0),
     }
-    assert "1 of 2 send 5 times a second, 1 of 2 send 2 times a second" in rarer["reason"]
+    assert "2 of 2 send 2 times a second" in rarer["reason"]
+    asked = decided(monkeypatch, capsys, rarer_hz=[5, 2, 1, 0.5], places_hz=10)
+    sent = {(one["robot"], one["rate_hz"], one["places_hz"]) for one in asked["assignments"]}
+    assert sent == {("R3", 2.0, 10.0), ("R4", 1.0, 5.0)}
+    assert "1 of 2 send once a second, and 5 to 10 times a second in between" in asked["reason"]

@@ -243,12 +243,16 @@ def test_the_largest_frame_is_told(rates: dict[str, float]) -> None:
     assert np.mean(frames) == pytest.approx(sum(sizes[r] * hz / 10.0 for r, hz in rates.items()))
 
 
+def places_hz(hz: float) -> float:
+    return 10.0 if hz >= 2.0 else 5.0
+
+
 @given(st.dictionaries(st.sampled_from([f"R{i}" for i in range(9)]), st.sampled_from(RARER_HZ)))
 def test_nobody_is_asked_about_places_in_a_frame_to_which_it_contributes(
     rates: dict[str, float],
 ) -> None:
     chosen = tuple(
-        Assignment(robot=robot, algorithm="early", rate_hz=hz, places_hz=5.0 if hz < 5.0 else 0.0)
+        Assignment(robot=robot, algorithm="early", rate_hz=hz, places_hz=places_hz(hz))
         for robot, hz in rates.items()
     )
     asked = dict.fromkeys(rates, 0)
@@ -259,8 +263,7 @@ def test_nobody_is_asked_about_places_in_a_frame_to_which_it_contributes(
             asked[robot] += 1
     for robot, hz in rates.items():
         # At most what is asked for, and less by no more than the contributions of its own.
-        times = asked[robot] / 20.0
-        assert (5.0 - hz <= times <= 5.0) if hz < 5.0 else times == 0.0
+        assert places_hz(hz) - hz <= asked[robot] / 20.0 <= places_hz(hz)
     sizes, places = dict.fromkeys(rates, 100), dict.fromkeys(rates, 10)
     if chosen:
         whole, most = burst(chosen, 10.0, sizes), burst(chosen, 10.0, sizes, places)
@@ -297,11 +300,18 @@ def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     assert told.quality == plain.quality
 
 
-def test_only_who_sends_points_rarely_is_asked_about_places() -> None:
+@pytest.mark.parametrize("frames_hz", [10.0, 5.0])
+@pytest.mark.parametrize("most_hz", [10.0, 5.0])
+def test_only_who_sends_points_rarely_is_asked_about_places(
+    most_hz: float, frames_hz: float
+) -> None:
     found = a_floor(3, capacity_bps=1e6)
-    for option in Mixes(Scorer(found, knowing(places_hz=5.0))).options:
-        rarely = option.algorithm == "early" and option.rate_hz < 5.0
-        assert option.places_hz == (5.0 if rarely else 0.0)
+    known = knowing(places_hz=most_hz, rate_hz=frames_hz)
+    measured_hz = {5.0: 10.0, 2.0: 10.0, 1.0: 5.0, 0.5: 5.0}
+    for option in Mixes(Scorer(found, known)).options:
+        often = min(frames_hz, most_hz, measured_hz.get(option.rate_hz, 0.0))
+        asked = option.algorithm == "early" and often > option.rate_hz
+        assert option.places_hz == (often if asked else 0.0)
 
 
 def test_sizes_of_answers_about_places_are_learnt_beside_those_of_whole_ones() -> None:

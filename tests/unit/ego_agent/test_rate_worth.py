@@ -31,8 +31,12 @@ def test_what_is_often_contributed_need_not_suffice() -> None:
 
 
 def test_with_places_in_between_rarer_contributions_keep_more() -> None:
-    model = RateModel({"intermediate": TABLE, "early": TABLE, "early+places": {"2": 0.9, "1": 0.8}})
-    assert (model.focuses("early"), model.focuses("intermediate")) == (True, False)
+    tables, places = {"intermediate": TABLE, "early": TABLE}, {"early": {"2": 0.9, "1": 0.8}}
+    model = RateModel(tables, places, {"2": 10.0, "1": 5.0})
+    often = [model.between_hz("early", hz) for hz in (3.0, 2.0, 1.5, 1.0, 0.5)]
+    assert often == [0.0, 10.0, 5.0, 5.0, 5.0]
+    assert model.between_hz("intermediate", 1.0) == 0.0
+    assert RateModel(tables).between_hz("early", 1.0) == 0.0
     assert model.kept("early", 1.0, 10.0) == pytest.approx(0.5)
     assert model.kept("early", 1.0, 10.0, focused=True) == pytest.approx(0.8)
     assert model.kept("early", 0.5, 10.0, focused=True) == 0.0

@@ -8,6 +8,7 @@ import pytest
 from ego_agent.knowledge.quality import quality_of
 from research.evaluation.ways.fit_rates import Law, fitted, model_of, shares
 from research.evaluation.ways.sampling import (
+    BETWEEN_HZ,
     FORMS,
     RATES_HZ,
     Look,
@@ -28,7 +29,7 @@ ARRIVES = {
         ("late", (0.9, 0.85, 0.7, 0.5, 0.3)),
     )
 }
-ARRIVES["early+places"] = {2.0: 0.85, 1.0: 0.75, 0.5: 0.55}
+ARRIVES["early+places"] = {5.0: 0.88, 2.0: 0.85, 1.0: 0.75, 0.5: 0.55}
 
 
 def drive(number: int) -> Sampled:
@@ -40,7 +41,7 @@ def drive(number: int) -> Sampled:
     looks = (Look(own, tuple(robots), seen, weights),)
     rises = np.diff([0.0, *GAINS.values()])
     samples = []
-    for assignments in random_assignments(robots, number):
+    for assignments in random_assignments(robots, number, BETWEEN_HZ["factory"]):
         empty = Sample(assignments, 0.0)
         added = float(shares(looks, empty, ARRIVES) @ rises)
         samples.append(Sample(assignments, 0.2 + 0.4 * own + added))
@@ -48,7 +49,7 @@ def drive(number: int) -> Sampled:
 
 
 def test_the_law_that_made_the_samples_is_found() -> None:
-    law = fitted([drive(number) for number in range(16)])
+    law = fitted([drive(number) for number in range(16)], BETWEEN_HZ["factory"])
     assert law.level == pytest.approx(0.2 + 0.4 * law.own_share, abs=0.02)
     for form in FORMS:
         assert law.gains[form] == pytest.approx(GAINS[form], abs=0.04)
@@ -59,13 +60,14 @@ def test_the_law_that_made_the_samples_is_found() -> None:
 
 
 def test_a_lower_rate_is_never_worth_more() -> None:
-    for table in fitted([drive(number) for number in range(4)]).arrives.values():
+    law = fitted([drive(number) for number in range(4)], BETWEEN_HZ["factory"])
+    for table in law.arrives.values():
         assert [*table.values()] == sorted(table.values(), reverse=True)
 
 
 def test_one_drive_is_too_few() -> None:
     with pytest.raises(EvaluationError, match="1 drives are too few"):
-        fitted([drive(1)])
+        fitted([drive(1)], BETWEEN_HZ["factory"])
 
 
 def test_of_nobody_nothing_is_shown() -> None:
