@@ -46,24 +46,29 @@ class RateModel(msgspec.Struct, frozen=True):
 
     def between_hz(self, algorithm: Algorithm, rate_hz: float) -> float:
         """How often places must be asked about in between for what contributions at that rate are
-        worth then, as at the next lower rate that was measured; 0: that is not known."""
-        measured = sorted((float(hz), often) for hz, often in self.places_hz.items())
-        if not self.with_places.get(algorithm) or not measured or rate_hz > measured[-1][0]:
+        worth then: as at the next higher rate that was measured; 0 where that is not known."""
+        table = self.with_places.get(algorithm, {})
+        known = sorted((float(hz), self.places_hz[hz]) for hz in table)
+        if not known or rate_hz < known[0][0]:
             return 0.0
-        return max([pair for pair in measured if pair[0] <= rate_hz] or measured[:1])[1]
+        return next((often for hz, often in known if hz >= rate_hz), 0.0)
 
     def convinces(self, algorithm: Algorithm) -> float:
         """Probability that what is contributed as often as was measured counts, in [0, 1]."""
         return self.worth(algorithm, float("inf"))
 
     def kept(
-        self, algorithm: Algorithm, rate_hz: float, usual_hz: float, *, focused: bool = False
+        self, algorithm: Algorithm, rate_hz: float, usual_hz: float, places_hz: float = 0.0
     ) -> float:
-        """The same against contributions at `usual_hz`, in [0, 1]; `focused`: with places asked
-        about in between, where that was measured."""
-        whole = self.worth(algorithm, usual_hz)
-        table = self.with_places.get(algorithm) if focused else None
-        left = _worth(table, rate_hz) if table else self.worth(algorithm, rate_hz)
+        """The same against contributions at `usual_hz`, in [0, 1]; `places_hz`: how often places
+        are asked about in between. Where that is less often than was measured, as much less of what
+        it adds."""
+        whole, left = self.worth(algorithm, usual_hz), self.worth(algorithm, rate_hz)
+        measured_hz = self.between_hz(algorithm, rate_hz)
+        if rate_hz < min(places_hz, measured_hz):
+            most = max(left, _worth(self.with_places[algorithm], rate_hz))
+            part = min(1.0, (places_hz - rate_hz) / (measured_hz - rate_hz))
+            left += part * (most - left)
         return min(1.0, left / whole) if whole > 0.0 else 0.0
 
 
@@ -86,8 +91,9 @@ def packaged_rates() -> Mapping[str, RateModel]:
 
 
 def read_rates(path: Path) -> Mapping[str, RateModel]:
-    """The models in a file, by detector. Raises DecisionError when it cannot be read, is none, or
-    lacks what stands in for everything that was not measured."""
+    """The models in a file, by detector. Raises DecisionError when it cannot be read, is none,
+    lacks what stands in for everything that was not measured, or does not say how often places were
+    asked about."""
     try:
         models = msgspec.json.decode(path.read_bytes(), type=dict[str, RateModel])
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -99,4 +105,10 @@ def read_rates(path: Path) -> Mapping[str, RateModel]:
                 f"{path} has nothing of {USUAL_ALGORITHM!r} with detector {detector!r}; needed: "
                 f"its worth by contributions a second"
             )
+        for algorithm, table in model.with_places.items():
+            for hz in table.keys() - model.places_hz.keys():
+                raise DecisionError(
+                    f"{path} has {algorithm!r} with places at {hz} Hz with detector {detector!r}, "
+                    f"and no places_hz for that rate; it has {', '.join(model.places_hz) or 'none'}"
+                )
     return models

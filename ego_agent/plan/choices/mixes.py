@@ -411,8 +411,8 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
             return Option(name, hz, gain, kept)
         # Frames to which it contributes do not ask it about places.
         between_hz = places_hz * (1.0 - hz / usual_hz)
-        with_places = known.rates.kept(name, hz, usual_hz, focused=True)
-        return Option(name, hz, gain, kept, places_hz, between_hz, max(kept, with_places))
+        with_places = known.rates.kept(name, hz, usual_hz, places_hz)
+        return Option(name, hz, gain, kept, places_hz, between_hz, with_places)
 
     return tuple(
         option(name, hz)

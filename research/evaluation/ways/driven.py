@@ -35,7 +35,7 @@ DEFAULT, EVERYONE, SINGLE_RATE = "coverage", "static-early", "coverage at 10 Hz"
 PLAIN = "coverage, no places asked about"
 UNHEEDED = "coverage, who cannot be placed is asked all the same"
 NO_MEMORY = ", objects not remembered"
-RULES = ("everybody whole 1 Hz with places", "everybody whole 2 Hz with places")
+RULES = ("everybody whole 1 Hz, places 5 Hz", "everybody whole 2 Hz, places 10 Hz")
 """The simplest that ask about places, too: the same of all, whatever the link."""
 CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, UNHEEDED, *RULES, RANDOM)
 MADE_FROM = (

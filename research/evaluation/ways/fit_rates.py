@@ -191,13 +191,14 @@ def _plain(models: Mapping[str, RateModel] | Mapping[str, QualityModel]) -> str:
 
 def model_of(law: Law, detector: str) -> QualityModel:
     """Q by the law; ways to fuse features that were not measured gain against `intermediate` what
-    they do in frames that stand for themselves."""
+    they do in frames that stand for themselves, at most what points do."""
     usual = quality_of(detector)
     like = {
         name: law.gains["intermediate"] * gain / usual.gain("intermediate")
         for name, gain in usual.gains.items()
     }
-    gains = {name: min(1.0, gain) for name, gain in {**like, **law.gains}.items()}
+    most = min(1.0, law.gains["early"])
+    gains = {name: min(most, gain) for name, gain in {**like, **law.gains}.items()}
     return QualityModel(
         base=round(min(1.0, max(0.0, law.level - usual.own * law.own_share)), DIGITS),
         own=usual.own,

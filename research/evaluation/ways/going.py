@@ -35,7 +35,7 @@ class Going:
     asked: int
     """Robots that it could have had."""
     taking_part: int
-    """Robots that the decision names."""
+    """Robots that the decision names, or the way; of these, those in range."""
     ego_ms: float
     """The ego's work, by the model of compute."""
 
@@ -108,6 +108,8 @@ def _asked(
             near = driven.in_range(frame)
             whole = _only(near, way.asked(number, driven.nearest, rate_hz))
             about = _only(near, way.asked_about(number, driven.nearest, rate_hz))
+            named = driven.nearest if way.forms else [one.robot for one in way.assignments]
+            taking_part.append(len({*named} & {*near}))
         else:
             whole, about = deciding.asked(number, frame), deciding.asked_about(number)
             taking_part.append(len(deciding.participants))
@@ -118,8 +120,7 @@ def _asked(
                 deciding.heed(rehearsal.placed)
         asked.append({**whole, **{robot: about[robot] for robot in only}})
         places.append(only)
-    everyone = len({robot for one in asked for robot in one})
-    return asked, places, taking_part or [everyone] * len(asked)
+    return asked, places, taking_part
 
 
 def _only(robots: Collection[str], asked: Mapping[str, str]) -> Mapping[str, str]:

@@ -76,7 +76,7 @@ def ways(link: Link) -> tuple[Way, ...]:
 
 
 def _name(form: str, hz: float, places_hz: float) -> str:
-    return f"{form}-{hz:g}hz" + ("-places" if places_hz else "")
+    return f"{form}-{hz:g}hz" + (f"-places-{places_hz:g}hz" if places_hz else "")
 
 
 def drives(link: Link, seeds: range, count: int, frames: int) -> list[Drive]:

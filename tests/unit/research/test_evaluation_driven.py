@@ -109,6 +109,7 @@ def test_rules_ask_whom_decisions_could_ask(monkeypatch: pytest.MonkeyPatch) -> 
     decided = Decided("static-early", validated=False)
     link = Link("cell", Fixed(50_000_000))
     assert ask(rule) == ask(Way("decided", link=link, decided=decided)) == {near}
+    assert {one.taking_part for one in gone(driven, rule) if one is not None} == {1}
 
 
 @needs_weights
