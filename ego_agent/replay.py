@@ -13,7 +13,8 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Snapshot, UnifiedScene
 from ego_agent.knowledge.objective import Objective
-from ego_agent.plan.choices.scoring import Scorer
+from ego_agent.plan.choices.mixes import Mixes
+from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.intents.bind import (
     NOTHING_KNOWN,
     Known,
@@ -121,7 +122,7 @@ class _Sum:
         self.participants += len(others)
         self._robots.update(others)
         self._bytes_s += decision.cost_bytes * decision.rate_hz
-        self._quality += at.score(others, decision.algorithm).quality
+        self._quality += _score(at, decision).quality
         for name, share in _seen(scene, others, wishes):
             self._seen.setdefault(name, []).append(share)
 
@@ -140,6 +141,13 @@ class _Sum:
             quality=share(self._quality),
             seen={name: round(float(np.mean(s)), 4) for name, s in self._seen.items()},
         )
+
+
+def _score(at: Scorer, decision: Decision) -> Score:
+    """A decision's, by a scorer at its pace."""
+    if decision.assignments:
+        return Mixes(at).score_able(decision.assignments)
+    return at.score(decision.participants[1:], decision.algorithm)
 
 
 def _seen(

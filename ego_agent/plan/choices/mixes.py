@@ -183,6 +183,10 @@ class Mixes:
             return None
         return self.score_of(self._grow_to(assignments))
 
+    def score_able(self, assignments: Sequence[Assignment]) -> Score:
+        """The score of a choice without robots that cannot send what is assigned to them."""
+        return self.score_of(self._grow_to([one for one in assignments if self.can(one)]))
+
     def _grow_to(self, assignments: Sequence[Assignment]) -> _Growing:
         growing = self._nobody()
         for one in assignments:

@@ -25,8 +25,7 @@ def weigh(compared: Compared, decision: Decision) -> Weighed:
         mixes = compared.mixes
         if mixes is None or mixes.scorer is not scorer:
             mixes = Mixes(scorer)
-        chosen = mixes.score([one for one in decision.assignments if mixes.can(one)])
-        assert chosen is not None, "only what robots can send is scored"
+        chosen = mixes.score_able(decision.assignments)
         brought = mixes.brought(decision.assignments)
         robots = {
             c.robot: _assigned(brought.get(c.robot), c.robot in decision.participants)

@@ -9,14 +9,27 @@ from pathlib import Path
 import pytest
 
 from ego_agent.knowledge.base import Knowledge
+from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
+from ego_agent.plan.intents.combine import Standing
 from ego_agent.plan.intents.given import Intents
 from ego_agent.plan.policies.registry import make_policy
+from ego_agent.replay import LastMinute
 from ego_agent.settings import EgoSettings
 from ego_agent.steering import NobodyLeftError, Steering
 from swarm.errors import DecisionError
 from swarm.log import make_logger
-from swarm.messages import EgoSteered, EgoSteering, EgoWish, Focus, Intent, Place
+from swarm.messages import (
+    MIXED,
+    Assignment,
+    Decision,
+    EgoSteered,
+    EgoSteering,
+    EgoWish,
+    Focus,
+    Intent,
+    Place,
+)
 from swarm.messages.obeyed import MAX_INTENTS
 from swarm.messages.steer import IntentAct
 from tests.support.ego_scenes import BOTH, snapshot, view
@@ -64,6 +77,37 @@ def test_what_is_tried_tells_its_effect_and_changes_nothing(tmp_path: Path) -> N
     assert effect.after.quality < effect.before.quality
     assert effect.after.bytes_s < effect.before.bytes_s
     assert set(effect.after.seen) == {"docks"}
+
+
+class Mixing:
+    """A sends points in every frame, B boxes twice a second."""
+
+    name = "mixing"
+
+    def propose(
+        self, scene: UnifiedScene, knowledge: Knowledge, previous: Decision | None
+    ) -> Proposal:
+        chosen = (
+            Assignment(robot="A", algorithm="early", rate_hz=10.0),
+            Assignment(robot="B", algorithm="late", rate_hz=2.0),
+        )
+        return Proposal(("E", "A", "B"), MIXED, "as told", "policy", assignments=chosen)
+
+
+def test_the_effect_of_decisions_in_which_robots_send_different_things_is_told() -> None:
+    objective = Objective(rarer_hz=(2.0,), q_min=0.1)
+    known = Knowledge(objective, ("early", "late"), mixable=("early", "late"))
+    sizes = {"early": 40_000, "late": 1_000}
+    views = (view("E"), view("A", 12.0, sizes=sizes), view("B", 0.0, 14.0, sizes=sizes))
+    minute = LastMinute()
+    minute.note(snapshot(*views), time.monotonic())
+    mixing = (Standing(), Mixing())
+    effect = minute.effect(known, objective, mixing, mixing, time.monotonic())
+    assert effect.after is not None
+    assert effect.after == effect.before
+    assert effect.after.robots == {"A": 1.0, "B": 1.0}
+    assert effect.after.bytes_s == pytest.approx(10 * 40_000 + 2 * 1_000, rel=0.01)
+    assert effect.after.quality > 0.0
 
 
 def test_what_is_confirmed_is_obeyed_kept_and_withdrawn(tmp_path: Path) -> None:
