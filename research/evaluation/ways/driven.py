@@ -35,8 +35,10 @@ DEFAULT, EVERYONE, SINGLE_RATE = "coverage", "static-early", "coverage at 10 Hz"
 PLAIN = "coverage, no places asked about"
 UNHEEDED = "coverage, who cannot be placed is asked all the same"
 NO_MEMORY = ", objects not remembered"
-RULES = ("everybody whole 1 Hz, places 5 Hz", "everybody whole 2 Hz, places 10 Hz")
-"""The simplest that ask about places, too: the same of all, whatever the link."""
+RULES = {
+    f"everybody whole {hz:g} Hz, places {BETWEEN_HZ['factory'][hz]:g} Hz": hz for hz in (1.0, 2.0)
+}
+"""The simplest that ask about places, too: the same of all, whatever the link; and their rates."""
 CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, UNHEEDED, *RULES, RANDOM)
 MADE_FROM = (
     "ego_agent", "network_controller", "perception", "research/evaluation", "sensing", "swarm",
@@ -69,7 +71,7 @@ POLICIES = (
     Policy("rules", Decided("rules", validated=False)),
     *(
         Policy(name, None, forms=(("early", hz),), places_hz=BETWEEN_HZ["factory"][hz])
-        for name, hz in zip(RULES, (1.0, 2.0), strict=True)
+        for name, hz in RULES.items()
     ),
     Policy(RANDOM, Decided(RANDOM, rarer=True)),
     Policy("nobody", None),

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
+from ego_agent.knowledge.base import FOCUSED
 from ego_agent.knowledge.quality import QualityModel, quality_of
 from ego_agent.knowledge.rates import RateModel
 from research.evaluation.ways.sampling import (
@@ -40,8 +41,6 @@ from worlds.cooperative.judging import EVALUATION_RANGES_M
 
 Floats = NDArray[np.float64]
 Kinds = Mapping[str, tuple[float, ...]]
-FOCUSED = "+places"
-"""What is added to a form whose robots are asked about places in between."""
 DIGITS = 3
 RIDGE = 0.03
 """Weight of a curve's neighbours' likeness: a rate that few drew stays near the next ones."""

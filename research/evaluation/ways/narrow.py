@@ -67,7 +67,7 @@ def ways(link: Link) -> tuple[Way, ...]:
         *(Way(name, decided=Decided(name), link=over) for name in SINGLE_POLICIES[:-1]),
         Way(RANDOM, decided=Decided(RANDOM, rarer=True), link=over),
         *(
-            Way(_name(*one), (one[:2],), in_turn=True, places_hz=one[2], link=over)
+            Way(name_of(*one), (one[:2],), in_turn=True, places_hz=one[2], link=over)
             for one in STATIC
         ),
         Way(EVERYONE, (("early", 10.0),), memory=False, link=over),
@@ -75,7 +75,8 @@ def ways(link: Link) -> tuple[Way, ...]:
     )
 
 
-def _name(form: str, hz: float, places_hz: float) -> str:
+def name_of(form: str, hz: float, places_hz: float) -> str:
+    """What a way is called in which everybody does the same."""
     return f"{form}-{hz:g}hz" + (f"-places-{places_hz:g}hz" if places_hz else "")
 
 
@@ -119,8 +120,8 @@ def table(link: Link, parts: Sequence[Sequence[Measured]]) -> dict[str, Any]:
 
     controls = {
         "best_single_policy": best(SINGLE_POLICIES),
-        "best_static": best([_name(*one) for one in STATIC]),
-        "best_static_without_places": best([_name(*one) for one in STATIC if not one[2]]),
+        "best_static": best([name_of(*one) for one in STATIC]),
+        "best_static_without_places": best([name_of(*one) for one in STATIC if not one[2]]),
         "without_places": PLAIN,
         "coverage": "coverage",
         "random": RANDOM,

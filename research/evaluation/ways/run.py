@@ -59,12 +59,7 @@ def ways() -> tuple[Way, ...]:
         for form, hz in (("early", 5.0), ("early", 2.0), ("early", 1.0), ("late", 5.0))
     ]
     focused = [
-        Way(
-            f"early-{hz:g}hz-places-{often:g}hz",
-            (("early", hz),),
-            in_turn=True,
-            places_hz=often,
-        )
+        Way(narrow.name_of("early", hz, often), (("early", hz),), in_turn=True, places_hz=often)
         for hz, often in ((5.0, 10.0), (2.0, 10.0), (2.0, 5.0), (1.0, 10.0), (1.0, 5.0), (0.5, 5.0))
     ]
     mixed = [
