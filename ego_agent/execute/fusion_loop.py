@@ -54,7 +54,8 @@ def live_motion(detector: str, scan_rate_hz: float, poses: PoseMemory | None) ->
 
 def live_memory(detector: str) -> ReprocessingMemory:
     """What an ego with that detector remembers of objects."""
-    return ReprocessingMemory(configuration(detector).usual_speed_m_s)
+    of = configuration(detector)
+    return ReprocessingMemory(of.usual_speed_m_s, of.tallest_m)
 
 
 class FusionLoop:

@@ -11,6 +11,7 @@ no independent witnesses, their chances are pooled (logarithmic opinion pool).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,7 @@ from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
 from perception.memory.registration import FRESH_S, Cloud, Look, displaced
 from perception.memory.sight import Sight
+from perception.memory.structure import Structure
 from perception.memory.turning import Headings
 from perception.memory.viewers import Robots, Viewers
 from perception.types import Boxes
@@ -127,9 +129,11 @@ class Remembered:
 class Memory:
     """What one ego remembers. For one thread."""
 
-    def __init__(self, usual_speed_m_s: float) -> None:
-        """`usual_speed_m_s`: standard deviation of an object's velocity along an axis."""
+    def __init__(self, usual_speed_m_s: float, tallest_m: float = math.inf) -> None:
+        """`usual_speed_m_s`: standard deviation of an object's velocity along an axis.
+        `tallest_m`: no object is taller; without it nothing is taken for structure."""
         self._usual = usual_speed_m_s
+        self._structure = Structure(tallest_m)
         self._next = 1
         self._whereabouts = Whereabouts()
         """The ego's."""
@@ -138,6 +142,7 @@ class Memory:
     def clear(self) -> None:
         """Forgets everything but which numbers were given."""
         self._time_s: float | None = None
+        self._structure.clear()
         self._motions, self._headings = Motions(self._usual), Headings()
         self._viewers = Viewers()
         self._boxes = Boxes.empty()
@@ -164,8 +169,10 @@ class Memory:
             headings=self._headings.headings(),
             scores=chances,
         )
-        order = np.argsort(-frame.boxes.scores, kind="stable")[:MOST_BOXES]
-        found = frame.boxes.take(order[frame.boxes.scores[order] >= FAINTEST])
+        self._structure.learn(frame.time_s, frame.views)
+        judged = self._structure.judged(frame.boxes)
+        order = np.argsort(-judged.scores, kind="stable")[:MOST_BOXES]
+        found = judged.take(order[judged.scores[order] >= FAINTEST])
         asked = self._asked(frame)
         whole = frame.helpers - frame.focused
         partial = self._viewers.partial(frame.helpers)

@@ -9,6 +9,7 @@ are taken up again.
 from __future__ import annotations
 
 import copy
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -28,9 +29,9 @@ class _Past:
 class ReprocessingMemory:
     """See the module. For one thread."""
 
-    def __init__(self, usual_speed_m_s: float) -> None:
+    def __init__(self, usual_speed_m_s: float, tallest_m: float = math.inf) -> None:
         """See `Memory`."""
-        self._memory = Memory(usual_speed_m_s)
+        self._memory = Memory(usual_speed_m_s, tallest_m)
         self._past: deque[_Past] = deque()
 
     def clear(self) -> None:

@@ -36,6 +36,18 @@ def ground_and_structure(
     return ground, structure
 
 
+def above_objects(points: Points, tallest_m: float) -> NDArray[np.bool_]:
+    """Which of finite points, float32 (N, 3), sensor frame, z up, metres, are structure above the
+    tallest object: bool (N,). Nothing that an object has in a wall's column is among them."""
+    found = np.zeros(len(points), dtype=np.bool_)
+    near = fast.in_range(points)
+    cloud = points if near.all() else points.compress(near, axis=0)
+    if len(cloud):
+        height = fast.heights(cloud)
+        found[near] = _tall(cloud, height, tallest_m) & (height > tallest_m)
+    return found
+
+
 def in_sectors(points: Points) -> NDArray[np.bool_]:
     """Which points (N, 3) lie in one of the directions in which structure is kept: bool (N,)."""
     apart = 2.0 * np.pi / SECTORS

@@ -50,7 +50,8 @@ def remembered_frames(
     every = 1 if rate_hz is None else round(world.rate_hz / rate_hz)
     late = round(disturbance.delay_s * world.rate_hz)
     in_time = replace(disturbance, delay_s=0.0)
-    memory = ReprocessingMemory(configuration(world.detector).usual_speed_m_s)
+    detector = configuration(world.detector)
+    memory = ReprocessingMemory(detector.usual_speed_m_s, detector.tallest_m)
     order = list(range(world.frame_count) if frames is None else frames)
     settling = min(round(SETTLING_S * world.rate_hz), len(order) // 4)
 

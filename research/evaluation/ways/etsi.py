@@ -54,7 +54,8 @@ class Station:
     """One robot that follows the standard: what it sees, and what it tells of that."""
 
     def __init__(self, detector: str, *, mitigates: bool) -> None:
-        self._memory = Memory(configuration(detector).usual_speed_m_s)
+        of = configuration(detector)
+        self._memory = Memory(of.usual_speed_m_s, of.tallest_m)
         self._curve = calibration_of(detector).curves[ALONE]
         self._detector = detector
         self.rules = Generation(mitigates=mitigates)

@@ -43,7 +43,8 @@ class Rehearsal:
     def __init__(self, driven: Driven, max_error_m: float) -> None:
         self._driven = driven
         self._max_error_m = max_error_m
-        self._memory = Memory(configuration(driven.world.detector).usual_speed_m_s)
+        detector = configuration(driven.world.detector)
+        self._memory = Memory(detector.usual_speed_m_s, detector.tallest_m)
         self._known: deque[Remembered] = deque(maxlen=LAG_FRAMES)
         self._shown: set[str] = set()
         self.placed: Mapping[str, bool] = {}
