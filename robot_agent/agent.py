@@ -158,6 +158,7 @@ class RobotAgent:
             reference=request.reference_pose(),
             demand=request.demand,
             without_outline=request.without_outline,
+            objects_only=request.objects_only,
         )
         try:
             with self._answers():
@@ -165,8 +166,9 @@ class RobotAgent:
         except CoAdaptError:
             self._count(request, "failed")
             raise
-        if not (request.demand and self._encoder.focuses(request.algorithm)):
-            # An answer about places tells nothing of what a whole one takes.
+        part = request.demand or request.objects_only
+        if not (part and self._encoder.focuses(request.algorithm)):
+            # A part tells nothing of what everything takes.
             self._note_size(request.algorithm, payload)
             self._sharing.answered(request.algorithm, len(payload))
         if len(payload) > request.max_bytes:

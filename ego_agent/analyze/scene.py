@@ -116,6 +116,7 @@ def analyze(snapshot: Snapshot, knowledge: Knowledge) -> UnifiedScene:
             placed=knowledge.placing.share(member.robot) if knowledge.learns else 1.0,
             shared=member.shared,
             focused=knowledge.focused_sizes(member.robot, snapshot.now_ns),
+            objects=knowledge.object_sizes(member.robot, snapshot.now_ns),
         )
         for member, row in zip(everyone, evidence, strict=True)
     )

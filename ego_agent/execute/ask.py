@@ -193,6 +193,7 @@ class Asker:
                 reference=None if tell.reference is None else tell.reference.as_tuple(),
                 demand=tell.demand,
                 without_outline=tell.without_outline,
+                objects_only=tell.objects_only,
                 shares=sharing and self._shared.wants(robot, algorithm, now),
                 listens=robot in relied,
                 rate_hz=question.rate_hz if sharing else 0.0,
@@ -335,7 +336,14 @@ class Asker:
             # To say which places takes bytes like what is answered.
             size = len(seen.payload) + (len(ask.request.demand) if focused else 0)
             at_ns = self._clock.now_ns()
-            self.knowledge.record_payload(ask.robot, algorithm, size, at_ns, focused=focused)
+            self.knowledge.record_payload(
+                ask.robot,
+                algorithm,
+                size,
+                at_ns,
+                focused=focused,
+                objects_only=ask.request.objects_only,
+            )
         if late and wrong is None and ask.robot in done.missing and not done.probe:
             # Its frame is fused, but memory can still take it up.
             done.take_late(contribution(done, ask.request.capture_ns, seen))

@@ -22,7 +22,8 @@ LEAST_MOVE = 1e-9
 
 def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -> Detections:
     """The message of a frame that was asked for; `age_s`: since the ego's scan was captured."""
-    decision, boxes = frame.decision, result.boxes
+    decision, boxes, done = frame.decision, result.boxes, result.round
+    helpers = result.participants[1:]
     table = np.column_stack([boxes.centers, boxes.sizes, boxes.headings]).astype(np.float32)
     return Detections(
         ego=ego,
@@ -38,14 +39,14 @@ def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -
         scores=pack(boxes.scores.astype(np.float32).reshape(-1, 1)),
         operating_point=result.operating_point,
         labels=boxes.labels,
-        bytes=result.round.bytes,
+        bytes=done.bytes,
         latency_ms=result.latency_ms,
         age_ms=max(0.0, age_s * 1e3),
         tracks=None if result.tracks is None else _tracks(result.tracks),
         forms=_forms(frame, result),
         ages_ms=_ages_ms(result),
         corrections=_corrections(result),
-        focused=tuple(sorted(result.round.focused(result.participants[1:]))),
+        focused=tuple(sorted(done.focused(helpers) | done.objects_only(helpers))),
     )
 
 

@@ -267,15 +267,17 @@ class FrameFuser:
         if self._memory is None:
             return None
         focused = frame.round.focused(helpers)
+        objects_only = frame.round.objects_only(helpers)
         shown = Frame(
             frame.own.capture_ns * 1e-9,
             found,
             helpers,
-            # Nothing beside the places that were asked about is known to be free.
-            {robot: view for robot, view in views.items() if robot not in focused},
+            # Nothing beside what they send is known to be free.
+            {robot: view for robot, view in views.items() if robot not in focused | objects_only},
             frame.own.world_from_sensor,
             focused=focused,
             places=frame.round.places,
+            objects_only=objects_only,
         )
         try:
             return remember(self._memory, shown, self._detector, judged_as, known)

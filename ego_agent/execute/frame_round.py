@@ -84,6 +84,10 @@ class FrameRound:
         """Those of some robots that were asked about places only."""
         return frozenset(robot for robot in robots if self.questions[robot].focused)
 
+    def objects_only(self, robots: Iterable[str]) -> frozenset[str]:
+        """Those of some robots that were asked only for what may be an object."""
+        return frozenset(robot for robot in robots if self.questions[robot].tell.objects_only)
+
     @property
     def places(self) -> Places:
         """Those that robots were asked about; empty where none was asked about places only."""

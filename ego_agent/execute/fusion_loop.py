@@ -244,11 +244,14 @@ class FusionLoop:
             for form in dict.fromkeys([*forms.values(), *about.values()])
         }
         questions = {}
+        objects = {one.robot for one in decision.assignments if one.objects_only}
         for robot, form in forms.items():
+            of_objects = robot in objects and self._fusions[form].focuses
+            ask = replace(tell[form], objects_only=of_objects)
             rate_hz = rate_of(decision, robot)
             # Robots that contribute rarely take turns, in an order of this ego's own.
             shares = self._fusions[form].shareable and rate_hz >= decision.rate_hz
-            questions[robot] = Question(form, tell[form], rate_hz, shares)
+            questions[robot] = Question(form, ask, rate_hz, shares)
         # Whose pose is not known may have to be laid over what the others show.
         poses = self._poses
         known = poses is not None and all(

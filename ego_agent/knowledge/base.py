@@ -25,6 +25,8 @@ from swarm.messages import ALGORITHMS, MAX_MESSAGE_BYTES, Algorithm, Source
 
 FOCUSED = "+places"
 """What is added to an algorithm's name for answers about places."""
+OBJECTS = "+objects"
+"""The same for those of what may be an object only."""
 NO_WORK = Work(encode_ms=0.0, fixed_ms=0.0, add_ms=0.0)
 MAX_SERIES = 4096
 """Receipt series kept at most, one a robot and algorithm; the longest unused is dropped."""
@@ -146,11 +148,19 @@ class Knowledge:
         return min(self.objective.places_hz, self.rates.between_hz(algorithm, rate_hz))
 
     def record_payload(
-        self, robot: str, algorithm: str, size: int, now_ns: int, *, focused: bool = False
+        self,
+        robot: str,
+        algorithm: str,
+        size: int,
+        now_ns: int,
+        *,
+        focused: bool = False,
+        objects_only: bool = False,
     ) -> None:
         """Notes the bytes of an observation that arrived at `now_ns` on the ego's clock; `focused`:
-        of an answer about places, with those that say which."""
-        key = (robot, algorithm + FOCUSED if focused else algorithm)
+        of an answer about places, with those that say which; `objects_only`: of what may be an
+        object."""
+        key = (robot, algorithm + (FOCUSED if focused else OBJECTS if objects_only else ""))
         with self._lock:
             series = self._sizes.setdefault(key, deque(maxlen=self._receipts))
             series.append((now_ns, size))
@@ -177,7 +187,14 @@ class Knowledge:
     def focused_sizes(self, robot: str, now_ns: int) -> dict[Algorithm, int]:
         """Bytes of one answer about places, by algorithm: the median of the receipts of the last
         seconds. Those of which nothing came are left out."""
-        sizes = {name: self._measured(robot, name + FOCUSED, now_ns) for name in self.algorithms}
+        return self._sizes_of_part(robot, FOCUSED, now_ns)
+
+    def object_sizes(self, robot: str, now_ns: int) -> dict[Algorithm, int]:
+        """The same of what may be an object."""
+        return self._sizes_of_part(robot, OBJECTS, now_ns)
+
+    def _sizes_of_part(self, robot: str, part: str, now_ns: int) -> dict[Algorithm, int]:
+        sizes = {name: self._measured(robot, name + part, now_ns) for name in self.algorithms}
         return {name: size for name, size in sizes.items() if size}
 
     def _measured(self, robot: str, algorithm: str, now_ns: int) -> int:

@@ -81,6 +81,8 @@ class Snapshot:
 PART, MOST_PART = 0.25, 0.7
 """Of a whole observation's bytes, what an answer about places has before any came, and what makes
 it no smaller."""
+OBJECTS_PART = 0.6
+"""The same of an observation of what may be an object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,13 +107,23 @@ class Candidate:
     shared: frozenset[Algorithm] = frozenset()
     """What it sends anyway, for other egos: this one's part takes nothing of it."""
     focused: Mapping[Algorithm, int] = field(default_factory=dict)
-    """Bytes of its answers about places, as far as any has come."""
+    """Bytes of its answers about places, as far as any has come..."""
+    objects: Mapping[Algorithm, int] = field(default_factory=dict)
+    """...and of its observations of what may be an object."""
 
     def places_size(self, algorithm: Algorithm) -> int:
         """Bytes of an answer about places, as they came or as they are expected. Raises KeyError
         where no size of the algorithm is known."""
         known = self.focused.get(algorithm)
         return math.ceil(PART * self.sizes[algorithm]) if known is None else known
+
+    def contribution_size(self, algorithm: Algorithm, *, objects_only: bool) -> int:
+        """Bytes of one observation, of everything or of what may be an object only, as they came or
+        as they are expected. Raises KeyError where no size of the algorithm is known."""
+        whole = self.sizes[algorithm]
+        if not objects_only:
+            return whole
+        return self.objects.get(algorithm, math.ceil(OBJECTS_PART * whole))
 
     def tells_places(self, algorithm: Algorithm) -> bool:
         """Whether its answers about places are smaller than others, as far as is known: a robot of

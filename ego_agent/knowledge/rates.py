@@ -35,6 +35,17 @@ class RateModel(msgspec.Struct, frozen=True):
     """The same where the ego asks in between about the places of what it remembers..."""
     places_hz: Mapping[str, Rate] = msgspec.field(default_factory=dict)
     """...so often, by contributions a second."""
+    objects_from_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
+    """Contributions a second from which on, with places in between, points were measured that may
+    be objects only; 0: all points always were."""
+
+    def objects_suffice(self, algorithm: Algorithm, rate_hz: float, places_hz: float) -> bool:
+        """Whether points that may be objects are enough of contributions at a rate, with places
+        asked about so often in between: as often as was measured, since that confirms what is
+        new."""
+        if not 0.0 < self.objects_from_hz <= rate_hz < places_hz:
+            return False
+        return places_hz >= self.between_hz(algorithm, rate_hz)
 
     def worth(self, algorithm: Algorithm, rate_hz: float) -> float:
         """Probability that contributions at a rate count, in [0, 1]: linear in the time between

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
+from perception.scene.clusters import ObjectLimits
 from swarm.body import Body
 from swarm.errors import PerceptionError
+
+CLUSTER_SLACK_M = 0.2
+"""By which clusters may be larger than objects are, as clutter clings to them, or lower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +72,25 @@ class DetectorConfig:
     fuses_cells_by: Literal["attention", "strongest"]
     """How chosen cells of feature maps are fused (perception.fusion.maps)."""
     sparse_structure: bool
-    """Whether little is sent of what is too tall to be an object."""
+    """Whether little is sent of what is too tall to be an object, and whether, where the ego wants
+    no more, nothing is of all that cannot be one."""
 
     @property
     def tallest_m(self) -> float:
         """No object is taller."""
         return max(one.max_size[2] for one in self.classes)
+
+    @property
+    def limits(self) -> ObjectLimits:
+        """Of clusters that may be objects: all that may be one of the classes, partly hidden."""
+        longest = max(math.hypot(*one.max_size[:2]) for one in self.classes)
+        low = min(one.min_height for one in self.classes)
+        return ObjectLimits(
+            longest=longest + CLUSTER_SLACK_M,
+            low=low - CLUSTER_SLACK_M,
+            tall=self.tallest_m + CLUSTER_SLACK_M,
+            own_body=self.own_body_m,
+        )
 
 
 _ROAD = DetectorConfig(

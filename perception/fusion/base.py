@@ -31,6 +31,8 @@ class EncodeOptions:
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
     without_outline: bool = False
     """The ego knows by what the sender's pose is off: what is said of places needs no outline."""
+    objects_only: bool = False
+    """Of points, only those that may be objects: the ego asks about their places in between."""
     egos: tuple[Pose, ...] = ()
     """Where several egos stood that share the payload; of a `shareable` algorithm only, and in
     place of `reference` and `demand`."""
@@ -43,7 +45,8 @@ class FrameRequest:
     reference: Pose | None = None
     demand: bytes = b""
     without_outline: bool = False
-    """As in `EncodeOptions`."""
+    objects_only: bool = False
+    """Both as in `EncodeOptions`."""
 
     def size(self) -> int:
         """Bytes that this adds to a request."""

@@ -105,6 +105,8 @@ class Frame:
     """Helpers that were asked about places only."""
     places: Places = b""
     """Which, in the frame of the ego's sensor."""
+    objects_only: frozenset[str] = frozenset()
+    """Helpers that sent only what may be objects, by themselves: they have no view."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -363,8 +365,9 @@ class Memory:
             found = found.take(np.flatnonzero(apart))
         if not len(found):
             return
-        # Of those who see more, so many have not shown it.
-        helpers = frame.helpers - frame.focused
+        # Of those who see more, so many have not shown it; what was cut out of its surroundings
+        # has to be shown by those who are asked about its place.
+        helpers = frame.helpers - frame.focused - frame.objects_only
         others = 1.0 - self._viewers.share(helpers)
         found = replace(found, scores=found.scores * UNCONFIRMED**others)
         offsets = OFFSET * found.sizes[:, :2].max(axis=1)

@@ -47,7 +47,7 @@ def segment(points: Points) -> Segmentation:
     if not len(cloud):
         return Segmentation.empty()
     height = heights(cloud)
-    members, labels, count = _objects(cloud, height)
+    members, labels, count = objects(cloud, height)
     return Segmentation(cloud, height <= GROUND_BAND_M, members, labels, count)
 
 
@@ -133,7 +133,7 @@ def _spread(lowest: NDArray[np.float32]) -> NDArray[np.float32]:
     return ground
 
 
-def _objects(
+def objects(
     points: Points, height: NDArray[np.float32]
 ) -> tuple[NDArray[np.intp], NDArray[np.int32], int]:
     """Positions of the points in connected cells of MIN_POINTS or more, their labels, how many."""

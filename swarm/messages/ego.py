@@ -93,6 +93,8 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     places_hz: NonNegative = 0.0
     """How often it is asked, where it does not contribute anyway, for what it sees in the places of
     what is remembered; 0: never."""
+    objects_only: bool = False
+    """Whether it contributes only points that may be objects, not their surroundings."""
 
 
 class Decision(Message, frozen=True, kw_only=True):
@@ -233,4 +235,5 @@ class Detections(Message, frozen=True, kw_only=True):
     and y in metres, and turn about the robot in radians; of those that were. None where that is
     not told, as by egos of older programs."""
     focused: tuple[RobotId, ...] = ()
-    """Participants that were asked only about the places of what is remembered."""
+    """Participants that were asked only about the places of what is remembered, or only for what
+    may be objects."""

@@ -110,6 +110,8 @@ class ObservationRequest(Message, frozen=True, kw_only=True):
     """What the ego wants to know, in the algorithm's own form; empty: everything."""
     without_outline: bool = False
     """The ego knows by what robots' poses are off: an answer about places needs no outline."""
+    objects_only: bool = False
+    """Of points, only those that may be objects: the ego asks about their places in between."""
     shares: bool = False
     """The ego would also take what the robot publishes for several egos (`keyspace.shared`)."""
     listens: bool = False

@@ -125,6 +125,7 @@ SAMPLES: tuple[Message, ...] = (
         max_bytes=60_000,
         reference=POSE,
         demand=b"\x01\x02",
+        objects_only=True,
         shares=True,
         listens=True,
         rate_hz=5.0,
@@ -188,7 +189,9 @@ SAMPLES: tuple[Message, ...] = (
         ages_s={"R1": 0.125, "R2": 0.0625},
         stands_in_for="R1",
         assignments=(
-            Assignment(robot="R1", algorithm="early", rate_hz=1.0, places_hz=5.0),
+            Assignment(
+                robot="R1", algorithm="early", rate_hz=1.0, places_hz=5.0, objects_only=True
+            ),
             Assignment(robot="R3", algorithm="late", rate_hz=2.0),
         ),
         intents=(

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
+from ego_agent.knowledge.model import Candidate
 from ego_agent.knowledge.own_costs import LIGHTER
 from ego_agent.knowledge.pace import about_places, in_turn
 from ego_agent.plan.choices.scoring import PREFERRED, Score, Scorer
@@ -54,6 +55,8 @@ class Option:
     """...which is so often beside its contributions, on average."""
     kept_between: float = 0.0
     """What is left of the gain then."""
+    objects_only: bool = False
+    """Whether it sends only what may be an object, where it is asked about places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +121,11 @@ class Mixes:
                 asks = option.places_hz > 0.0 and candidate.tells_places(name)
                 between_hz = option.between_hz if asks else 0.0
                 more = between_hz / scorer.pace.rate_hz
-                takes[i, o] = candidate.sizes[name] * rates[o]
+                only = asks and option.objects_only
+                price = scorer.objects_price if only else scorer.price
+                takes[i, o] = candidate.contribution_size(name, objects_only=only) * rates[o]
                 takes[i, o] += candidate.places_size(name) * more
-                prices[i, o] = scorer.price(i + 1, name) * rates[o]
+                prices[i, o] = price(i + 1, name) * rates[o]
                 prices[i, o] += scorer.places_price(i + 1, name) * more
                 prices[i, o] -= PREFERRED if candidate.robot in scorer.scene.preferred else 0.0
                 whole_hz = option.rate_hz + LIGHTER * between_hz
@@ -243,6 +248,7 @@ class Mixes:
             algorithm=option.algorithm,
             rate_hz=option.rate_hz,
             places_hz=option.places_hz if self._asks[i, o] else 0.0,
+            objects_only=bool(self._asks[i, o]) and option.objects_only,
         )
 
     def takes(self, robot: str, o: int) -> float:
@@ -299,14 +305,18 @@ class Mixes:
 
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer
-        sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
-        candidates = scorer.scene.candidates
-        places = {
-            one.robot: candidates[scorer.row_of[one.robot] - 1].places_size(one.algorithm)
-            for one in score.assignments
-        }
+        sizes, places = {}, {}
+        for one in score.assignments:
+            candidate = self._candidate(one.robot)
+            sizes[one.robot] = candidate.contribution_size(
+                one.algorithm, objects_only=one.objects_only
+            )
+            places[one.robot] = candidate.places_size(one.algorithm)
         largest = burst(score.assignments, scorer.pace.rate_hz, sizes, places)
         return largest <= scorer.budget_bytes * _frames(scorer)
+
+    def _candidate(self, robot: str) -> Candidate:
+        return self.scorer.scene.candidates[self.scorer.row_of[robot] - 1]
 
     def _nobody(self) -> _Growing:
         n, levels = len(self.able), len(self._steps)
@@ -416,7 +426,8 @@ def _options(scorer: Scorer) -> tuple[Option, ...]:
         # Frames to which it contributes do not ask it about places.
         between_hz = places_hz * (1.0 - hz / usual_hz)
         with_places = known.rates.kept(name, hz, usual_hz, places_hz)
-        return Option(name, hz, gain, kept, places_hz, between_hz, with_places)
+        only = known.rates.objects_suffice(name, hz, places_hz)
+        return Option(name, hz, gain, kept, places_hz, between_hz, with_places, only)
 
     return tuple(
         option(name, hz)
@@ -436,14 +447,16 @@ def _able(scorer: Scorer, i: int, option: Option, between_hz: float) -> bool:
     places a second, and the cell one contribution within the deadline."""
     candidate, name = scorer.scene.candidates[i], option.algorithm
     usual = option.rate_hz >= scorer.pace.rate_hz
-    a_second = candidate.sizes[name] * option.rate_hz
+    only = between_hz > 0.0 and option.objects_only
+    size = candidate.contribution_size(name, objects_only=only)
+    a_second = size * option.rate_hz
     a_second += candidate.places_size(name) * between_hz
     share = (option.rate_hz + between_hz) / scorer.pace.rate_hz
     # At a lower rate the robot is asked on its own, not heard with others.
     needs_bps = scorer.needs_bps(candidate.robot, name) if usual else 8.0 * a_second
     if needs_bps > scorer.allowed_bps(candidate.robot):
         return False
-    if candidate.sizes[name] > scorer.budget_bytes * _frames(scorer):
+    if size > scorer.budget_bytes * _frames(scorer):
         return False
     encode_s = scorer.knowledge.encode_s(name, candidate.answers.get(name, UNTRIED).encode_s)
     return encode_s * scorer.pace.rate_hz * share <= 1.0 or name in candidate.shared

@@ -271,13 +271,21 @@ class Scorer:
         """
         price = self._prices.get((row, algorithm))
         if price is None:
-            candidate, known = self.scene.candidates[row - 1], self.knowledge
-            compute_s = known.work_s(algorithm)
-            if algorithm not in candidate.shared:
-                compute_s += self._encode_s(row, algorithm)
-            price = self._cost(candidate.sizes[algorithm], compute_s)
+            price = self._priced(row, algorithm, objects_only=False)
             self._prices[row, algorithm] = price
         return price
+
+    def objects_price(self, row: int, algorithm: Algorithm) -> float:
+        """The same where it sends only what may be an object."""
+        return self._priced(row, algorithm, objects_only=True)
+
+    def _priced(self, row: int, algorithm: Algorithm, *, objects_only: bool) -> float:
+        candidate = self.scene.candidates[row - 1]
+        compute_s = self.knowledge.work_s(algorithm)
+        if algorithm not in candidate.shared:
+            compute_s += self._encode_s(row, algorithm)
+        size = candidate.contribution_size(algorithm, objects_only=objects_only)
+        return self._cost(size, compute_s)
 
     def places_price(self, row: int, algorithm: Algorithm) -> float:
         """The same of asking about places in every fused frame."""

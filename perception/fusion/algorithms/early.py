@@ -16,6 +16,7 @@ from perception.fusion.detectors import shared_finder
 from perception.fusion.one_pass import PointForm
 from perception.fusion.outline import outline, thinned
 from perception.scene import ground_mask
+from perception.scene.clusters import may_be_objects
 from perception.scene.structure import ground_and_structure, in_sectors
 from perception.types import clean_points
 from swarm.errors import PerceptionError
@@ -44,7 +45,8 @@ class EarlyFusion(PointForm):
 
     def encode(self, points: Points, options: EncodeOptions) -> bytes:
         """The scan within the asked error; unless asked otherwise without its ground, and with
-        little of what else is no object where the detector needs no more.
+        little of what else is no object where the detector needs no more, or nothing of it where
+        the ego wants objects only.
 
         Where the ego says where it is, without what lies outside of its detector's area: that finds
         nothing there. Where several do, without what lies outside of all of their areas. Where it
@@ -56,7 +58,7 @@ class EarlyFusion(PointForm):
         if reach.max(initial=0.0) > MAX_RANGE_M:
             # A stray return must not cost the whole scan; the codec would refuse it.
             cloud = cloud[(reach <= MAX_RANGE_M).all(axis=1)]
-        ground, wanted = self._wanted(cloud)
+        ground, wanted = self._wanted(cloud, options.objects_only and not options.demand)
         bare = bool(options.demand) and options.without_outline
         places = np.zeros((0, 2)) if bare else thinned(outline(cloud, ground))
         if not options.keep_ground:
@@ -74,7 +76,9 @@ class EarlyFusion(PointForm):
             cloud = self._of_use_to_any(cloud, options.pose, options.egos)
         return add_outline(encode_points(cloud, options.max_error_m), places)
 
-    def _wanted(self, cloud: Points) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _wanted(
+        self, cloud: Points, objects_only: bool
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which points are ground, and which are worth sending: bool (N,) each. Of structure only
         some directions are, where a learned detector does with that; clusters, which are found
         where nothing is learnt, would take these for posts."""
@@ -83,6 +87,8 @@ class EarlyFusion(PointForm):
             ground = ground_mask(cloud)
             return ground, ~ground
         ground, structure = ground_and_structure(cloud, config.tallest_m)
+        if objects_only:
+            return ground, ~ground & may_be_objects(cloud, structure, config.limits)
         wanted = ~ground
         wanted[structure] = in_sectors(cloud.compress(structure, axis=0))
         return ground, wanted

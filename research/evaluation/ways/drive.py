@@ -30,9 +30,13 @@ from worlds.registry import open_world
 class Focus:
     """What a robot is asked about that is not asked for everything."""
 
-    places: Places
+    places: Places = b""
+    """Empty: for everything that may be an object."""
     without_outline: bool = False
     """As in `EncodeOptions`."""
+
+
+OBJECTS = Focus()
 
 
 NOWHERE: Mapping[str, Focus] = MappingProxyType({})
@@ -88,7 +92,9 @@ class FusedOnce:
     views: Mapping[str, View]
     world_from_own: Matrix
     focused: frozenset[str] = frozenset()
-    """Helpers that told of places only; they have no view."""
+    """Helpers that told of places only; they have no view..."""
+    objects_only: frozenset[str] = frozenset()
+    """...nor have those that told only of what may be an object."""
     places: Places = b""
     """Which."""
 
@@ -124,8 +130,8 @@ class Driven:
         places: Mapping[str, Focus] = NOWHERE,
     ) -> FusedOnce:
         """The frame with these robots, each in the form asked for; points within the error, of some
-        robots only those of `places`. Where the ego remembers poses, frames follow each other, and
-        an earlier one begins anew."""
+        robots only those that `places` says. Where the ego remembers poses, frames follow each
+        other, and an earlier one begins anew."""
         if self.drive.pose_memory:
             if frame <= self._newest:
                 self._poses = PoseMemory()
@@ -203,9 +209,10 @@ class Driven:
         helpers -= gathering.left_out().keys()
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         known = known_robots(self.world, frame, self.ego, *noise)
-        focused = frozenset(places) & helpers
+        focused = frozenset(robot for robot, one in places.items() if one.places) & helpers
+        objects_only = (places.keys() - focused) & helpers
         sent = gathering.sent_points()
-        whole = {robot: view for robot, view in sent.items() if robot not in focused}
+        whole = {robot: view for robot, view in sent.items() if robot not in places}
         views = {self.ego: (own.points, here), **whole}
         return FusedOnce(
             found,
@@ -216,7 +223,8 @@ class Driven:
             views,
             here,
             focused,
-            next((one.places for one in places.values()), b""),
+            frozenset(objects_only),
+            next((one.places for one in places.values() if one.places), b""),
         )
 
     def _encoded(
@@ -229,13 +237,20 @@ class Driven:
         noise = self.drive.pose_noise_m, self.drive.pose_errors, self.seed
         pose = disturbed(scan.pose, robot, frame, *noise)
         if focus is not None:
-            ask = replace(ask, demand=focus.places, without_outline=focus.without_outline)
+            objects_only = not focus.places
+            ask = replace(
+                ask,
+                demand=focus.places,
+                without_outline=focus.without_outline,
+                objects_only=objects_only,
+            )
         options = EncodeOptions(
             max_error_m=max_error_m,
             pose=pose,
             reference=ask.reference,
             demand=ask.demand,
             without_outline=ask.without_outline,
+            objects_only=ask.objects_only,
         )
         payload = fusion.encode(scan.points, options)
         sent = Contribution(robot, payload, pose.matrix(), form=name)

@@ -36,9 +36,14 @@ PLAIN = "coverage, no places asked about"
 UNHEEDED = "coverage, who cannot be placed is asked all the same"
 NO_MEMORY = ", objects not remembered"
 RULES = {
-    f"everybody whole {hz:g} Hz, places {BETWEEN_HZ['factory'][hz]:g} Hz": hz for hz in (1.0, 2.0)
+    f"everybody {sends} {hz:g} Hz, places {BETWEEN_HZ['factory'][hz]:g} Hz": (
+        hz,
+        sends == "objects",
+    )
+    for sends, hz in (("whole", 1.0), ("whole", 2.0), ("objects", 2.0), ("objects", 5.0))
 }
-"""The simplest that ask about places, too: the same of all, whatever the link; and their rates."""
+"""The simplest that ask about places, too: the same of all, whatever the link; their rates, and
+whether they send only what may be an object."""
 CONTROLS = (EVERYONE, EVERYONE + NO_MEMORY, SINGLE_RATE, PLAIN, UNHEEDED, *RULES, RANDOM)
 MADE_FROM = (
     "ego_agent", "network_controller", "perception", "research/evaluation", "sensing", "swarm",
@@ -57,6 +62,7 @@ class Policy:
     forms: tuple[tuple[str, float], ...] = ()
     """What always is, as in `Way`."""
     places_hz: float = 0.0
+    objects_only: bool = False
 
 
 POLICIES = (
@@ -70,8 +76,14 @@ POLICIES = (
     Policy("static-late", Decided("static-late", validated=False)),
     Policy("rules", Decided("rules", validated=False)),
     *(
-        Policy(name, None, forms=(("early", hz),), places_hz=BETWEEN_HZ["factory"][hz])
-        for name, hz in RULES.items()
+        Policy(
+            name,
+            None,
+            forms=(("early", hz),),
+            places_hz=BETWEEN_HZ["factory"][hz],
+            objects_only=objects_only,
+        )
+        for name, (hz, objects_only) in RULES.items()
     ),
     Policy(RANDOM, Decided(RANDOM, rarer=True)),
     Policy("nobody", None),
@@ -192,6 +204,7 @@ def _brought(
         memory=policy.memory,
         in_turn=True,
         places_hz=policy.places_hz,
+        objects_only=policy.objects_only,
         link=scenario.link,
         link_from_s=from_s,
         decided=policy.decided,

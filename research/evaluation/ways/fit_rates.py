@@ -27,6 +27,7 @@ from research.evaluation.ways.sampling import (
     BETWEEN_HZ,
     FOCUSING,
     FORMS,
+    OBJECTS_FROM_HZ,
     RATES_HZ,
     Look,
     Sample,
@@ -176,6 +177,7 @@ def run(counts: Mapping[str, int], frames: int, workers: int, law: Path, quality
             by_algorithm={form: worth[form] for form in FORMS},
             with_places={form: worth[form + FOCUSED] for form in FOCUSING},
             places_hz={f"{hz:g}": often for hz, often in between_hz.items()},
+            objects_from_hz=OBJECTS_FROM_HZ[detector],
         )
         models[detector] = model_of(expected, detector)
         spread, left = expected.spread, expected.error

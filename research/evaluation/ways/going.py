@@ -48,7 +48,10 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
     """
     asked, places, taking_part = _asked(driven, way)
     works = [
-        {robot: _work(driven, form, robot in where) for robot, form in one.items()}
+        {
+            robot: _work(driven, form, robot in where and bool(where[robot].places))
+            for robot, form in one.items()
+        }
         for one, where in zip(asked, places, strict=True)
     ]
     sent_bytes = [
@@ -104,21 +107,24 @@ def _asked(
     places: list[Mapping[str, Focus]] = []
     taking_part: list[int] = []
     for number, frame in enumerate(driven.frames):
+        objects: Collection[str]
         if deciding is None:
             near = driven.in_range(frame)
+            objects = way.objects(driven.nearest)
             whole = _only(near, way.asked(number, driven.nearest, rate_hz))
             about = _only(near, way.asked_about(number, driven.nearest, rate_hz))
             named = driven.nearest if way.forms else [one.robot for one in way.assignments]
             taking_part.append(len({*named} & {*near}))
         else:
             whole, about = deciding.asked(number, frame), deciding.asked_about(number)
+            objects = deciding.objects
             taking_part.append(len(deciding.participants))
         only: Mapping[str, Focus] = {}
         if rehearsal is not None:
-            only = rehearsal.ask(frame, whole, about if way.memory else {})
+            only = rehearsal.ask(frame, whole, about if way.memory else {}, objects)
             if deciding is not None:
                 deciding.heed(rehearsal.placed)
-        asked.append({**whole, **{robot: about[robot] for robot in only}})
+        asked.append({**whole, **{r: about[r] for r, one in only.items() if one.places}})
         places.append(only)
     return asked, places, taking_part
 

@@ -126,6 +126,12 @@ class Deciding:
         """Who takes part by the decision in force, the ego apart."""
         return self._decision.participants[1:] if self._decision else ()
 
+    @property
+    def objects(self) -> frozenset[str]:
+        """Who of these sends only what may be an object, but for places."""
+        assignments = self._decision.assignments if self._decision else ()
+        return frozenset(one.robot for one in assignments if one.objects_only)
+
     def asked(self, number: int, frame: int) -> Mapping[str, str]:
         """The robots that send in the frame, the drive's so many-th, and what."""
         if number % self._every == 0 or self._decision is None:

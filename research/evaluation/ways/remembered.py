@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from perception.detector.config import configuration
 from perception.memory.asking import places_of
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember, suspected
 from perception.memory.reprocessing import ReprocessingMemory
-from research.evaluation.ways.drive import Driven, Focus, FusedOnce
+from research.evaluation.ways.drive import OBJECTS, Driven, Focus, FusedOnce
 
 LAG_FRAMES = 2
 """A frame is asked for when that before it may not be fused yet: what is known is of so many before
@@ -31,6 +31,7 @@ def taken(
         fused.world_from_own,
         focused=fused.focused,
         places=fused.places,
+        objects_only=fused.objects_only,
     )
     return remember(memory, given, driven.world.detector, fused.scored_as, fused.known)
 
@@ -50,10 +51,13 @@ class Rehearsal:
         self.placed: Mapping[str, bool] = {}
         """Of those that the newest frame asked for everything: whether that was fused."""
 
-    def ask(self, frame: int, whole: Asked, about: Asked) -> dict[str, Focus]:
-        """Who is asked about which places in the next frame: none of whom the ego has not got a
-        whole scan yet, and nobody where nothing is remembered. `whole`: who is asked for
-        everything, `about`: who would be about places."""
+    def ask(
+        self, frame: int, whole: Asked, about: Asked, objects: Collection[str] = ()
+    ) -> dict[str, Focus]:
+        """Who is asked about what in the next frame, of those who are not asked for everything:
+        about places, none of whom the ego has not got a whole scan yet, and nobody where nothing is
+        remembered. `whole`: who contributes, those of `objects` only what may be one; `about`: who
+        would be asked about places."""
         driven, known, world = self._driven, self._known, self._driven.world
         here = world.pose(driven.ego, frame).matrix()
         enough = len(known) == LAG_FRAMES
@@ -62,7 +66,8 @@ class Rehearsal:
         asked = (*whole, *robots)
         without_outline = all(driven.knows_pose(robot, frame) for robot in asked)
         only = dict.fromkeys(robots, Focus(places, without_outline))
-        forms = {robot: about[robot] for robot in only}
+        only |= {robot: OBJECTS for robot in whole if robot in objects}
+        forms = {robot: about[robot] for robot in robots}
         fused = driven.fused(frame, {**whole, **forms}, self._max_error_m, only)
         self.placed = {robot: robot in fused.helpers for robot in whole}
         self._shown |= whole.keys()

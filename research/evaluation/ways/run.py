@@ -62,6 +62,16 @@ def ways() -> tuple[Way, ...]:
         Way(narrow.name_of("early", hz, often), (("early", hz),), in_turn=True, places_hz=often)
         for hz, often in ((5.0, 10.0), (2.0, 10.0), (2.0, 5.0), (1.0, 10.0), (1.0, 5.0), (0.5, 5.0))
     ]
+    objects = [
+        Way(
+            narrow.name_of("objects", hz, often),
+            (("early", hz),),
+            in_turn=True,
+            places_hz=often,
+            objects_only=True,
+        )
+        for hz, often in ((5.0, 10.0), (2.0, 10.0))
+    ]
     mixed = [
         Way(
             f"mixed-{near}-{near_hz:g}hz-{far}-{far_hz:g}hz-in-turn",
@@ -84,7 +94,7 @@ def ways() -> tuple[Way, ...]:
         Way("silence", (("early", 10.0),), silent=(25, 10)),
         Way("silence-no-memory", (("early", 10.0),), memory=False, silent=(25, 10)),
     ]
-    return (*alone, *static, *coarse, *turns, *focused, *mixed, *late, *ruled, *silent)
+    return (*alone, *static, *coarse, *turns, *focused, *objects, *mixed, *late, *ruled, *silent)
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,10 @@ BETWEEN_HZ: Mapping[str, Mapping[float, float]] = {
 }
 """By detector and rate of points, how often places are asked about in between. On the road, where
 the ego drives past everything, more often is worth less."""
+OBJECTS_FROM_HZ: Mapping[str, float] = {"factory": 2.0, "road": 0.0}
+"""By detector, the rate of points from which on robots that are asked about places send only what
+may be an object; 0: never. Where places are asked about in fewer frames, what is new is not
+confirmed soon enough (docs/results.md)."""
 RANDOM_WAYS = 12
 """Of each drive, beside some that are always measured."""
 PAIRED_HZ = (10.0, 5.0, 2.0)
@@ -93,22 +97,31 @@ def sampled(drive: Drive) -> Sampled:
     reachable = [robot for robot in driven.nearest if all(robot in at.robots for at in looks)]
     samples = []
     between_hz = BETWEEN_HZ[driven.world.detector]
-    for number, assignments in enumerate(random_assignments(reachable, drive.seed, between_hz)):
+    objects_from_hz = OBJECTS_FROM_HZ[driven.world.detector]
+    chosen = random_assignments(reachable, drive.seed, between_hz, objects_from_hz)
+    for number, assignments in enumerate(chosen):
         found = measure(driven, Way(str(number), assignments=assignments))
         samples.append(Sample(assignments, found.tally.precision().ap_70))
     return Sampled(looks, tuple(samples))
 
 
 def random_assignments(
-    robots: list[str], seed: int, between_hz: Mapping[float, float]
+    robots: list[str], seed: int, between_hz: Mapping[float, float], objects_from_hz: float = 0.0
 ) -> Iterator[tuple[Assignment, ...]]:
     """Nobody; everybody with boxes; everybody, and a random half, with points at PAIRED_HZ, and at
     all rates in `between_hz` with places asked about so often in between; and random robots, with
-    one form and rate for all as often as with one for each, every other time with places."""
+    one form and rate for all as often as with one for each, every other time with places. From
+    `objects_from_hz` on these send only what may be an object; 0: never."""
 
     def sends(robot: str, form: str, hz: float, *, places: bool) -> Assignment:
         places_hz = between_hz.get(hz, 0.0) if places and form in FOCUSING else 0.0
-        return Assignment(robot=robot, algorithm=form, rate_hz=hz, places_hz=places_hz)
+        return Assignment(
+            robot=robot,
+            algorithm=form,
+            rate_hz=hz,
+            places_hz=places_hz,
+            objects_only=places_hz > 0.0 and 0.0 < objects_from_hz <= hz,
+        )
 
     paired = [*((hz, False) for hz in PAIRED_HZ), *((hz, True) for hz in between_hz)]
     rng = np.random.default_rng(seed)

@@ -39,6 +39,8 @@ class Way:
     places_hz: float = 0.0
     """How often robots with one of the `forms` are asked about the places of what is remembered,
     where they do not send anyway; 0: never."""
+    objects_only: bool = False
+    """Whether these send only what may be an object, but for places."""
 
     @property
     def asks_about_places(self) -> bool:
@@ -75,6 +77,12 @@ class Way:
         robots = in_turn(dict.fromkeys(nearest, self.places_hz), rate_hz, number)
         forms = {r: self.forms[min(i, len(self.forms) - 1)][0] for i, r in enumerate(nearest)}
         return {robot: forms[robot] for robot in robots if robot not in whole}
+
+    def objects(self, nearest: Sequence[str]) -> frozenset[str]:
+        """The robots that send only what may be an object, but for places."""
+        if self.objects_only:
+            return frozenset(nearest)
+        return frozenset(one.robot for one in self.assignments if one.objects_only)
 
     def _silent(self, number: int) -> bool:
         if self.silent is None:

@@ -84,9 +84,12 @@ def noting(answer: Answer, asked: list[ObservationRequest]) -> Answer:
     return noted
 
 
-def fused(ego: Ego, number: int) -> FrameResult:
-    """The next frame of that number, of ten; R2 sends once a second, with places in between."""
-    sends = Assignment(robot="R2", algorithm="early", rate_hz=1.0, places_hz=5.0)
+SENDS = Assignment(robot="R2", algorithm="early", rate_hz=1.0, places_hz=5.0)
+"""Once a second, with places in between."""
+
+
+def fused(ego: Ego, number: int, sends: Assignment = SENDS) -> FrameResult:
+    """The next frame of that number, of ten; what R2 sends in them."""
     wanted = msgspec.structs.replace(decision("R2"), assignments=(sends,))
     end = time.monotonic() + 30.0
     while time.monotonic() < end:
@@ -127,6 +130,28 @@ def test_who_has_sent_a_whole_scan_is_asked_about_the_places_of_what_it_showed(
     assert ego.known.payload_sizes("R2", {}, time.time_ns()) == {"early": size}
     told = result.round.bytes["R2"] + len(asked[-1].demand)
     assert ego.known.focused_sizes("R2", time.time_ns()) == {"early": told}
+
+
+def test_who_sends_objects_only_is_asked_so_and_counted_apart(
+    ego: Ego, hall: Hall, robot: RobotStarter
+) -> None:
+    asked: list[ObservationRequest] = []
+    robot("R2", noting(honest(hall, "R2"), asked))
+    sends = msgspec.structs.replace(SENDS, objects_only=True)
+    whole = fused(ego, WHOLE, sends)
+    assert (asked[-1].demand, asked[-1].objects_only) == (b"", True)
+    assert whole.round.objects_only(("R2",)) == {"R2"}
+    assert whole.round.focused(("R2",)) == frozenset()
+    now_ns = time.time_ns()
+    assert ego.known.payload_sizes("R2", {}, now_ns) == {}
+    assert ego.known.object_sizes("R2", now_ns) == {"early": whole.round.bytes["R2"]}
+    # It stands where it says: it is asked about places next.
+    assert fused(ego, PLACES, sends).round.focused(("R2",)) == {"R2"}
+    assert (bool(asked[-1].demand), asked[-1].objects_only) == (True, False)
+    # The next decision wants everything.
+    assert fused(ego, WHOLE).participants == ("R1", "R2")
+    assert (asked[-1].demand, asked[-1].objects_only) == (b"", False)
+    assert ego.known.payload_sizes("R2", {}, time.time_ns()).keys() == {"early"}
 
 
 def test_whose_pose_is_known_is_asked_about_places_without_an_outline(

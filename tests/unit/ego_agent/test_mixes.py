@@ -19,7 +19,7 @@ from ego_agent.analyze.scene_file import read_scene
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.compute import Work
 from ego_agent.knowledge.journal import CycleRecord
-from ego_agent.knowledge.model import PART, Proposal, UnifiedScene, Weights
+from ego_agent.knowledge.model import OBJECTS_PART, PART, Proposal, UnifiedScene, Weights
 from ego_agent.knowledge.objective import Objective
 from ego_agent.knowledge.pace import RARER_HZ, about_places, in_turn
 from ego_agent.knowledge.record import cycle_record
@@ -272,29 +272,35 @@ def test_nobody_is_asked_about_places_in_a_frame_to_which_it_contributes(
 
 def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     found = a_floor(3, capacity_bps=1e6)
-    without, asking = (Mixes(Scorer(found, knowing(places_hz=hz))) for hz in (0.0, 5.0))
-    once = assignments(("R2", "early", 1.0))
-    plain, more = without.score(once), asking.score(once)
+    without, asking = (Mixes(Scorer(found, knowing(places_hz=hz))) for hz in (0.0, 10.0))
+    twice = assignments(("R2", "early", 2.0))
+    plain, more = without.score(twice), asking.score(twice)
     assert plain is not None
     assert more is not None
-    assert (plain.assignments[0].places_hz, more.assignments[0].places_hz) == (0.0, 5.0)
+    assert (plain.assignments[0].places_hz, more.assignments[0].places_hz) == (0.0, 10.0)
     size = asking.scorer.size("R2", "early")
     places = found.candidates[0].places_size("early")
-    assert places == math.ceil(PART * size)
-    # It contributes to one frame of ten, and is asked about places in half of the others.
-    assert more.cost_bytes == math.ceil((size * 1.0 + places * 4.5) / 10.0)
+    objects = found.candidates[0].contribution_size("early", objects_only=True)
+    assert (places, objects) == (math.ceil(PART * size), math.ceil(OBJECTS_PART * size))
+    assert (plain.assignments[0].objects_only, more.assignments[0].objects_only) == (False, True)
+    # It contributes to two frames of ten, and is asked about places in the others.
+    assert more.cost_bytes == math.ceil((objects * 2.0 + places * 8.0) / 10.0)
     assert more.cost > plain.cost
+    # Asked about them less often than was measured, it sends everything.
+    fewer = Mixes(Scorer(found, knowing(places_hz=5.0))).score(twice)
+    assert fewer is not None
+    assert (fewer.assignments[0].places_hz, fewer.assignments[0].objects_only) == (5.0, False)
     assert more.quality > plain.quality
     # What has come counts in the place of a guess.
-    known = replace(found.candidates[0], focused={"early": 77})
+    known = replace(found.candidates[0], focused={"early": 77}, objects={"early": 500})
     again = replace(found, candidates=(known, *found.candidates[1:]))
-    told = Mixes(Scorer(again, knowing(places_hz=5.0))).score(once)
+    told = Mixes(Scorer(again, knowing(places_hz=10.0))).score(twice)
     assert told is not None
-    assert told.cost_bytes == math.ceil((size * 1.0 + 77 * 4.5) / 10.0)
+    assert told.cost_bytes == math.ceil((500 * 2.0 + 77 * 8.0) / 10.0)
     # A robot of an older program answers with its whole scan: it is not asked about places.
     older = replace(found.candidates[0], focused={"early": size})
     again = replace(found, candidates=(older, *found.candidates[1:]))
-    told = Mixes(Scorer(again, knowing(places_hz=5.0))).score(once)
+    told = Mixes(Scorer(again, knowing(places_hz=10.0))).score(twice)
     assert told is not None
     assert (told.assignments, told.cost_bytes) == (plain.assignments, plain.cost_bytes)
     assert told.quality == plain.quality

@@ -356,6 +356,34 @@ class TestPlaces:
 
         assert born(BOTH, places=True) == born(frozenset()) < born(BOTH) / 2
 
+    def test_what_is_new_where_only_objects_were_sent_is_suspected_and_asked_about(self) -> None:
+        memory, usual = Memory(1.0), Memory(1.0)
+        for i in range(3):
+            for one in (memory, usual):
+                one.update(frame(i / 10, boxes((10.0, 0.0)), BOTH, WALLED))
+        new = frame(0.3, boxes((10.0, 0.0), (4.0, 5.0)), BOTH, WALLED)
+        told = [
+            float(one.boxes.scores[one.boxes.centers[:, 1] > 3.0][0])
+            for one in (memory.update(replace(new, objects_only=BOTH)), usual.update(new))
+        ]
+        assert told[0] < told[1] / 2
+        # Its place is asked about, and where others show it, it is told of.
+        assert (memory.suspected().boxes.centers[:, 1] > 3.0).any()
+        for i in range(4, 12):
+            shown = frame(i / 10, boxes((10.0, 0.0), (4.0, 5.0)), BOTH, WALLED)
+            found = memory.update(about_places(shown, (10.0, 0.0), (4.0, 5.0)))
+        assert found.boxes.scores[found.boxes.centers[:, 1] > 3.0][0] > 0.5
+
+    def test_what_was_known_is_as_sure_where_only_objects_are_sent(self) -> None:
+        chances = []
+        for only in (frozenset[str](), BOTH):
+            memory = Memory(1.0)
+            for i in range(6):
+                one = frame(i / 10, boxes((10.0, 0.0)), BOTH, WALLED)
+                told = memory.update(replace(one, objects_only=only if i > 2 else frozenset()))
+            chances.append(float(told.boxes.scores[0]))
+        assert chances[0] == chances[1]
+
     def test_they_make_a_doubtful_track_surer_by_little(self) -> None:
         def told(*, places: bool) -> float:
             memory = Memory(1.0)
