@@ -128,7 +128,7 @@ def _check_text(result: dict[str, Any]) -> list[str]:
     if result["about_places"]:
         lines.append(
             f"  not compared: {result['about_places']} frames in which a robot was asked about "
-            "the places of what was remembered"
+            "the places of what was remembered, or for objects"
         )
     lines += [
         f"  frame {one['frame']}, {one['algorithm']}: {one['why']}" for one in different[:SHOWN]

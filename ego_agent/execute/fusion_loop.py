@@ -20,7 +20,14 @@ from ego_agent.execute.frame_fuser import FrameFuser, FrameResult
 from ego_agent.execute.frame_round import Question
 from ego_agent.execute.pipeline import AskedFrame, Pipeline
 from ego_agent.execute.sense import OwnFrame, OwnSensor
-from ego_agent.knowledge.pace import about_places, algorithm_of, due, rate_of, stride
+from ego_agent.knowledge.pace import (
+    about_places,
+    algorithm_of,
+    due,
+    rate_of,
+    sends_objects,
+    stride,
+)
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
 from perception.detector.config import configuration
@@ -244,7 +251,9 @@ class FusionLoop:
             for form in dict.fromkeys([*forms.values(), *about.values()])
         }
         questions = {}
-        objects = {one.robot for one in decision.assignments if one.objects_only}
+        # Without a memory of what is there nobody is asked about what is new.
+        remembers = self._fuser.suspected is not None
+        objects = sends_objects(decision, own.frame // step) if remembers else frozenset()
         for robot, form in forms.items():
             of_objects = robot in objects and self._fusions[form].focuses
             ask = replace(tell[form], objects_only=of_objects)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import AnswerTimes
+from ego_agent.knowledge.pace import EVERYTHING
 from swarm.geometry import Pose
 from swarm.messages import (
     AdviceReport,
@@ -81,7 +82,7 @@ class Snapshot:
 PART, MOST_PART = 0.25, 0.7
 """Of a whole observation's bytes, what an answer about places has before any came, and what makes
 it no smaller."""
-OBJECTS_PART = 0.6
+OBJECTS_PART, MOST_OBJECTS_PART = 0.6, 0.9
 """The same of an observation of what may be an object."""
 
 
@@ -118,12 +119,21 @@ class Candidate:
         return math.ceil(PART * self.sizes[algorithm]) if known is None else known
 
     def contribution_size(self, algorithm: Algorithm, *, objects_only: bool) -> int:
-        """Bytes of one observation, of everything or of what may be an object only, as they came or
-        as they are expected. Raises KeyError where no size of the algorithm is known."""
+        """Bytes of one observation, of everything or, but for one of some, of what may be an object
+        only, on average, as they came or as they are expected. Raises KeyError where no size of the
+        algorithm is known."""
         whole = self.sizes[algorithm]
         if not objects_only:
             return whole
-        return self.objects.get(algorithm, math.ceil(OBJECTS_PART * whole))
+        return math.ceil((whole + (EVERYTHING - 1) * self._objects_size(algorithm)) / EVERYTHING)
+
+    def sends_objects(self, algorithm: Algorithm) -> bool:
+        """Whether its observations of what may be an object are smaller than others, as far as is
+        known: a robot of an older program, or one that is to keep all points, sends them all."""
+        return self._objects_size(algorithm) < MOST_OBJECTS_PART * self.sizes[algorithm]
+
+    def _objects_size(self, algorithm: Algorithm) -> float:
+        return self.objects.get(algorithm, OBJECTS_PART * self.sizes[algorithm])
 
     def tells_places(self, algorithm: Algorithm) -> bool:
         """Whether its answers about places are smaller than others, as far as is known: a robot of

@@ -29,6 +29,11 @@ PLACES_HZ = 10.0
 """How often, at most, a live ego asks in between about the places of what it remembers."""
 
 
+EVERYTHING = 4
+"""Of so many contributions of objects only one is of everything: what stands too near to something
+else to be told from it is seen then, and remembered."""
+
+
 @dataclass(frozen=True, slots=True)
 class Pace:
     """A fusion rate and its deadline."""
@@ -93,6 +98,23 @@ def about_places(
     whole = in_turn({one.robot: one.rate_hz for one in assignments}, frames_hz, number)
     often = {one.robot: one.places_hz for one in assignments if one.places_hz > 0.0}
     return tuple(robot for robot in in_turn(often, frames_hz, number) if robot not in whole)
+
+
+def of_objects(rate_hz: float, frames_hz: float, number: int) -> bool:
+    """Whether who contributes at a rate, and sends objects only, does so to the fused frame of that
+    number, if it contributes to that at all: of EVERYTHING contributions one has all points."""
+    step = max(1, round(frames_hz / rate_hz))
+    # Robots that take turns send all in different ones.
+    return (number // step + number % step) % EVERYTHING != 0
+
+
+def sends_objects(decision: Decision, number: int) -> frozenset[str]:
+    """The participants of whom that is so."""
+    return frozenset(
+        one.robot
+        for one in decision.assignments
+        if one.objects_only and of_objects(one.rate_hz, decision.rate_hz, number)
+    )
 
 
 def rate_of(decision: Decision, robot: str) -> float:

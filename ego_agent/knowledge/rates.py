@@ -36,8 +36,8 @@ class RateModel(msgspec.Struct, frozen=True):
     places_hz: Mapping[str, Rate] = msgspec.field(default_factory=dict)
     """...so often, by contributions a second."""
     objects_from_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 0.0
-    """Contributions a second from which on, with places in between, points were measured that may
-    be objects only; 0: all points always were."""
+    """Contributions a second from which on, with places in between, only points that may be objects
+    are asked for; 0: always all points."""
 
     def objects_suffice(self, algorithm: Algorithm, rate_hz: float, places_hz: float) -> bool:
         """Whether points that may be objects are enough of contributions at a rate, with places

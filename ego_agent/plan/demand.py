@@ -164,10 +164,7 @@ def _burst_bytes(scene: UnifiedScene, decision: Decision) -> int:
     sizes, places = {}, {}
     for one in decision.assignments:
         candidate = by_robot.get(one.robot)
-        sizes[one.robot] = 0
+        sizes[one.robot] = candidate.sizes.get(one.algorithm, 0) if candidate else 0
         if candidate and one.algorithm in candidate.sizes:
-            sizes[one.robot] = candidate.contribution_size(
-                one.algorithm, objects_only=one.objects_only
-            )
             places[one.robot] = candidate.places_size(one.algorithm)
     return burst(decision.assignments, decision.rate_hz, sizes, places)

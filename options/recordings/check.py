@@ -50,8 +50,8 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     other_times: int = 0
     """Fused frames in which a robot answered with its scan before or after the recorded one."""
     about_places: int = 0
-    """Fused frames in which a robot sent only what it saw in the places of what was remembered,
-    which are not recorded."""
+    """Fused frames in which a robot sent only what it saw in the places of what was remembered, or
+    only what may be objects: which of its points that were is not recorded."""
     different: tuple[Difference, ...]
 
 

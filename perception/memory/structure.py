@@ -22,8 +22,9 @@ CELL_M = 0.2
 """Side of a cell, seen from above."""
 LEARNT_S = 1.0
 """Of each robot's views, one in this time."""
-FORGOTTEN_S = 5.0
-"""What nobody has shown for so long may have been moved."""
+LASTS_S, FORGOTTEN_S = 0.9, 5.0
+"""What is shown again so long after it was first, stays there: a tall load that drives by does not.
+What nobody has shown for so long may have been moved."""
 MOST_CELLS = 50_000
 """The newest; a hall of 100 m by 60 m with its racks has some 20,000."""
 CORE, STEPS, ENOUGH = 0.5, 6, 0.25
@@ -50,8 +51,8 @@ class Structure:
         """Forgets everything."""
         self._cells = np.zeros(0, dtype=np.int64)
         """(N,), in order."""
-        self._seen_s = np.zeros(0)
-        """(N,): when each was seen last."""
+        self._first_s, self._last_s = np.zeros((2, 0))
+        """(N,): when each was seen first and last."""
         self._learnt_s: dict[str, float] = {}
         """By robot, the time of the last view that counted."""
 
@@ -61,30 +62,32 @@ class Structure:
         due = [r for r in views if time_s - self._learnt_s.get(r, -math.inf) >= LEARNT_S]
         if math.isinf(self._tallest_m) or not due:
             return
-        recent = time_s - self._seen_s <= FORGOTTEN_S
-        shown, seen_s = [self._cells[recent]], [self._seen_s[recent]]
+        shown = [np.zeros(0, dtype=np.int64)]
         for robot in due:
             points, world_from_sensor = views[robot]
             self._learnt_s[robot] = time_s
             cloud = clean_points(points)
             cloud = cloud.compress(above_objects(cloud, self._tallest_m), axis=0)
-            cells = np.unique(_cells(transform(world_from_sensor, cloud)[:, :2]))
-            shown.append(cells)
-            seen_s.append(np.full(len(cells), time_s))
-        # Of equal cells the first of the newest first.
-        cells, first = np.unique(np.concatenate(shown[::-1]), return_index=True)
-        times = np.concatenate(seen_s[::-1])[first]
+            shown.append(_cells(transform(world_from_sensor, cloud)[:, :2]))
+        now = np.unique(np.concatenate(shown))
+        known = time_s - self._last_s <= FORGOTTEN_S
+        cells = np.union1d(self._cells[known], now)
+        first_s, last_s = np.full((2, len(cells)), time_s)
+        before = np.searchsorted(cells, self._cells[known])
+        first_s[before] = self._first_s[known]
+        last_s[before] = np.where(np.isin(self._cells[known], now), time_s, self._last_s[known])
         if len(cells) > MOST_CELLS:
-            newest = np.sort(np.argsort(-times, kind="stable")[:MOST_CELLS])
-            cells, times = cells[newest], times[newest]
-        self._cells, self._seen_s = cells, times
+            newest = np.sort(np.argsort(-last_s, kind="stable")[:MOST_CELLS])
+            cells, first_s, last_s = cells[newest], first_s[newest], last_s[newest]
+        self._cells, self._first_s, self._last_s = cells, first_s, last_s
         self._learnt_s = {
             robot: at for robot, at in self._learnt_s.items() if time_s - at <= FORGOTTEN_S
         }
 
     def holds(self, boxes: Boxes) -> NDArray[np.bool_]:
         """Of boxes (K) in the world frame: which stand where structure does, bool (K,)."""
-        if not len(boxes) or not len(self._cells):
+        stands = self._cells[self._last_s - self._first_s >= LASTS_S]
+        if not len(boxes) or not len(stands):
             return np.zeros(len(boxes), dtype=np.bool_)
         along = CORE * ((np.arange(STEPS) + 0.5) / STEPS - 0.5)
         length, width = (side.ravel() for side in np.meshgrid(along, along))
@@ -93,8 +96,8 @@ class Structure:
         x = boxes.centers[:, :1] + cos * forward - sin * left
         y = boxes.centers[:, 1:2] + sin * forward + cos * left
         cells = _cells(np.stack([x, y], axis=-1))
-        place = np.minimum(np.searchsorted(self._cells, cells), len(self._cells) - 1)
-        held: NDArray[np.bool_] = (self._cells[place] == cells).mean(axis=1) >= ENOUGH
+        place = np.minimum(np.searchsorted(stands, cells), len(stands) - 1)
+        held: NDArray[np.bool_] = (stands[place] == cells).mean(axis=1) >= ENOUGH
         return held
 
     def judged(self, boxes: Boxes) -> Boxes:

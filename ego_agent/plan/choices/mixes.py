@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
-from ego_agent.knowledge.model import Candidate
 from ego_agent.knowledge.own_costs import LIGHTER
 from ego_agent.knowledge.pace import about_places, in_turn
 from ego_agent.plan.choices.scoring import PREFERRED, Score, Scorer
@@ -108,8 +107,9 @@ class Mixes:
         """(level,): gain from each algorithm's to the next."""
         shape = (len(candidates), len(self.options))
         takes, prices, adds, counts = (np.zeros(shape) for _ in range(4))
-        self._asks = np.zeros(shape, dtype=np.bool_)
-        """(n, options): whether the candidate is asked about places in between."""
+        self._asks, self._objects = np.zeros((2, *shape), dtype=np.bool_)
+        """(n, options): whether the candidate is asked about places in between, and sends only what
+        may be an object."""
         self.able = np.zeros(shape, dtype=np.bool_)
         """(n, options): whether the candidate can, for itself."""
         for o, option in enumerate(self.options):
@@ -121,7 +121,7 @@ class Mixes:
                 asks = option.places_hz > 0.0 and candidate.tells_places(name)
                 between_hz = option.between_hz if asks else 0.0
                 more = between_hz / scorer.pace.rate_hz
-                only = asks and option.objects_only
+                only = asks and option.objects_only and candidate.sends_objects(name)
                 price = scorer.objects_price if only else scorer.price
                 takes[i, o] = candidate.contribution_size(name, objects_only=only) * rates[o]
                 takes[i, o] += candidate.places_size(name) * more
@@ -131,8 +131,8 @@ class Mixes:
                 whole_hz = option.rate_hz + LIGHTER * between_hz
                 adds[i, o] = scorer.knowledge.add_s(name) * whole_hz
                 counts[i, o] = arrival[i] * (option.kept_between if asks else option.kept)
-                self._asks[i, o] = asks
-                self.able[i, o] = _able(scorer, i, option, between_hz)
+                self._asks[i, o], self._objects[i, o] = asks, only
+                self.able[i, o] = _able(scorer, i, option, between_hz, objects_only=only)
         self._takes, self._prices, self._adds = takes, prices, adds
         """(n, options): bytes of a fused frame on average; lambda C; the ego's seconds a second."""
         reaches = gains[:, None] >= self._steps - 1e-12
@@ -248,7 +248,7 @@ class Mixes:
             algorithm=option.algorithm,
             rate_hz=option.rate_hz,
             places_hz=option.places_hz if self._asks[i, o] else 0.0,
-            objects_only=bool(self._asks[i, o]) and option.objects_only,
+            objects_only=bool(self._objects[i, o]),
         )
 
     def takes(self, robot: str, o: int) -> float:
@@ -305,18 +305,14 @@ class Mixes:
 
     def _bursts_fit(self, score: Score) -> bool:
         scorer = self.scorer
-        sizes, places = {}, {}
-        for one in score.assignments:
-            candidate = self._candidate(one.robot)
-            sizes[one.robot] = candidate.contribution_size(
-                one.algorithm, objects_only=one.objects_only
-            )
-            places[one.robot] = candidate.places_size(one.algorithm)
+        sizes = {one.robot: scorer.size(one.robot, one.algorithm) for one in score.assignments}
+        candidates = scorer.scene.candidates
+        places = {
+            one.robot: candidates[scorer.row_of[one.robot] - 1].places_size(one.algorithm)
+            for one in score.assignments
+        }
         largest = burst(score.assignments, scorer.pace.rate_hz, sizes, places)
         return largest <= scorer.budget_bytes * _frames(scorer)
-
-    def _candidate(self, robot: str) -> Candidate:
-        return self.scorer.scene.candidates[self.scorer.row_of[robot] - 1]
 
     def _nobody(self) -> _Growing:
         n, levels = len(self.able), len(self._steps)
@@ -442,21 +438,19 @@ def _frames(scorer: Scorer) -> float:
     return max(1.0, scorer.pace.deadline_s * scorer.pace.rate_hz)
 
 
-def _able(scorer: Scorer, i: int, option: Option, between_hz: float) -> bool:
+def _able(scorer: Scorer, i: int, option: Option, between_hz: float, *, objects_only: bool) -> bool:
     """Whether a candidate's own link and processor carry an option, with so many answers about
     places a second, and the cell one contribution within the deadline."""
     candidate, name = scorer.scene.candidates[i], option.algorithm
     usual = option.rate_hz >= scorer.pace.rate_hz
-    only = between_hz > 0.0 and option.objects_only
-    size = candidate.contribution_size(name, objects_only=only)
-    a_second = size * option.rate_hz
+    a_second = candidate.contribution_size(name, objects_only=objects_only) * option.rate_hz
     a_second += candidate.places_size(name) * between_hz
     share = (option.rate_hz + between_hz) / scorer.pace.rate_hz
     # At a lower rate the robot is asked on its own, not heard with others.
     needs_bps = scorer.needs_bps(candidate.robot, name) if usual else 8.0 * a_second
     if needs_bps > scorer.allowed_bps(candidate.robot):
         return False
-    if size > scorer.budget_bytes * _frames(scorer):
+    if candidate.sizes[name] > scorer.budget_bytes * _frames(scorer):
         return False
     encode_s = scorer.knowledge.encode_s(name, candidate.answers.get(name, UNTRIED).encode_s)
     return encode_s * scorer.pace.rate_hz * share <= 1.0 or name in candidate.shared

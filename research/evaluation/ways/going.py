@@ -110,14 +110,14 @@ def _asked(
         objects: Collection[str]
         if deciding is None:
             near = driven.in_range(frame)
-            objects = way.objects(driven.nearest)
+            objects = way.objects(number, driven.nearest, rate_hz)
             whole = _only(near, way.asked(number, driven.nearest, rate_hz))
             about = _only(near, way.asked_about(number, driven.nearest, rate_hz))
             named = driven.nearest if way.forms else [one.robot for one in way.assignments]
             taking_part.append(len({*named} & {*near}))
         else:
             whole, about = deciding.asked(number, frame), deciding.asked_about(number)
-            objects = deciding.objects
+            objects = deciding.objects(number)
             taking_part.append(len(deciding.participants))
         only: Mapping[str, Focus] = {}
         if rehearsal is not None:

@@ -16,7 +16,15 @@ from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.model import Proposal, UnifiedScene
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import PLACES_HZ, RARER_HZ, about_places, algorithm_of, due, stride
+from ego_agent.knowledge.pace import (
+    PLACES_HZ,
+    RARER_HZ,
+    about_places,
+    algorithm_of,
+    due,
+    sends_objects,
+    stride,
+)
 from ego_agent.knowledge.placing import Placing
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Scorer
@@ -126,12 +134,6 @@ class Deciding:
         """Who takes part by the decision in force, the ego apart."""
         return self._decision.participants[1:] if self._decision else ()
 
-    @property
-    def objects(self) -> frozenset[str]:
-        """Who of these sends only what may be an object, but for places."""
-        assignments = self._decision.assignments if self._decision else ()
-        return frozenset(one.robot for one in assignments if one.objects_only)
-
     def asked(self, number: int, frame: int) -> Mapping[str, str]:
         """The robots that send in the frame, the drive's so many-th, and what."""
         if number % self._every == 0 or self._decision is None:
@@ -155,6 +157,14 @@ class Deciding:
             return {}
         robots = about_places(decision.assignments, decision.rate_hz, number // step)
         return {robot: algorithm_of(decision, robot) for robot in robots}
+
+    def objects(self, number: int) -> frozenset[str]:
+        """Who sends only what may be an object to that frame, by the decision in force after
+        `asked`."""
+        decision, rate_hz = self._decision, self._drive.world.rate_hz
+        if decision is None:
+            return frozenset()
+        return sends_objects(decision, number // stride(decision, rate_hz, rate_hz))
 
     def heed(self, placed: Mapping[str, bool]) -> None:
         """Notes who of those that were asked for everything could be laid in their places."""

@@ -66,7 +66,8 @@ class Rehearsal:
         asked = (*whole, *robots)
         without_outline = all(driven.knows_pose(robot, frame) for robot in asked)
         only = dict.fromkeys(robots, Focus(places, without_outline))
-        only |= {robot: OBJECTS for robot in whole if robot in objects}
+        if enough:
+            only |= {robot: OBJECTS for robot in whole if robot in objects}
         forms = {robot: about[robot] for robot in robots}
         fused = driven.fused(frame, {**whole, **forms}, self._max_error_m, only)
         self.placed = {robot: robot in fused.helpers for robot in whole}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ego_agent.knowledge.pace import about_places, in_turn
+from ego_agent.knowledge.pace import about_places, in_turn, of_objects
 from research.evaluation.ways.planned import Decided
 from research.evaluation.windows.links import Link
 from swarm.messages import Assignment
@@ -78,11 +78,13 @@ class Way:
         forms = {r: self.forms[min(i, len(self.forms) - 1)][0] for i, r in enumerate(nearest)}
         return {robot: forms[robot] for robot in robots if robot not in whole}
 
-    def objects(self, nearest: Sequence[str]) -> frozenset[str]:
-        """The robots that send only what may be an object, but for places."""
+    def objects(self, number: int, nearest: Sequence[str], rate_hz: float) -> frozenset[str]:
+        """The robots that send only what may be an object to the frame of that number."""
+        rates = {one.robot: one.rate_hz for one in self.assignments if one.objects_only}
         if self.objects_only:
-            return frozenset(nearest)
-        return frozenset(one.robot for one in self.assignments if one.objects_only)
+            last = len(self.forms) - 1
+            rates = {robot: self.forms[min(i, last)][1] for i, robot in enumerate(nearest)}
+        return frozenset(robot for robot, hz in rates.items() if of_objects(hz, rate_hz, number))
 
     def _silent(self, number: int) -> bool:
         if self.silent is None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ego_agent.execute.frame_fuser import FrameResult
+from ego_agent.knowledge.pace import EVERYTHING
 from perception.codec.places import within
 from perception.fusion.alignment import Estimate
 from perception.fusion.base import Contribution, Gathering
@@ -138,20 +139,26 @@ def test_who_sends_objects_only_is_asked_so_and_counted_apart(
     asked: list[ObservationRequest] = []
     robot("R2", noting(honest(hall, "R2"), asked))
     sends = msgspec.structs.replace(SENDS, objects_only=True)
+    # Nothing is remembered: who is asked sends everything.
     whole = fused(ego, WHOLE, sends)
-    assert (asked[-1].demand, asked[-1].objects_only) == (b"", True)
-    assert whole.round.objects_only(("R2",)) == {"R2"}
-    assert whole.round.focused(("R2",)) == frozenset()
+    assert (asked[-1].demand, asked[-1].objects_only) == (b"", False)
+    assert whole.round.objects_only(("R2",)) == frozenset()
+    size = ego.known.payload_sizes("R2", {}, time.time_ns())
+    for _ in range(2 * EVERYTHING):
+        turn = fused(ego, WHOLE, sends)
+        only = turn.own.frame // 10 % EVERYTHING != 0
+        assert (asked[-1].demand, asked[-1].objects_only) == (b"", only)
+        assert turn.round.objects_only(("R2",)) == ({"R2"} if only else frozenset())
+        assert turn.round.focused(("R2",)) == frozenset()
+        if only:
+            break
+    assert only
     now_ns = time.time_ns()
-    assert ego.known.payload_sizes("R2", {}, now_ns) == {}
-    assert ego.known.object_sizes("R2", now_ns) == {"early": whole.round.bytes["R2"]}
+    assert ego.known.payload_sizes("R2", {}, now_ns) == size
+    assert ego.known.object_sizes("R2", now_ns) == {"early": turn.round.bytes["R2"]}
     # It stands where it says: it is asked about places next.
     assert fused(ego, PLACES, sends).round.focused(("R2",)) == {"R2"}
     assert (bool(asked[-1].demand), asked[-1].objects_only) == (True, False)
-    # The next decision wants everything.
-    assert fused(ego, WHOLE).participants == ("R1", "R2")
-    assert (asked[-1].demand, asked[-1].objects_only) == (b"", False)
-    assert ego.known.payload_sizes("R2", {}, time.time_ns()).keys() == {"early"}
 
 
 def test_whose_pose_is_known_is_asked_about_places_without_an_outline(

@@ -21,7 +21,7 @@ from ego_agent.knowledge.compute import Work
 from ego_agent.knowledge.journal import CycleRecord
 from ego_agent.knowledge.model import OBJECTS_PART, PART, Proposal, UnifiedScene, Weights
 from ego_agent.knowledge.objective import Objective
-from ego_agent.knowledge.pace import RARER_HZ, about_places, in_turn
+from ego_agent.knowledge.pace import EVERYTHING, RARER_HZ, about_places, in_turn, of_objects
 from ego_agent.knowledge.record import cycle_record
 from ego_agent.knowledge.tally import Tally
 from ego_agent.plan.choices.explain import explain
@@ -270,6 +270,23 @@ def test_nobody_is_asked_about_places_in_a_frame_to_which_it_contributes(
         assert whole <= most <= whole + 10 * len(rates)
 
 
+@pytest.mark.parametrize("hz", [5.0, 2.0])
+def test_everybody_sends_everything_now_and_then_each_in_another_frame(hz: float) -> None:
+    rates = dict.fromkeys(("R2", "R3", "R4"), hz)
+    whole: dict[str, list[int]] = {robot: [] for robot in rates}
+    counts = dict.fromkeys(rates, 0)
+    for number in range(400):
+        for robot in in_turn(rates, 10.0, number):
+            counts[robot] += 1
+            if not of_objects(hz, 10.0, number):
+                whole[robot].append(number)
+    for robot, numbers in whole.items():
+        assert len(numbers) * EVERYTHING == counts[robot]
+        assert {*np.diff(numbers).tolist()} == {EVERYTHING * round(10.0 / hz)}
+    apart = [*whole.values()]
+    assert not {*apart[0]} & {*apart[1]}
+
+
 def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     found = a_floor(3, capacity_bps=1e6)
     without, asking = (Mixes(Scorer(found, knowing(places_hz=hz))) for hz in (0.0, 10.0))
@@ -281,7 +298,9 @@ def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     size = asking.scorer.size("R2", "early")
     places = found.candidates[0].places_size("early")
     objects = found.candidates[0].contribution_size("early", objects_only=True)
-    assert (places, objects) == (math.ceil(PART * size), math.ceil(OBJECTS_PART * size))
+    assert places == math.ceil(PART * size)
+    # One of so many contributions is of everything.
+    assert objects == math.ceil((size + (EVERYTHING - 1) * OBJECTS_PART * size) / EVERYTHING)
     assert (plain.assignments[0].objects_only, more.assignments[0].objects_only) == (False, True)
     # It contributes to two frames of ten, and is asked about places in the others.
     assert more.cost_bytes == math.ceil((objects * 2.0 + places * 8.0) / 10.0)
@@ -296,7 +315,14 @@ def test_places_in_between_cost_bytes_and_time_and_are_worth_it() -> None:
     again = replace(found, candidates=(known, *found.candidates[1:]))
     told = Mixes(Scorer(again, knowing(places_hz=10.0))).score(twice)
     assert told is not None
-    assert told.cost_bytes == math.ceil((500 * 2.0 + 77 * 8.0) / 10.0)
+    mean = math.ceil((size + (EVERYTHING - 1) * 500) / EVERYTHING)
+    assert told.cost_bytes == math.ceil((mean * 2.0 + 77 * 8.0) / 10.0)
+    # So does one that sends all its points though it is asked for objects: it is not asked so.
+    all_the_same = replace(found.candidates[0], objects={"early": size})
+    again = replace(found, candidates=(all_the_same, *found.candidates[1:]))
+    told = Mixes(Scorer(again, knowing(places_hz=10.0))).score(twice)
+    assert told is not None
+    assert (told.assignments[0].places_hz, told.assignments[0].objects_only) == (10.0, False)
     # A robot of an older program answers with its whole scan: it is not asked about places.
     older = replace(found.candidates[0], focused={"early": size})
     again = replace(found, candidates=(older, *found.candidates[1:]))

@@ -50,9 +50,11 @@ def body(
     )
 
 
-def learnt(points: Points, time_s: float = 0.0) -> Structure:
+def learnt(points: Points) -> Structure:
+    """By what is seen at -1 s and at 0 s."""
     found = Structure(TALLEST_M)
-    found.learn(time_s, {"R1": (points, STRAIGHT)})
+    for time_s in (-1.0, 0.0):
+        found.learn(time_s, {"R1": (points, STRAIGHT)})
     return found
 
 
@@ -84,7 +86,8 @@ def test_without_a_tallest_object_nothing_is() -> None:
 
 def test_several_robots_show_it_where_they_stand() -> None:
     walls = Structure(TALLEST_M)
-    walls.learn(0.0, {"R1": (scan(), STRAIGHT), "R2": (scan(), HERE)})
+    for time_s in (0.0, 1.0):
+        walls.learn(time_s, {"R1": (scan(), STRAIGHT), "R2": (scan(), HERE)})
     seen = HERE @ np.array([WALL_M + 0.15, 0.0, -0.3, 1.0])
     assert walls.holds(body(WALL_M + 0.15)).all()
     assert walls.holds(body(seen[0], seen[1])).all()
@@ -100,6 +103,17 @@ def test_it_is_forgotten_unless_somebody_shows_it_again() -> None:
     for second in range(1, 12):
         again.learn(float(second), {"R2": (scan(), STRAIGHT)})
     assert again.holds(wall).all()
+
+
+def test_what_is_tall_and_drives_by_is_no_structure() -> None:
+    walls = Structure(TALLEST_M)
+    for second in range(6):
+        away_m = 4.0 + second
+        walls.learn(float(second), {"R1": (scan(away_m=away_m), STRAIGHT)})
+        assert len(walls) > 0
+        assert not walls.holds(body(away_m + 0.15)).any()
+        # Nor is its trail.
+        assert not walls.holds(body(away_m - 0.85)).any()
 
 
 def test_a_robot_that_shows_it_ten_times_a_second_is_looked_at_once(
@@ -144,8 +158,8 @@ def test_memory_tells_of_no_piece_of_a_wall_and_of_a_sure_body_in_it() -> None:
     told = {}
     for score in (0.35, 0.97):
         memory = Memory(1.0, TALLEST_M)
-        for number in range(8):
-            found = body(WALL_M + 0.15, score=score)
+        for number in range(18):
+            found = body(WALL_M + 0.15, score=score) if number > 10 else Boxes.empty()
             frame = Frame(
                 number / 10, found, frozenset({"R2"}), {"R1": (scan(), STRAIGHT)}, STRAIGHT
             )
