@@ -46,7 +46,8 @@ def detections(ego: str, frame: AskedFrame, result: FrameResult, age_s: float) -
         forms=_forms(frame, result),
         ages_ms=_ages_ms(result),
         corrections=_corrections(result),
-        focused=tuple(sorted(done.focused(helpers) | done.objects_only(helpers))),
+        focused=tuple(sorted(done.focused(helpers))),
+        objects_only=tuple(sorted(done.objects_only(helpers))),
     )
 
 

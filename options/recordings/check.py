@@ -68,7 +68,7 @@ def check(world: RecordingWorld, progress: Callable[[int, int], None] | None = N
             f"recording {world.file.path} has no fused frame with scans: nothing can be compared"
         )
     allowed_ms = MAX_APART_FRAMES * 1e3 / (world.file.header.rate_hz or world.rate_hz)
-    whole = [(one, frame) for one, frame in with_scans if not one.focused]
+    whole = [(one, frame) for one, frame in with_scans if not (one.focused or one.objects_only)]
     of_one_time = [
         (one, frame)
         for one, frame in whole

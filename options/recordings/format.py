@@ -204,8 +204,9 @@ class Fused(msgspec.Struct, frozen=True, kw_only=True):
     corrections: dict[str, Vector3] | None = None
     """By what participants' poses were put right: x, y, turn; None in older recordings."""
     focused: tuple[str, ...] = ()
-    """Participants that sent only what they saw in the places of what was remembered, or only what
-    may be objects."""
+    """Participants that sent only what they saw in the places of what was remembered."""
+    objects_only: tuple[str, ...] = ()
+    """Participants that sent only points that may be objects."""
     tracks: tuple[Track, ...] | None = None
     """What is there by this frame and all before; the boxes are of this frame alone. None where the
     ego keeps no memory, and in older recordings."""

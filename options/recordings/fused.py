@@ -36,6 +36,7 @@ def fused_of(message: Detections) -> layout.Fused:
         ages_ms=dict(message.ages_ms),
         corrections=message.corrections,
         focused=message.focused,
+        objects_only=message.objects_only,
         participants=message.participants,
         missing=dict(message.missing),
         bytes=dict(message.bytes),

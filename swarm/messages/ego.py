@@ -235,5 +235,6 @@ class Detections(Message, frozen=True, kw_only=True):
     and y in metres, and turn about the robot in radians; of those that were. None where that is
     not told, as by egos of older programs."""
     focused: tuple[RobotId, ...] = ()
-    """Participants that were asked only about the places of what is remembered, or only for what
-    may be objects."""
+    """Participants that were asked only about the places of what is remembered."""
+    objects_only: tuple[RobotId, ...] = ()
+    """Participants that were asked only for points that may be objects."""

@@ -245,6 +245,7 @@ SAMPLES: tuple[Message, ...] = (
         ),
         forms={"R1": "late"},
         focused=("R1",),
+        objects_only=("R2",),
     ),
     NetState(
         controller=281_474_976_710_655,

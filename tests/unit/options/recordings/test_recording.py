@@ -95,9 +95,10 @@ def test_a_frame_with_a_scan_of_another_time_is_not_compared(tmp_path: Path) -> 
     assert (result.compared, result.equal, result.other_times) == (1, 1, 1)
 
 
-def test_a_frame_of_places_only_is_not_compared(tmp_path: Path) -> None:
+@pytest.mark.parametrize("part", ["focused", "objects_only"])
+def test_a_frame_of_a_part_only_is_not_compared(part: str, tmp_path: Path) -> None:
     world = FactoryWorld(robots=3, rings=16)
-    some = msgspec.structs.replace(detections(world, 42), focused=("R2",))
+    some = msgspec.structs.replace(detections(world, 42), **{part: ("R2",)})
     written = write_recording(tmp_path / "places.mcap", (some, detections(world, 43)))
     result = check(RecordingWorld(written))
     assert (result.compared, result.equal, result.about_places) == (1, 1, 1)
