@@ -8,7 +8,7 @@ from pathlib import Path
 from ego_agent.agent import EgoAgent
 from ego_agent.execute.ask import Asker
 from ego_agent.execute.frame_fuser import FrameResult
-from ego_agent.execute.fusion_loop import FusionLoop, live_memory, live_motion
+from ego_agent.execute.fusion_loop import FusionLoop, live_motion
 from ego_agent.execute.sense import OwnSensor
 from ego_agent.knowledge.base import Knowledge
 from ego_agent.knowledge.journal import Journal
@@ -30,6 +30,7 @@ from perception.fusion.base import Fusion
 from perception.fusion.mixed import mixable
 from perception.fusion.registry import fusion_names, make_fusion
 from perception.memory.poses import PoseMemory
+from perception.memory.reprocessing import ReprocessingMemory
 from sensing.mark import mark_of
 from swarm.errors import SettingError
 from swarm.log import Logger
@@ -107,7 +108,7 @@ def ego_of(
         tally,
         log,
         detector=world.detector,
-        memory=live_memory(world.detector) if settings.memory else None,
+        memory=ReprocessingMemory.of_detector(world.detector) if settings.memory else None,
         poses=poses,
         known=KnownRobots(monitor, knowledge.objective.beacon_max_age_s, body),
         rate_hz=settings.fusion_rate_hz,

@@ -30,7 +30,6 @@ from ego_agent.knowledge.pace import (
 )
 from ego_agent.knowledge.tally import TallyKeeper
 from ego_agent.monitor.known import KnownRobots
-from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.fusion.compensation import MotionCompensation, OwnScan
 from perception.fusion.mixed import Mixed
@@ -57,12 +56,6 @@ def live_motion(detector: str, scan_rate_hz: float, poses: PoseMemory | None) ->
     """What an ego with sensors of that rate remembers of motion; by what robots' poses are off is
     remembered in `poses`."""
     return MotionCompensation(detector, timely_s=TIMELY_SCANS / scan_rate_hz, poses=poses)
-
-
-def live_memory(detector: str) -> ReprocessingMemory:
-    """What an ego with that detector remembers of objects."""
-    of = configuration(detector)
-    return ReprocessingMemory(of.usual_speed_m_s, of.tallest_m)
 
 
 class FusionLoop:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from perception.boxes import SHARPNESS, iou_among, iou_bev
 from perception.codec.places import Places, within
+from perception.detector.config import configuration
 from perception.jumps import Whereabouts
 from perception.memory.motion import Motions
 from perception.memory.registration import FRESH_S, Cloud, Look, displaced
@@ -140,6 +141,12 @@ class Memory:
         self._whereabouts = Whereabouts()
         """The ego's."""
         self.clear()
+
+    @classmethod
+    def of_detector(cls, name: str) -> Memory:
+        """Of what a detector finds. Raises PerceptionError for an unknown one."""
+        of = configuration(name)
+        return cls(of.usual_speed_m_s, of.tallest_m)
 
     def clear(self) -> None:
         """Forgets everything but which numbers were given."""

@@ -13,6 +13,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from perception.detector.config import configuration
 from perception.memory.memory import Frame, Memory, Remembered
 
 KEPT_S = 0.6
@@ -33,6 +34,12 @@ class ReprocessingMemory:
         """See `Memory`."""
         self._memory = Memory(usual_speed_m_s, tallest_m)
         self._past: deque[_Past] = deque()
+
+    @classmethod
+    def of_detector(cls, name: str) -> ReprocessingMemory:
+        """See `Memory.of_detector`."""
+        of = configuration(name)
+        return cls(of.usual_speed_m_s, of.tallest_m)
 
     def clear(self) -> None:
         """See `Memory.clear`."""

@@ -26,25 +26,16 @@ def ground_and_structure(
 
     An object beside a wall is cut from it, but for what it has in the wall's own columns.
     """
-    ground, structure = np.zeros((2, len(points)), dtype=np.bool_)
-    near = fast.in_range(points)
-    cloud = points if near.all() else points.compress(near, axis=0)
-    if len(cloud):
-        height = fast.heights(cloud)
-        ground[near] = height <= fast.GROUND_BAND_M
-        structure[near] = _tall(cloud, height, tallest_m)
+    near, height, structure = _measured(points, tallest_m)
+    ground: NDArray[np.bool_] = near & (height <= fast.GROUND_BAND_M)
     return ground, structure
 
 
 def above_objects(points: Points, tallest_m: float) -> NDArray[np.bool_]:
     """Which of finite points, float32 (N, 3), sensor frame, z up, metres, are structure above the
     tallest object: bool (N,). Nothing that an object has in a wall's column is among them."""
-    found = np.zeros(len(points), dtype=np.bool_)
-    near = fast.in_range(points)
-    cloud = points if near.all() else points.compress(near, axis=0)
-    if len(cloud):
-        height = fast.heights(cloud)
-        found[near] = _tall(cloud, height, tallest_m) & (height > tallest_m)
+    _, height, structure = _measured(points, tallest_m)
+    found: NDArray[np.bool_] = structure & (height > tallest_m)
     return found
 
 
@@ -54,6 +45,20 @@ def in_sectors(points: Points) -> NDArray[np.bool_]:
     along = np.mod(np.arctan2(points[:, 1], points[:, 0]) + SECTOR_RAD / 2.0, apart)
     kept: NDArray[np.bool_] = along < SECTOR_RAD
     return kept
+
+
+def _measured(
+    points: Points, tallest_m: float
+) -> tuple[NDArray[np.bool_], NDArray[np.float32], NDArray[np.bool_]]:
+    """Which points are in the reach of `fast`, bool (N,), how high these stand over the ground,
+    float32 (N,), and which of them are structure, bool (N,)."""
+    near = fast.in_range(points)
+    height, structure = np.zeros(len(points), np.float32), np.zeros(len(points), np.bool_)
+    cloud = points if near.all() else points.compress(near, axis=0)
+    if len(cloud):
+        above = fast.heights(cloud)
+        height[near], structure[near] = above, _tall(cloud, above, tallest_m)
+    return near, height, structure
 
 
 def _tall(cloud: Points, height: NDArray[np.float32], tallest_m: float) -> NDArray[np.bool_]:

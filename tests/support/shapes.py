@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.types import Boxes
+
 Cloud = NDArray[np.float32]
 FLOOR_M = -1.2
 """Height of the floor in the sensor's frame."""
@@ -37,3 +39,17 @@ def turned(cloud: Cloud, degrees: float) -> Cloud:
     rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     around = (cloud[:, :2] - middle) @ rotation.T + middle
     return np.column_stack([around, cloud[:, 2]]).astype(np.float32)
+
+
+def shares_sent(seen: Cloud, sent: Cloud, objects: Boxes, least: int) -> list[float]:
+    """Of objects beyond 1 m of which at least so many points were seen: what part of these was
+    sent. All in the sensor's frame."""
+    shares: list[float] = []
+    for center, size in zip(objects.centers, objects.sizes, strict=True):
+        there, told = (
+            np.count_nonzero(np.hypot(*(cloud[:, :2] - center[:2]).T) < np.hypot(*size[:2]) / 2)
+            for cloud in (seen, sent)
+        )
+        if there >= least and np.hypot(*center[:2]) > 1.0:
+            shares.append(told / there)
+    return shares

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from perception.detector.config import configuration
 from perception.fusion.base import Fusion
 from perception.memory.memory import Frame, Remembered
 from perception.memory.remembering import remember
@@ -50,8 +49,7 @@ def remembered_frames(
     every = 1 if rate_hz is None else round(world.rate_hz / rate_hz)
     late = round(disturbance.delay_s * world.rate_hz)
     in_time = replace(disturbance, delay_s=0.0)
-    detector = configuration(world.detector)
-    memory = ReprocessingMemory(detector.usual_speed_m_s, detector.tallest_m)
+    memory = ReprocessingMemory.of_detector(world.detector)
     order = list(range(world.frame_count) if frames is None else frames)
     settling = min(round(SETTLING_S * world.rate_hz), len(order) // 4)
 

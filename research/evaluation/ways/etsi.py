@@ -17,7 +17,6 @@ from perception.codec.outlined import add_outline
 from perception.collective.generation import Generation, Seen
 from perception.collective.received import Received
 from perception.detector.calibration import ALONE, calibration_of
-from perception.detector.config import configuration
 from perception.fusion.base import Contribution
 from perception.fusion.known import seen_at
 from perception.fusion.mixed import Mixed
@@ -54,8 +53,7 @@ class Station:
     """One robot that follows the standard: what it sees, and what it tells of that."""
 
     def __init__(self, detector: str, *, mitigates: bool) -> None:
-        of = configuration(detector)
-        self._memory = Memory(of.usual_speed_m_s, of.tallest_m)
+        self._memory = Memory.of_detector(detector)
         self._curve = calibration_of(detector).curves[ALONE]
         self._detector = detector
         self.rules = Generation(mitigates=mitigates)

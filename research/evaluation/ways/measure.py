@@ -10,7 +10,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.detector.config import configuration
 from perception.fusion.publishing import publish
 from perception.memory.memory import Memory
 from perception.memory.reprocessing import ReprocessingMemory
@@ -84,8 +83,7 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
     world, measured = driven.world, Measured()
     detector = world.detector
     kind = ReprocessingMemory if way.late_frames else Memory
-    of = configuration(detector)
-    memory = kind(of.usual_speed_m_s, of.tallest_m) if way.memory else None
+    memory = kind.of_detector(detector) if way.memory else None
     silence = Silence(measured)
     going = gone(driven, way)
     for number, (frame, now) in enumerate(zip(driven.frames, going, strict=True)):

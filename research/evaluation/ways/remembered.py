@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Mapping
 
-from perception.detector.config import configuration
 from perception.memory.asking import places_of
 from perception.memory.memory import Frame, Memory, Remembered
 from perception.memory.remembering import remember, suspected
@@ -44,8 +43,7 @@ class Rehearsal:
     def __init__(self, driven: Driven, max_error_m: float) -> None:
         self._driven = driven
         self._max_error_m = max_error_m
-        detector = configuration(driven.world.detector)
-        self._memory = Memory(detector.usual_speed_m_s, detector.tallest_m)
+        self._memory = Memory.of_detector(driven.world.detector)
         self._known: deque[Remembered] = deque(maxlen=LAG_FRAMES)
         self._shown: set[str] = set()
         self.placed: Mapping[str, bool] = {}

@@ -18,7 +18,7 @@ from perception.scene import fast
 from perception.scene.clusters import may_be_objects
 from perception.scene.structure import ground_and_structure
 from swarm.geometry import invert
-from tests.support.shapes import Cloud, box, floor, turned
+from tests.support.shapes import Cloud, box, floor, shares_sent, turned
 from worlds.registry import open_world
 
 FACTORY = configuration("factory")
@@ -84,14 +84,7 @@ class TestEarly:
         sent = early.read(payload)
         standing = scan.points[fast.heights(scan.points) > fast.GROUND_BAND_M]
         here = truth.transformed(invert(scan.pose.matrix()))
-        shown = []
-        for center, size in zip(here.centers, here.sizes, strict=True):
-            seen, told = (
-                np.count_nonzero(np.hypot(*(cloud[:, :2] - center[:2]).T) < np.hypot(*size[:2]) / 2)
-                for cloud in (standing, sent)
-            )
-            if seen >= 30 and np.hypot(*center[:2]) > 1.0:
-                shown.append(told / seen)
+        shown = shares_sent(standing, sent, here, 30)
         assert len(shown) >= 3
         assert np.mean(shown) > 0.9
 

@@ -15,7 +15,7 @@ from perception.kernels import library
 from perception.scene import fast
 from perception.scene.structure import ground_and_structure, in_sectors
 from swarm.geometry import invert
-from tests.support.shapes import Cloud, box, floor, turned
+from tests.support.shapes import Cloud, box, floor, shares_sent, turned
 from worlds.registry import open_world
 
 FACTORY = configuration("factory")
@@ -96,13 +96,6 @@ def test_early_sends_objects_whole_and_little_of_what_is_none() -> None:
     standing = scan.points[heights > fast.GROUND_BAND_M]
     assert len(sent) < 0.8 * len(standing) < len(whole)
     here = truth.transformed(invert(scan.pose.matrix()))
-    shown = []
-    for center, size in zip(here.centers, here.sizes, strict=True):
-        seen, told = (
-            np.count_nonzero(np.hypot(*(cloud[:, :2] - center[:2]).T) < np.hypot(*size[:2]) / 2)
-            for cloud in (standing, sent)
-        )
-        if seen >= 10 and np.hypot(*center[:2]) > 1.0:
-            shown.append(told / seen)
+    shown = shares_sent(standing, sent, here, 10)
     assert len(shown) >= 3
     assert np.mean(shown) > 0.95
