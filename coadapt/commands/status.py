@@ -189,8 +189,9 @@ def _assigned(view: SwarmView) -> str:
     """Who sends what, and how often."""
 
     def rates(one: Assignment) -> str:
-        places = f" (places: {one.places_hz:g} Hz)" if one.places_hz else ""
-        return f"{one.rate_hz:g} Hz{places}"
+        notes = ["objects"] if one.objects_only else []
+        notes += [f"places: {one.places_hz:g} Hz"] if one.places_hz else []
+        return f"{one.rate_hz:g} Hz" + (f" ({'; '.join(notes)})" if notes else "")
 
     return ", ".join(f"{one.robot} {one.algorithm} {rates(one)}" for one in view.assignments)
 

@@ -247,9 +247,15 @@ class View:
             "remarks": decision.remarks,
             "ages_s": decision.ages_s,
             "rate_hz": decision.rate_hz,
-            # Robot, algorithm, contributions a second.
+            # Robot, algorithm, contributions a second, answers about places, whether of objects.
             "assignments": [
-                [one.robot, one.algorithm, round(one.rate_hz, 2), round(one.places_hz, 2)]
+                [
+                    one.robot,
+                    one.algorithm,
+                    round(one.rate_hz, 2),
+                    round(one.places_hz, 2),
+                    one.objects_only,
+                ]
                 for one in decision.assignments
             ],
             "intents": [

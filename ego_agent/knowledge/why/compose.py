@@ -92,15 +92,17 @@ def _choice(line: CycleRecord) -> str:
 
 def _sends(decision: Decided) -> Iterator[str]:
     """Who sends what, and how often, unless all send the decision's form in every frame."""
-    alike: dict[tuple[str, float, float], list[str]] = {}
+    alike: dict[tuple[str, float, float, bool], list[str]] = {}
     for one in decision.assignments:
-        alike.setdefault((one.algorithm, one.rate_hz, one.places_hz), []).append(one.robot)
-    if alike.keys() <= {(decision.algorithm, decision.rate_hz, 0.0)}:
+        what = (one.algorithm, one.rate_hz, one.places_hz, one.objects_only)
+        alike.setdefault(what, []).append(one.robot)
+    if alike.keys() <= {(decision.algorithm, decision.rate_hz, 0.0, False)}:
         return
     parts: list[str] = []
-    for (algorithm, rate_hz, places_hz), robots in alike.items():
+    for (algorithm, rate_hz, places_hz, objects_only), robots in alike.items():
         verb = "" if parts else "send " if len(robots) > 1 else "sends "
         form = _FORMS.get(algorithm, f"{algorithm} contributions")
+        form += " of what may be an object" if objects_only else ""
         between = f" ({often(places_hz)} those of what is remembered)" if places_hz else ""
         parts.append(f"{_names(robots)} {verb}{form} {often(rate_hz)}{between}")
     yield f"{', '.join(parts)}."

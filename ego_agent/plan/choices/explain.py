@@ -24,13 +24,16 @@ def explain(
     scene: UnifiedScene, knowledge: Knowledge, decision: Decision | None = None
 ) -> dict[str, Any]:
     """Plain values, ready for JSON: the budget in bytes a frame, the number of merged objects, each
-    candidate's distance in metres, sizes in bytes, width of its own link in bit/s (None: as wide as
-    the cell) and share of all that is seen (alone, and beyond what the ego sees), how its answers
-    take by algorithm, and why the others are excluded. With a decision also what each candidate
-    brings to it or would bring, what that costs, and why it is in or out."""
+    candidate's distance in metres, sizes in bytes (of whole contributions, and on average where
+    only what may be an object is asked for), width of its own link in bit/s (None: as wide as the
+    cell) and share of all that is seen (alone, and beyond what the ego sees), how its answers take
+    by algorithm, and why the others are excluded. With a decision also what each candidate brings
+    to it or would bring, what that costs, and why it is in or out."""
     scorer = Scorer(scene, knowledge)
     parts = {} if decision is None else _parts(scorer.at_rate(decision.rate_hz), decision)
     ego_share = scorer.share([0])
+    rates = knowledge.rates
+    of_objects = rates.with_places if rates.objects_from_hz > 0.0 else ()
     return {
         "budget_bytes": scorer.budget_bytes,
         "algorithms": {name: knowledge.quality.gain(name) for name in knowledge.algorithms},
@@ -41,6 +44,11 @@ def explain(
                 "robot": candidate.robot,
                 "distance_m": round(candidate.distance_m, 2),
                 "sizes": dict(candidate.sizes),
+                "objects_sizes": {
+                    name: candidate.contribution_size(name, objects_only=True)
+                    for name in candidate.sizes
+                    if name in of_objects and candidate.sends_objects(name)
+                },
                 "capacity_bps": candidate.capacity_bps
                 if math.isfinite(candidate.capacity_bps)
                 else None,
@@ -98,7 +106,8 @@ def _assigned_part(part: Brought | None, chosen: bool) -> dict[str, Any]:
     if part is None:
         return {"chosen": chosen, "adds": None, "costs": None, "why": "out: it cannot send"}
     one, adds, costs = part.sends, part.adds, part.costs
-    worth = f"{one.algorithm} {one.rate_hz:g} times a second adds {adds:.3f} and costs {costs:.3f}"
+    what = f"{one.algorithm}, objects only," if one.objects_only else one.algorithm
+    worth = f"{what} {one.rate_hz:g} times a second adds {adds:.3f} and costs {costs:.3f}"
     why = f"in: {worth}"
     if not chosen:
         why = f"out: {worth}" + ("" if part.fits else ", and does not fit beside the others")

@@ -23,9 +23,11 @@ export function fusedWords({ algorithm, forms }) {
   return `mixed: ${Object.entries(forms).map(([form, count]) => `${count} ${form}`).join(", ")}`;
 }
 
-// How often a robot sends, and is asked in between about the places of what is remembered.
-export function rates([, , hz, placesHz]) {
-  return `${hz} Hz${placesHz ? ` (places: ${placesHz} Hz)` : ""}`;
+// How often a robot sends, whether only what may be an object, and how often it is asked in between
+// about the places of what is remembered.
+export function rates([, , hz, placesHz, objectsOnly]) {
+  const notes = [...(objectsOnly ? ["objects"] : []), ...(placesHz ? [`places: ${placesHz} Hz`] : [])];
+  return `${hz} Hz${notes.length ? ` (${notes.join("; ")})` : ""}`;
 }
 
 // Form and rate of one robot, where the decision assigns them.

@@ -173,6 +173,12 @@ def test_who_is_asked_about_places_in_between_is_told() -> None:
         "R2 sends points 10 times a second, R3 points once a second (5 times a second those of "
         "what is remembered)."
     ]
+    objects = msgspec.structs.replace(rarer, objects_only=True)
+    decided = msgspec.structs.replace(line.decision, assignments=(usual, objects))
+    assert sends(msgspec.structs.replace(line, decision=decided)) == [
+        "R2 sends points 10 times a second, R3 points of what may be an object once a second "
+        "(5 times a second those of what is remembered)."
+    ]
 
 
 @pytest.mark.parametrize("assignments", [(), (("R2", "early", 10.0), ("R3", "early", 10.0))])

@@ -154,7 +154,7 @@ def test_where_forms_are_mixed_each_robot_shows_its_own(speakers: Speakers, page
         speakers._session.declare_alive(robot)
     sent = (
         Assignment(robot="R2", algorithm="early", rate_hz=10.0),
-        Assignment(robot="R3", algorithm="late", rate_hz=2.0, places_hz=5.0),
+        Assignment(robot="R3", algorithm="late", rate_hz=2.0, places_hz=5.0, objects_only=True),
     )
 
     def say() -> None:
@@ -163,10 +163,10 @@ def test_where_forms_are_mixed_each_robot_shows_its_own(speakers: Speakers, page
         speakers.decision(speakers.seq, "R1", "R2", "R3", algorithm=MIXED, assignments=sent)
         speakers.detections(R2=4000, R3=400)
 
-    tell(page, say, shows("R2 early 10 Hz, R3 late 2 Hz (places: 5 Hz)", "#decision-facts"))
+    tell(page, say, shows("R2 early 10 Hz, R3 late 2 Hz (objects; places: 5 Hz)", "#decision-facts"))
     page.get_by_role("button", name="R3", exact=True).click()
     # The frame was of points alone.
-    tell(page, say, shows("bit/s, as late at 2 Hz (places: 5 Hz)", "#robot-facts"))
+    tell(page, say, shows("bit/s, as late at 2 Hz (objects; places: 5 Hz)", "#robot-facts"))
     page.get_by_role("button", name="R2", exact=True).click()
     tell(page, say, shows("bit/s, as early at 10 Hz", "#robot-facts"))
     forms = "[...document.querySelectorAll('#history td')].map((one) => one.textContent)"

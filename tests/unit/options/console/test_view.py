@@ -166,8 +166,8 @@ def test_how_often_each_contributes_is_shown(view: View, board: Board) -> None:
     decided = next(sample for sample in SAMPLES if isinstance(sample, Decision))
     view.on_decision(decided)
     assert shown(board)["state"]["decision"]["assignments"] == [
-        ["R1", "early", 1.0, 5.0],
-        ["R3", "late", 2.0, 0.0],
+        ["R1", "early", 1.0, 5.0, True],
+        ["R3", "late", 2.0, 0.0, False],
     ]
 
 
