@@ -21,6 +21,18 @@ from research.evaluation.windows.traffic import control_bps, left_bps
 
 
 @dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked for in one frame."""
+
+    forms: Mapping[str, str]
+    places: Mapping[str, Focus]
+    """What those are asked about that are not asked for everything."""
+    sizes: Mapping[str, int]
+    """Bytes of what each sends, with those of asking for it."""
+    taking_part: int
+
+
+@dataclass(frozen=True, slots=True)
 class Going:
     """One frame, as it went."""
 
@@ -46,40 +58,36 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
     Where the way has a link, the drive is played (windows/played.py): robots need time to encode,
     the link for what they send beside control traffic, and the ego to fuse.
     """
-    asked, places, taking_part = _asked(driven, way)
+    asked = _asked(driven, way)
     works = [
         {
-            robot: _work(driven, form, robot in where and bool(where[robot].places))
-            for robot, form in one.items()
+            robot: _work(driven, form, robot in one.places and bool(one.places[robot].places))
+            for robot, form in one.forms.items()
         }
-        for one, where in zip(asked, places, strict=True)
+        for one in asked
     ]
-    sent_bytes = [
-        {
-            robot: driven.size(frame, robot, form, way.max_error_m, where.get(robot))
-            for robot, form in one.items()
-        }
-        for frame, one, where in zip(driven.frames, asked, places, strict=True)
-    ]
-    played = _played(driven, way, way.link, sent_bytes, works) if way.link is not None else None
+    sizes = [one.sizes for one in asked]
+    played = _played(driven, way, way.link, sizes, works) if way.link is not None else None
     going: list[Going | None] = []
-    for number, (here, sizes) in enumerate(zip(asked, sent_bytes, strict=True)):
-        sent, came = [*here], [*here]
+    for number, here in enumerate(asked):
+        sent, came = [*here.forms], [*here.forms]
         if played is not None:
             one = played.frames[number]
             if one is None:
                 going.append(None)
                 continue
             came = [*one.in_time]
-            sent = [robot for robot in here if one.missing.get(robot) not in ("busy", "refused")]
+            sent = [
+                robot for robot in here.forms if one.missing.get(robot) not in ("busy", "refused")
+            ]
         going.append(
             Going(
-                {robot: here[robot] for robot in here if robot in came},
-                {robot: where for robot, where in places[number].items() if robot in came},
-                [sizes[robot] for robot in sent],
-                sum(sizes.values()),
-                len(here),
-                taking_part[number],
+                {robot: form for robot, form in here.forms.items() if robot in came},
+                {robot: where for robot, where in here.places.items() if robot in came},
+                [here.sizes[robot] for robot in sent],
+                sum(here.sizes.values()),
+                len(here.forms),
+                here.taking_part,
                 _ego_ms(driven, [works[number][robot] for robot in came]),
             )
         )
@@ -92,20 +100,15 @@ def _ego_ms(driven: Driven, taken: Sequence[Work]) -> float:
     return fixed_ms + sum(work.add_ms for work in taken)
 
 
-def _asked(
-    driven: Driven, way: Way
-) -> tuple[list[Mapping[str, str]], list[Mapping[str, Focus]], list[int]]:
-    """By frame: who is asked for what, who of them about which places only, and how many take
-    part."""
+def _asked(driven: Driven, way: Way) -> list[_Asked]:
+    """By frame."""
     deciding = _deciding(driven, way)
     # Where poses are right, everybody is placed.
     learns = deciding is not None and driven.drive.pose_noise_m > 0.0
     rehearses = learns or (way.memory and way.asks_about_places)
     rehearsal = Rehearsal(driven, way.max_error_m) if rehearses else None
     rate_hz = driven.world.rate_hz
-    asked: list[Mapping[str, str]] = []
-    places: list[Mapping[str, Focus]] = []
-    taking_part: list[int] = []
+    asked: list[_Asked] = []
     for number, frame in enumerate(driven.frames):
         objects: Collection[str]
         if deciding is None:
@@ -114,19 +117,25 @@ def _asked(
             whole = _only(near, way.asked(number, driven.nearest, rate_hz))
             about = _only(near, way.asked_about(number, driven.nearest, rate_hz))
             named = driven.nearest if way.forms else [one.robot for one in way.assignments]
-            taking_part.append(len({*named} & {*near}))
+            taking_part = len({*named} & {*near})
         else:
             whole, about = deciding.asked(number, frame), deciding.asked_about(number)
             objects = deciding.objects(number)
-            taking_part.append(len(deciding.participants))
+            taking_part = len(deciding.participants)
         only: Mapping[str, Focus] = {}
         if rehearsal is not None:
             only = rehearsal.ask(frame, whole, about if way.memory else {}, objects)
             if deciding is not None:
                 deciding.heed(rehearsal.placed)
-        asked.append({**whole, **{r: about[r] for r, one in only.items() if one.places}})
-        places.append(only)
-    return asked, places, taking_part
+        forms = {**whole, **{r: about[r] for r, one in only.items() if one.places}}
+        sizes = {
+            robot: driven.size(frame, robot, form, way.max_error_m, only.get(robot))
+            for robot, form in forms.items()
+        }
+        if deciding is not None:
+            deciding.receive(forms, sizes, only)
+        asked.append(_Asked(forms, only, sizes, taking_part))
+    return asked
 
 
 def _only(robots: Collection[str], asked: Mapping[str, str]) -> Mapping[str, str]:

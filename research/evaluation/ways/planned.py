@@ -36,6 +36,7 @@ from llm_gateway.model import Prompt
 from research.evaluation.policies.advice import MADE_FROM, AdvisedAtOnce, Answer, Model
 from research.evaluation.policies.decide import as_proposed
 from research.evaluation.result_store import ResultStore
+from research.evaluation.ways.drive import Focus
 from research.evaluation.windows.announcements import EPOCH_NS, Announced, snapshot
 from swarm.messages import MIXED, Assignment, Decision
 from worlds.base import World
@@ -123,7 +124,7 @@ class Deciding:
         self._knowledge = Knowledge.of_detector(
             drive.world.detector, objective, ALGORITHMS, learns=how.learns
         )
-        # Of what an ego learns, this is all that happens here.
+        # Beside sizes, all that an ego learns that happens here.
         self._knowledge.placing = Placing(lambda: self._now_s)
         self._policy = _policy(how.policy, drive.seed)
         self._every = max(1, round(DECIDED_S * drive.world.rate_hz))
@@ -170,6 +171,22 @@ class Deciding:
         """Notes who of those that were asked for everything could be laid in their places."""
         for robot, well in placed.items():
             self._knowledge.placing.record(robot, placed=well)
+
+    def receive(
+        self, asked: Mapping[str, str], sizes: Mapping[str, int], places: Mapping[str, Focus]
+    ) -> None:
+        """Notes the bytes of what robots send to a frame; `places`: what those were asked about
+        that were not asked for everything."""
+        for robot, size in sizes.items():
+            about = places.get(robot)
+            self._knowledge.record_payload(
+                robot,
+                asked[robot],
+                size,
+                EPOCH_NS,  # A drive is shorter than a receipt lives.
+                focused=about is not None and bool(about.places),
+                objects_only=about is not None and not about.places,
+            )
 
     def _decide(self, number: int, frame: int) -> Decision:
         drive, known = self._drive, self._knowledge

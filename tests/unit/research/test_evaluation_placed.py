@@ -97,3 +97,18 @@ def test_a_drive_does_without_whom_it_could_not_place() -> None:
     assert after != first, "others are asked, too or instead"
     first, after = participants(learns=False)
     assert after == first
+
+
+def test_a_drive_decides_by_the_sizes_that_came() -> None:
+    driven = Driven(Drive("factory", TEST_SEEDS.start + 555_558, 7, 0, 60, 30))
+
+    def participants(part: float) -> tuple[str, ...]:
+        deciding = Deciding(driven, Decided("coverage", rarer=True), lambda _: 2e5)
+        deciding.asked(0, 60)
+        for robot in driven.nearest:
+            size = round(part * driven.size(60, robot, "early", 0.1))
+            deciding.receive({robot: "early"}, {robot: size}, {})
+        deciding.asked(10, 70)
+        return deciding.participants
+
+    assert len(participants(10.0)) < len(participants(0.1))

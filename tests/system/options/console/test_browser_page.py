@@ -163,7 +163,9 @@ def test_where_forms_are_mixed_each_robot_shows_its_own(speakers: Speakers, page
         speakers.decision(speakers.seq, "R1", "R2", "R3", algorithm=MIXED, assignments=sent)
         speakers.detections(R2=4000, R3=400)
 
-    tell(page, say, shows("R2 early 10 Hz, R3 late 2 Hz (objects; places: 5 Hz)", "#decision-facts"))
+    tell(
+        page, say, shows("R2 early 10 Hz, R3 late 2 Hz (objects; places: 5 Hz)", "#decision-facts")
+    )
     page.get_by_role("button", name="R3", exact=True).click()
     # The frame was of points alone.
     tell(page, say, shows("bit/s, as late at 2 Hz (objects; places: 5 Hz)", "#robot-facts"))
