@@ -12,8 +12,9 @@ Role = Literal[
     "none", "doubt",
 ]  # fmt: skip
 """`none`: named, but nothing is wished of it; `doubt`: nobody knows, ask."""
-Verdict = Literal["all", "part", "nothing"]
-"""How much of a wish is in its roles: all of it; not all; it is no wish."""
+Verdict = Literal["all", "part", "nothing", "nobody"]
+"""How much of a wish is in its roles: all of it; not all; it is no wish; all of it, and beside them
+that no robot is to be asked."""
 
 ROLES: dict[Kind, tuple[Role, ...]] = {
     "robot": ("out", "only", "first", "none"),
@@ -27,7 +28,7 @@ ROLES: dict[Kind, tuple[Role, ...]] = {
     "unknown": ("none",),
 }
 """What each kind may be."""
-VERDICTS: tuple[Verdict, ...] = ("all", "part", "nothing")
+VERDICTS: tuple[Verdict, ...] = ("all", "part", "nothing", "nobody")
 
 
 @dataclass(frozen=True, slots=True)

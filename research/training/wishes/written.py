@@ -25,7 +25,9 @@ def written(cases: Sequence[Case]) -> Iterator[Sample]:
             continue
         said = tuple(role for role in roles if role is not None)
         verdict: Verdict = "part" if case.doubtful else "all"
-        if meant.is_empty():
+        if meant.only == () and not case.doubtful:
+            verdict = "nobody"
+        elif meant.is_empty():
             verdict = "nothing" if not any(m.kind == "unknown" for m in text.mentions) else "part"
         yield Sample(case.language, case.site, case.time, text, Reading(said, verdict))
 
