@@ -35,6 +35,8 @@ class Prompt:
     """Only the likeliest words that reach this probability together are drawn from."""
     seed: int | None = None
     """Of chance; None: another one each time."""
+    certainty: bool = False
+    """Whether the reply is to tell how likely the model found its words, where that is known."""
 
     @property
     def repeatable(self) -> bool:
@@ -89,6 +91,9 @@ class Reply:
     text: str
     tokens: LlmTokens = field(default_factory=LlmTokens)
     finish: Finish = "stop"
+    likely: tuple[tuple[str, float], ...] = ()
+    """The text piece by piece, each with the probability that the model gave it; empty where nobody
+    asked or knows."""
 
 
 class PromptRefusedError(GatewayError):

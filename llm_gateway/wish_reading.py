@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from llm_gateway.backends.base import Backend
-from llm_gateway.model import Completer, Job, Prompt
+from llm_gateway.model import Completer, Job, Prompt, Reply
 from llm_gateway.wishes import Reader, understand
 from llm_gateway.wishes.readers import BackendReader
 from swarm.errors import GatewayError, SettingError
@@ -37,7 +37,7 @@ class GatewayReader:
         """The gateway's."""
         return self.gateway.model
 
-    def read(self, prompt: Prompt) -> str:
+    def read(self, prompt: Prompt) -> Reply:
         """Its answer. Raises GatewayError."""
         job = Job(prompt, client=self.client, deadline=self.deadline, fingerprint="", role=ROLE)
         completing = self.gateway.complete(job)
@@ -47,7 +47,8 @@ class GatewayReader:
             completing.close()
             raise GatewayError("unavailable", "the gateway is closing") from None
         try:
-            return waiting.result(max(0.0, self.deadline - time.monotonic()) + SLACK_S).text
+            done = waiting.result(max(0.0, self.deadline - time.monotonic()) + SLACK_S)
+            return Reply(done.text)
         except TimeoutError:
             waiting.cancel()
             raise GatewayError("expired", "the gateway was too busy") from None

@@ -7,9 +7,11 @@ The model reads `leave [R3] alone and watch the [docks], save [bandwidth] [until
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, cast, get_args
 
+from llm_gateway.model import Reply
 from llm_gateway.wishes.names.mention import Kind
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import ROLES, VERDICTS, Reading, Role, Verdict
@@ -61,8 +63,9 @@ def instruction() -> str:
     return _EXPLAINED
 
 
-def parse(text: Text, said: str) -> Reading:
+def parse(text: Text, reply: Reply) -> Reading:
     """The reading of an answer. Raises ValueError for one that does not follow the schema."""
+    said = reply.text
     value: Any = json.loads(said)
     if isinstance(value, dict):
         value = value.get("words")
@@ -76,8 +79,24 @@ def parse(text: Text, said: str) -> Reading:
         raise ValueError(f"{value[-1]!r} is no verdict; allowed: {', '.join(VERDICTS)}")
     verdict = cast("Verdict", value[-1])
     return Reading(
-        cast("tuple[Role, ...]", tuple(value[:-1])), verdict, nobody=verdict == "nobody"
+        cast("tuple[Role, ...]", tuple(value[:-1])),
+        verdict,
+        nobody=verdict == "nobody",
+        likely=_likely(reply.likely, len(value)),
     )
+
+
+def _likely(pieces: Sequence[tuple[str, float]], words: int) -> tuple[float, ...]:
+    """How likely the model found each word of its answer; empty where that is not known."""
+    found: list[float] = []
+    word = 1.0
+    for piece, chance in pieces:
+        # What ends a word may stand in one piece with what begins the next.
+        for _ in range(piece.count(",") + piece.count("]")):
+            found.append(word)
+            word = 1.0
+        word *= chance
+    return tuple(found) if len(found) == words else ()
 
 
 @cache

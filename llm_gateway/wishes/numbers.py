@@ -21,11 +21,17 @@ _TENS = {
     "achtzig": 80, "neunzig": 90, "hundert": 100,
 }  # fmt: skip
 SMALL = {text: n for line in (_ENGLISH, _GERMAN) for n, text in enumerate(line.split())}
-NAMED = SMALL | _TENS | {"zwo": 2, "sechse": 6, "siebene": 7, "achte": 8, "neune": 9, "fuenfe": 5}
+_SOUTHERN = {
+    "zwo": 2, "zwoa": 2, "viere": 4, "fuenfe": 5, "sechse": 6, "siebene": 7, "achte": 8, "neune": 9,
+    "zehne": 10, "elfe": 11, "zwoelfe": 12,
+}  # fmt: skip
+NAMED = SMALL | _TENS | _SOUTHERN
 _GERMAN_HUNDREDS = re.compile(r"(ein|[a-z]{3,6})?hundert(?:und)?(\w*)")
 _GERMAN_TENS = re.compile(r"(ein|[a-z]{3,6})und(zwanzig|\w+ssig|\w+zig)")
 HUNDRED = {"hundred", "hundert"}
 POINT = {"comma", "komma", "point"}
+_SHORT_TENS = re.compile(r"\w+(?:z|ss)g")
+"""So tens end in the south: "achtzg", "dreissg"."""
 _BETWEEN = {"between", "zwischen"}
 AND = {"and", "und"}
 ARTICLES = {"a", "an", "one", "the", "ein", "eine", "einen", "einem", "einer", "der", "die", "das"}
@@ -47,6 +53,8 @@ def whole(text: str) -> int | None:
         return int(text[:9])
     if text in NAMED:
         return NAMED[text]
+    if _SHORT_TENS.fullmatch(text):
+        return whole(text.removesuffix("g") + "ig")
     if (found := _GERMAN_HUNDREDS.fullmatch(text)) is not None:
         hundreds, rest = _times_of(found[1] or "ein"), whole(found[2] or "null")
         rest = 1 if found[2] == "ein" else rest

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from llm_gateway.backends.base import Backend
 from llm_gateway.backends.llamacpp.client import LlamaCpp
 from llm_gateway.backends.llamacpp.models import ADAPTER, DEFAULT_MODEL, find_model
-from llm_gateway.model import Prompt
+from llm_gateway.model import Prompt, Reply
 from swarm.errors import GatewayError
 from swarm.log import make_logger
 
@@ -40,12 +40,12 @@ class BackendReader:
         """The back end's."""
         return self._backend.model + ("+wishes" if self.trained else "")
 
-    def read(self, prompt: Prompt) -> str:
+    def read(self, prompt: Prompt) -> Reply:
         """Waits for the answer; never on the loop's own thread. Raises GatewayError."""
         asked = self._backend.complete(prompt, self._timeout_s)
         future = asyncio.run_coroutine_threadsafe(asked, self._loop)
         try:
-            return future.result(self._timeout_s + 1).text
+            return future.result(self._timeout_s + 1)
         except TimeoutError:
             future.cancel()
             why = f"no answer in {self._timeout_s:.0f} s"

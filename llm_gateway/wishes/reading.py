@@ -48,3 +48,5 @@ class Reading:
     """Words that are numbers of which nothing can be wished."""
     nobody: bool = False
     """Whether no robot at all is to be asked."""
+    likely: tuple[float, ...] = ()
+    """How likely who read it finds each role, and last the verdict, where that is known."""

@@ -28,7 +28,11 @@ _PARTS = {
     "tenths": 10, "zehntel": 10, "twentieths": 20, "zwanzigstel": 20, "hundredths": 100,
     "hundertstel": 100,
 }  # fmt: skip
-_PERCENT = {"%", "percent", "pct", "prozent", "perc", "percents", "procent"}
+FRACTIONS = {"1⁄2": 1 / 2, "1⁄3": 1 / 3, "2⁄3": 2 / 3, "1⁄4": 1 / 4, "3⁄4": 3 / 4}
+"""Signs as they are folded: "½"."""
+_OUT_OF = {5, 10, 100}
+"""Of so many is a part told: "nine out of ten"."""
+PERCENT = {"%", "percent", "pct", "prozent", "perc", "percents", "procent", "proz"}
 _JOINS = AND | {",", "-", "–", "bis", "in", "of", "oder", "or", "out", "to", "von"}
 """Between two numbers they may make another one, or a range, of both."""
 _TORN = HUNDRED | POINT | {"dozen", "dutzend", "ein", "eine", "odd", "tausend", "thousand"}
@@ -80,7 +84,7 @@ def _percent(words: Sequence[Word], at: int) -> Share | None:
         end += 1
     if text_at(words, end) == "per" and text_at(words, end + 1) in {"cent", "cents"}:
         end += 2
-    elif text_at(words, end) in _PERCENT:
+    elif text_at(words, end) in PERCENT:
         end += 1
     else:
         return None
@@ -88,23 +92,52 @@ def _percent(words: Sequence[Word], at: int) -> Share | None:
 
 
 def _fraction(words: Sequence[Word], at: int) -> Share | None:
-    """ "half", "a third", "two thirds", "drei Viertel", "1/3"."""
+    """ "half", "a third", "two thirds", "drei Viertel", "1/3", "nine out of ten"."""
     text = words[at].text
+    if text in FRACTIONS:
+        return Share(at, at + 1, round(FRACTIONS[text], 3))
     if text.isdigit() and text_at(words, at + 1) == "/" and text_at(words, at + 2).isdigit():
         bottom = int(text_at(words, at + 2)[:6])
         return Share(at, at + 3, round(int(text[:6]) / bottom, 3)) if bottom else None
     found = (1, at + 1) if text in ARTICLES else integer_at(words, at)
     if found is not None:
         top, end = found
+        if (bottom_at := _out_of(words, end)) is not None and top <= bottom_at[0]:
+            return Share(at, bottom_at[1], round(top / bottom_at[0], 3))
         end += text_at(words, end) == "-"
-        part = _PARTS.get(text_at(words, end))
+        part = _part(text_at(words, end))
         if part is None or text_at(words, end) == "halb":
             return None
         return Share(at, end + 1, round(top / part, 3))
-    if text == "dreiviertel":
+    if text in {"dreiviertel", "dreivierteln"}:
         return Share(at, at + 1, 0.75)
-    part = _PARTS.get(text)
+    part = _part(text)
     return None if part is None else Share(at, at + 1, round(1 / part, 3))
+
+
+def _part(text: str) -> int | None:
+    """How many of it make the whole: 5 of "fifths", "Fünftel" and "Fünfteln"."""
+    return _PARTS.get(text.removesuffix("n") if text.endswith("teln") else text)
+
+
+def _out_of(words: Sequence[Word], at: int) -> tuple[int, int] | None:
+    """What "out of ten" makes the whole, from word `at` on, and the word behind it."""
+    if (text_at(words, at), text_at(words, at + 1)) != ("out", "of"):
+        return None
+    found = integer_at(words, at + 2)
+    return found if found is not None and found[0] in _OUT_OF else None
+
+
+def counts_parts(words: Sequence[Word], at: int) -> bool:
+    """Whether the number from word `at` on counts parts and is no hour: "four-fifths", "20 pct".
+
+    >>> from llm_gateway.wishes.words import words
+    >>> counts_parts(words("four-fifths"), 0), counts_parts(words("six half the link"), 0)
+    (True, False)
+    """
+    share = share_at(words, at)
+    last = "" if share is None else text_at(words, share.last - 1)
+    return share is not None and _part(last) != 2 and last not in {"times", "mal"}
 
 
 def _bare(words: Sequence[Word], at: int) -> Share | None:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import msgspec
 
-from llm_gateway.model import Prompt
+from llm_gateway.model import Prompt, Reply
 from llm_gateway.wishes import form
 from llm_gateway.wishes.account import settle
 from llm_gateway.wishes.check import agreed
@@ -37,7 +37,7 @@ class Reader(Protocol):
     def trained(self) -> bool:
         """Whether it was trained on the form and needs no instruction."""
 
-    def read(self, prompt: Prompt) -> str:
+    def read(self, prompt: Prompt) -> Reply:
         """Its answer. Raises GatewayError."""
 
 
@@ -60,7 +60,8 @@ def prompt(text: Text, *, trained: bool) -> Prompt:
     asked = ChatMessage(role="user", content=form.marked(text))
     schema = form.schema(text, wrapped=not trained)
     if trained:
-        return Prompt((asked,), schema, max_tokens=2 * len(text.mentions) + 6)
+        most = 2 * len(text.mentions) + 6
+        return Prompt((asked,), schema, max_tokens=most, certainty=True)
     told = ChatMessage(role="system", content=form.instruction())
     return Prompt((told, asked), schema, max_tokens=16 * len(text.mentions) + 64)
 

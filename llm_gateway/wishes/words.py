@@ -19,6 +19,7 @@ _SOUTHERN = {"d": "die", "s": "das"}
 _ARROW = re.compile(r"[-=]+>")
 _WORD = re.compile(
     r"(?<!\w)[ds]['’](?=(?!you|ye|ya)[^\W\d_]{3})|\bw/o\b|\bw/(?=\s)|\bu\.(?=\s)|"
+    r"(?<!the )(?<!from )(?<!til )(?<!till )\b(?:1st|2nd|3rd)(?= pls| please| bitte)|"
     r"\b(?:1st|2nd|3rd)(?= choice| pick| best| prio|[ ,;.!]*$|[,;.!] )|"
     r"[<>]=|[-=]+>|(?<!\w)\.\d+|\d+(?:[.,:]\d+)*|[^\W\d_]+(?:['’][^\W\d_]+)*|\S",
     re.IGNORECASE,

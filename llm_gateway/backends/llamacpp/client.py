@@ -222,7 +222,7 @@ class LlamaCpp:
         if future is None or future.done():
             return
         if isinstance(frame, frames.Answer):
-            future.set_result(Reply(frame.text, frame.tokens, frame.finish))
+            future.set_result(Reply(frame.text, frame.tokens, frame.finish, frame.likely))
         else:
             future.set_exception(GatewayError(frame.code, frame.why))
 

@@ -17,7 +17,7 @@ from llm_gateway.backends.llamacpp import slots as places
 from llm_gateway.backends.llamacpp.constraint import Alphabet, Constraint
 from llm_gateway.backends.llamacpp.native import CHUNK, Native, Part
 from llm_gateway.backends.llamacpp.run import Run
-from llm_gateway.backends.llamacpp.sampler import COLDEST, Sampler
+from llm_gateway.backends.llamacpp.sampler import COLDEST, Sampler, probability
 from llm_gateway.backends.llamacpp.schema import grammar_of
 from llm_gateway.backends.llamacpp.slots import Slot
 from llm_gateway.model import Finish, Prompt, Reply
@@ -198,9 +198,13 @@ class Engine:
         agreed = 0
         finish: Finish | None = None
         while finish is None:
-            token = run.constraint.choose(self._native.logits(index + agreed))
+            logits = self._native.logits(index + agreed)
+            token = run.constraint.choose(logits)
             ended = self._native.ends(token)
-            finish = "stop" if ended else run.add(token, self._native.piece(token))
+            piece = self._native.piece(token)
+            if run.prompt.certainty and not ended:
+                run.likely.append((piece, probability(logits, token)))
+            finish = "stop" if ended else run.add(token, piece)
             if draft[agreed : agreed + 1] != [token]:
                 break
             agreed += 1

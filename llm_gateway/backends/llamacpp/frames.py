@@ -55,6 +55,8 @@ class Answer(msgspec.Struct, tag="answer", frozen=True):
     text: str
     tokens: LlmTokens
     finish: Finish = "stop"
+    likely: tuple[tuple[str, float], ...] = ()
+    """See `Reply`."""
 
 
 class Failed(msgspec.Struct, tag="failed", frozen=True):

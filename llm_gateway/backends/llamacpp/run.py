@@ -29,6 +29,8 @@ class Run:
     """The answer to an earlier prompt that began like this one."""
     text: bytearray = field(default_factory=bytearray)
     """The answer so far; a character may be cut."""
+    likely: list[tuple[bytes, float]] = field(default_factory=list)
+    """Its pieces with their probabilities, where the prompt asks for them."""
 
     def __post_init__(self) -> None:
         self._stops = [stop.encode() for stop in self.prompt.stop]
@@ -62,4 +64,5 @@ class Run:
     def reply(self, finish: Finish) -> Reply:
         """The whole answer."""
         used = LlmTokens(prompt=len(self.tokens), reused=self.reused, output=len(self.out))
-        return Reply(self.text.decode(errors="replace"), used, finish)
+        likely = tuple((piece.decode(errors="replace"), chance) for piece, chance in self.likely)
+        return Reply(self.text.decode(errors="replace"), used, finish, likely)

@@ -1,4 +1,4 @@
-"""Chance in an answer: tokens are drawn by their probability, from a seed."""
+"""Chance in an answer: how likely tokens are, and drawing them by that, from a seed."""
 
 from __future__ import annotations
 
@@ -32,3 +32,9 @@ class Sampler:
         reached = reached[:count]
         place = int(np.searchsorted(reached, self._random.random() * reached[-1], side="right"))
         return int(tokens[min(place, len(reached) - 1)])
+
+
+def probability(logits: npt.NDArray[np.float32], token: int) -> float:
+    """Of one token among all, in [0, 1]; those of minus infinity have none."""
+    above = logits.astype(np.float64) - float(logits[token])
+    return float(1.0 / np.exp(np.minimum(above, 700.0)).sum())

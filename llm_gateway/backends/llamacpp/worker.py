@@ -109,7 +109,7 @@ def _serve(
 def _told(ident: int, outcome: Outcome) -> frames.FromWorker:
     if isinstance(outcome, GatewayError):
         return frames.Failed(ident, outcome.code, outcome.why)
-    return frames.Answer(ident, outcome.text, outcome.tokens, outcome.finish)
+    return frames.Answer(ident, outcome.text, outcome.tokens, outcome.finish, outcome.likely)
 
 
 def _take(engine: Engine, frame: frames.ToWorker, told: set[int]) -> frames.FromWorker | None:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from llm_gateway.wishes.names import lexicon
 from llm_gateway.wishes.names.forms import same
-from llm_gateway.wishes.numbers import integer_at
+from llm_gateway.wishes.numbers import integer_at, whole
 from llm_gateway.wishes.tongue import is_morning
 from llm_gateway.wishes.words import Word
 
@@ -18,6 +18,8 @@ _NO_NAMES = frozenset(
     stunden""".split()
 )
 """Behind a number they say that it is no robot's."""
+_NOUGHTS = {"null", "o", "oh", "zero"}
+"""Before a number they belong to it: "oh seven"."""
 
 
 class Cut:
@@ -31,8 +33,32 @@ class Cut:
         return self._words[at].text if 0 <= at < len(self._words) else ""
 
     def number(self, at: int) -> tuple[int, int] | None:
-        """The whole number from word `at` on, and the word behind it."""
-        return integer_at(self._words, at)
+        """The whole number from word `at` on, with its noughts, and the word behind it."""
+        first = at
+        while self.text(first) in _NOUGHTS:
+            first += 1
+        return integer_at(self._words, first) or integer_at(self._words, at)
+
+    def noughts(self, at: int) -> bool:
+        """Whether a number from word `at` on begins with noughts: "oh seven", "null vier"."""
+        return self.text(at) in _NOUGHTS and (self.number(at) or (0, 0))[0] > 0
+
+    def opens_point(self, at: int) -> bool:
+        """Whether a number begins the next point of a list, and ends no name: "2) no Dash"."""
+        return self.text(at + 1) == ")" and "(" not in {word.text for word in self._words[:at]}
+
+    def _digits(self, number: str, at: int) -> int | None:
+        """The word behind a number whose digits are said one by one: "two oh four". Without a
+        nought among them they might as well be a list."""
+        if "0" not in number:
+            return None
+        for here, digit in enumerate(number, at):
+            said = self.text(here)
+            if not said.isalpha() or digit != ("0" if said in _NOUGHTS else str(whole(said))):
+                return None
+        last = at + len(number)
+        more = (whole(self.text(last)) or 10) < 10 and not self.counts(last + 1)
+        return None if more else last  # "Oh two five".
 
     def touches(self, at: int) -> bool:
         """Whether a sign stands between two words without a space."""
@@ -48,9 +74,12 @@ class Cut:
         """The word behind a name that is written from word `at` on; `also` in other words."""
         here = at
         for part in name:
-            if here > at and self.text(here) in {"-", "_"}:
-                here += 1
+            here += here > at and self._joins(here)
             said = self.text(here)
+            digits = self._digits(part, here) if part.isdigit() else None
+            if digits is not None:
+                here = digits
+                continue
             number = self.number(here) if said.isalpha() and part.isdigit() else None
             if number is not None and number[1] > here + 1:
                 if number[0] != int(part[:9]):
@@ -61,6 +90,14 @@ class Cut:
                 return None
             here += 1
         return here
+
+    def _joins(self, at: int) -> bool:
+        """Whether word `at` is a sign within a name: "FTS-3", "Halle 1/2", "2. OG"."""
+        sign = self.text(at)
+        if sign in {"-", "_"}:
+            return True
+        numbered = sign in {"/", "."} and self.text(at - 1).isdigit()
+        return numbered and self._words[at - 1].end == self._words[at].start
 
 
 def other_words(part: str) -> set[str]:

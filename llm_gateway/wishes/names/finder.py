@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from datetime import datetime
 
 from llm_gateway.wishes.cues.plain import known
 from llm_gateway.wishes.names import lexicon
 from llm_gateway.wishes.names.cut import LIST, Cut, other_words
-from llm_gateway.wishes.names.forms import called, is_head
+from llm_gateway.wishes.names.forms import are_heads, called, is_head, same
 from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.people import CALLED, ENDS, SPEAKS, TITLES
 from llm_gateway.wishes.names.policies import Policies
@@ -34,8 +34,30 @@ _GREETINGS = {"hello", "hi", "hey", "dear", "hallo", "liebe", "liebes", "geehrte
 
 
 _EXCEPT = {"ausgenommen", "ausser", "barring", "except", "excepting"}
+_ALL = {"all", "alle", "allen", "aller"}
+_BOTH = {"both", "beide", "beiden", "beider"}
+_OF_THEM = {"the", "of", "our", "der", "die", "den", "unsere", "unserer"}
+_LEAST = 2
+"""Places that share a main word are several; words that end a place's name name it."""
+_LEAST_JOINED = 3
+"""Letters of the second word of two that are one."""
+_CLAUSE = 6
+"""Words behind "rechnet" that say how."""
 _TURNS = {"", ",", "aber", "and", "but", "just", "nur", "only", "und"}
 """Before "not" and a time."""
+
+
+def _endings(
+    places: Mapping[tuple[str, ...], str], taken: Set[tuple[str, ...]]
+) -> dict[tuple[str, ...], str]:
+    """Places by the last words of their names, where one place alone ends so and nothing is called
+    so: "rest area" of "labour rest area"."""
+    found: dict[tuple[str, ...], set[str]] = {}
+    for name, place in places.items():
+        for first in range(1, len(name) - _LEAST + 1):
+            if all(word.isalpha() for word in name[first:]) and name[first] not in LEADS:
+                found.setdefault(name[first:], set()).add(place)
+    return {end: min(held) for end, held in found.items() if len(held) == 1 and end not in taken}
 
 
 class Finder:
@@ -51,8 +73,10 @@ class Finder:
         self._places = {
             key(said): name for name in site.places for said in site.words.get(name, ())
         } | {key(name): name for name in site.places}
+        self._named_places = site.places
         self._heads = {k[0] for k in self._places if len(k) == 2 and k[1].isdigit()}
         self._classes = {key(name): name for name in site.classes}
+        self._endings = _endings(self._places, {*self._places, *self._classes})
         self._policies = Policies(cut)
         self._seen: list[str] = []
         self._behind = 0
@@ -81,6 +105,7 @@ class Finder:
     def _at(self, at: int, now: datetime) -> Mention | None:
         return (
             self._place(at)
+            or self._both(at)
             or self._roster.at(at)
             or self._when(at, now)
             or self._share(at)
@@ -92,7 +117,7 @@ class Finder:
 
     def _place(self, at: int) -> Mention | None:
         hits: dict[str, int] = {}
-        for name, place in self._places.items():
+        for name, place in (*self._places.items(), *self._endings.items()):
             end = self._named(name, at, also=True)
             if end is not None:
                 hits[place] = max(end, hits.get(place, end))
@@ -108,6 +133,27 @@ class Finder:
         if len(best) > 1:
             return Mention("unknown", at, end)
         return self._more_places(Mention("place", at, end, (best[0],)))
+
+    def _both(self, at: int) -> Mention | None:
+        """ "both docks", "alle Tore": all places of that main word; of more than two both that were
+        named before."""
+        if self._text(at) not in _ALL | _BOTH:
+            return None
+        head = at + 1
+        while self._text(head) in _OF_THEM:
+            head += 1
+        if self._place(head) or self._roster.at(head) or self._class(head):
+            return None
+        if self._cut.number(head + 1) is not None:
+            return None
+        said = self._text(head)
+        if any(same(said, place) for place in lexicon.PLACES):
+            return None  # "All areas" are more than those that are called so.
+        held = tuple(name for name in self._named_places if are_heads(said, key(name)))
+        if self._text(at) in _BOTH and len(held) > _LEAST:
+            held = tuple(name for name in held if name in self._seen)
+        several = len(held) == _LEAST if self._text(at) in _BOTH else len(held) >= _LEAST
+        return Mention("place", at, head + 1, held) if several else None
 
     def _again(self, at: int) -> Mention | None:
         """The place that was named before, by its main word: "the hall", "the area"."""
@@ -137,8 +183,8 @@ class Finder:
 
     def _spelt(self, place: str, at: int, end: int) -> bool:
         """Whether a place's name, or a word that the site has for it, is written so."""
-        said = tuple(word.text for word in self._words[at:end] if word.text not in "-_")
-        return self._places.get(said) == place
+        said = tuple(word.text for word in self._words[at:end] if word.text not in "-_./")
+        return place in (self._places.get(said), self._endings.get(said))
 
     def _when(self, at: int, now: datetime) -> Mention | None:
         when = when_at(self._words, at, now)
@@ -163,6 +209,8 @@ class Finder:
             end = self._named(name, at, also=False)
             if end is not None:
                 hits[label] = end
+        joined = self._joined(at)
+        hits = joined if max(joined.values(), default=0) > max(hits.values(), default=0) else hits
         if not hits and (
             self._text(at) != "personal" or is_german_noun(self._words, at, self._wish)
         ):
@@ -176,6 +224,15 @@ class Finder:
             best = [b for b in best if b == self._text(at)] or best
         kind: Kind = "class" if len(best) == 1 else "unknown"
         return Mention(kind, at, end, tuple(best) if kind == "class" else ())
+
+    def _joined(self, at: int) -> dict[str, int]:
+        """Classes by what people call them, written as two words: "van carrier"."""
+        last = at + 1 + (self._text(at + 1) == "-")
+        said = self._text(last)
+        if len(said) < _LEAST_JOINED or not said.isalpha():
+            return {}
+        both = self._text(at) + said
+        return {k: last + 1 for n, k in self._classes.items() if called(both, " ".join(n))}
 
     def _calls(self, at: int) -> bool:
         """Whether somebody is called so, and nothing is wished: "thanks, folks", "Frau Yilmaz"."""
@@ -200,14 +257,29 @@ class Finder:
             return None  # "Links liegen lassen".
         if {text, one} & lexicon.NETWORK or slip or lexicon.NETWORKS.fullmatch(text):
             return Mention("network", at, at + 1)
-        if {text, one} & lexicon.COMPUTE or lexicon.COMPUTERS.fullmatch(text):
-            return Mention("compute", at, at + 1)
+        computes = self._computing(at)
+        if computes is not None:
+            return Mention("compute", at, computes)
         near = {self._text(n) for n in range(at - 3, at + 4)}
         if text in lexicon.SENDING and near & lexicon.LITTLE:
             return Mention("network", at, at + 1)
         if text in lexicon.ENERGY and near & lexicon.SAVING:
             return Mention("compute", at, at + 1)
         return self._policies.at(at)
+
+    def _computing(self, at: int) -> int | None:
+        """The word behind what computes, or the computing."""
+        text = self._text(at)
+        last = at + 1 + (self._text(at + 1) == "-")
+        if text == "edge" and self._text(last) in lexicon.EDGE and self._class(last) is None:
+            return last + 1
+        room = text in {"server", "servers"} and self._text(last) in lexicon.ROOMS
+        known_so = {text, text.removesuffix("s")} & lexicon.COMPUTE and not room
+        behind = {self._text(n) for n in range(at + 1, at + _CLAUSE)}
+        sparingly = (behind | {self._text(at - 1)}) & lexicon.SPARINGLY and "mit" not in behind
+        if known_so or lexicon.COMPUTERS.fullmatch(text):
+            return at + 1
+        return at + 1 if text in lexicon.CALCULATING and sparingly else None
 
     def _stranger(self, at: int) -> Mention | None:
         """A name as the site's, of something that it does not have: R9, aisle 9."""

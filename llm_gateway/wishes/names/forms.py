@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from llm_gateway.wishes.cues.plain import known
 from llm_gateway.wishes.names.things import CLASSES
-from llm_gateway.wishes.numbers import NAMED
+from llm_gateway.wishes.numbers import whole
 from llm_gateway.wishes.words import alike
 
 _PLURALS = ("s", "es", "n", "en", "e", "er", "ern", "r")
@@ -32,8 +32,10 @@ def same(said: str, meant: str) -> bool:
     """
     if said == meant or (alike(said, meant) and not known(said)):
         return True
-    if meant.isdigit() and said in NAMED and said not in _INFLECTED:
-        return NAMED[said] == int(meant[:9])
+    if meant.isdigit() and said.isalpha() and said not in _INFLECTED:
+        number = whole(said)
+        number = whole(said.removesuffix("s")) if number is None else number  # "Unit four's".
+        return number == int(meant[:9])
     if not (said.isalpha() and meant.isalpha()) or min(len(said), len(meant)) < _LEAST:
         return False
     longer, shorter = (said, meant) if len(said) > len(meant) else (meant, said)
@@ -57,6 +59,22 @@ def is_head(said: str, name: Sequence[str]) -> bool:
     if len(name) > 1 and said == words[-1 if words[-1] not in _SIDES else 0]:
         return True
     return len(words[-1]) >= len(said) + _LEAST and words[-1].endswith(said)
+
+
+def are_heads(said: str, name: Sequence[str]) -> bool:
+    """Whether a word is the plural of the main one of a name of several, or of what ends it.
+
+    >>> are_heads("docks", ["inbound", "dock"]), are_heads("hallen", ["werkhalle"])
+    (True, True)
+    """
+    words = [word for word in name if word.isalpha()]
+    if len(said) < _LEAST_HEAD or not words:
+        return False
+    main = words[-1 if words[-1] not in _SIDES else 0]
+    plural = said != main and len(name) > 1 and same(said, main)
+    return plural or any(
+        is_head(said.removesuffix(ending), [main]) for ending in _PLURALS if said.endswith(ending)
+    )
 
 
 @lru_cache(maxsize=4096)

@@ -42,6 +42,9 @@ HEADS = {
     "canteen": "canteen kantine",
     "stairs": "stairs treppe treppen",
     "lift": "lift aufzug elevator",
+    "baggage": "baggage bag luggage",
+    "luggage": "luggage bag baggage",
+    "kommissionierung": "kommissionierung kommi",
 }
 """By one word of a place's own name."""
 
@@ -52,7 +55,8 @@ NETWORK = _set(
     "bandwidth bandwith bandwdith link links network net traffic channel radio airtime connection "
     "bw bandbreite bandbrite bandbreiten netz netzes netzwerk leitung verbindung kanal funk "
     "funkkanal "
-    "uebertragung datenverkehr verkehr daten data bytes"
+    "uebertragung datenverkehr verkehr daten data bytes airwave airwaves broadband "
+    "breitband funkerei"
 )
 NETWORKS = re.compile(
     r"(?:funk|netz|netzwerk|link|wlan|wifi|daten|uplink|radio|mobilfunk|uebertragungs|sende)"
@@ -62,22 +66,30 @@ NETWORKS = re.compile(
 """What German makes of two of these words."""
 COMPUTERS = re.compile(
     r"(?:rechen|rechner|prozessor|cpu|gpu|computer)(?:leistung|zeit|aufwand|last|kapazitaet|"
-    r"arbeit|bedarf|kraft|auslastung|nutzung|power|ressourcen|budget|kerne?|verbrauch)[ns]?"
+    r"arbeit|bedarf|kraft|auslastung|nutzung|power|ressourcen|budget|kerne?|verbrauch)[ns]?|"
+    r"(?:bord|daten|edge|haupt|leit|schrank|zentral)(?:computer|rechner|server)[ns]?"
 )
 ENERGY = _set("energy power electricity strom energie")
 """Beside SAVING it is that of computing."""
 SAVING = _set("save saving conserve reduce less cut spare sparen spart spar weniger einsparen")
+CALCULATING = _set("rechnet rechne gerechnet")
+"""Beside SPARINGLY it is computing that is to be spared; "rechnet nicht mit R3" is none."""
 SENDING = _set("transmit transmitting uebertragen uebertragt sendet senden funkt funken")
 LITTLE = _set("little less wenig weniger")
 """Beside SENDING they say that the network is to be spared."""
+SPARINGLY = LITTLE | _set("noetig sparsam sparsamer")
 COMPUTE = _set(
     "cpus gpus cores kerne chips board bordrechner grafikkarte grafikkarten rechenkapazitaet "
     "rechnerleistung recheneinheit recheneinheiten prozessorlast prozessorleistung computern "
     "crunching compute cpu computing computation computations processing processor processors "
     "computer "
     "computers calculation gpu rechenleistung rechner rechnern rechenzeit rechnen prozessor "
-    "prozessoren rechenaufwand rechenlast"
+    "prozessoren rechenaufwand rechenlast rechnerei server servern edgebox"
 )
+EDGE = _set("box boxes computer computers device devices node nodes server servers")
+"""Behind "edge" they are what computes."""
+ROOMS = _set("cabinet cage closet hall rack racks raum room rooms schrank")
+"""Behind "server" they are a place."""
 QUALITY = _set(
     "quality qualitaet quallitaet qualitaets q qmin accuracy precision genauigkeit guete "
     "mindestqualitaet minqualitaet mindestguete mindestgenauigkeit guetewert qualitaetswert "

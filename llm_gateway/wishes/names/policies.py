@@ -32,6 +32,8 @@ _TIMES = {"ab", "bis", "from", "till", "until"}
 _LASTS = {"for", "fuer"}
 _BACK = {"back", "change", "go", "return", "switch", "zurueck"}
 _TO = {"auf", "to", "zu"}
+_GOES = {"gehen", "geht", "wechseln", "wechselt"}
+"""Behind "auf" and a name: "auf coverage gehen"."""
 _OF = {"of", "at", "in", "on", "near"}
 """Behind "coverage" they make a plain word of it."""
 _KINDS = frozenset(
@@ -116,7 +118,7 @@ class Policies:
             return False
         if behind in _LASTS and length_at(self._words, last + 1) is None:
             return False
-        if before in _TO and self._text(at - 2) in _BACK:
+        if before in _TO and (self._text(at - 2) in _BACK or behind in _GOES):
             return True
         starts = before in {"", ".", "!", "?", ";", "\n"}
         listed = before in _OPENS and behind in _CLOSES - {",", "and", "und"}

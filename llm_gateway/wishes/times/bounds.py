@@ -14,6 +14,9 @@ from llm_gateway.wishes.words import Word, text_at
 _NOBODY = {"nobody", "none", "niemand", "niemanden", "noone", "without", "ohne"}
 _FAR = 8
 """Words before "before" among which somebody is left out."""
+_ASKED = {"anfragen", "ansprechen", "einplanen", "einsetzen", "fragen", "mitnehmen", "nehmen",
+          "nutzen", "stoeren", "verwenden"}  # fmt: skip
+"""Behind "nicht vor acht" they say of whom it is told that he is left out until then."""
 _LEADS = {"ab", "around", "at", "begin", "begins", "by", "from", "gegen", "starting", "starts",
           "um", "von"}  # fmt: skip
 """Before an hour that is meant by "then"."""
@@ -60,7 +63,8 @@ def _said(words: Sequence[Word], at: int) -> clock.Point | None:
         point = clock.point_at(words, begin)
         if point is None or point[0].hour is None or point[1] > at:
             continue
-        if text_at(words, begin - 1) in _LEADS or timed(words, begin, point):
+        led = text_at(words, begin - 1) in _LEADS or text_at(words, begin) in clock.PARTS
+        if led or timed(words, begin, point):
             day = clock.point_at(words, begin - 2) if clock.names_day(words, begin - 2) else None
             return point[0] if day is None else shared(point[0], day[0])
     return None
@@ -72,13 +76,15 @@ def _before(words: Sequence[Word], at: int, now: datetime) -> When | None:
         return None
     point = clock.point_at(words, at + 1)
     near = [word.text for word in words[max(0, at - _FAR) : at]]
-    if point is None or point[0].hour is None or not near:
+    exact = point is not None and point[0].part in clock.EXACT
+    if point is None or (point[0].hour is None and not exact) or not near:
         return None
     left_out = bool({*near} & _NOBODY or NOT.search(" ".join(near)))
-    if left_out and not NOT.fullmatch(near[-1]):
+    turned = bool(NOT.fullmatch(near[-1]))
+    if left_out and (not turned or text_at(words, point[1]) in _ASKED):
         return ending(at, point[1], point[0], now)
-    ends = text_at(words, point[1]) in {"", ",", ".", "!", ";"}
-    return When(at, point[1], clear=False) if ends or timed(words, at + 1, point) else None
+    plain = timed(words, at + 1, point) or text_at(words, point[1]) in {"", ",", ".", "!", ";"}
+    return When(at, point[1], clear=False) if plain or turned else None
 
 
 def _after(words: Sequence[Word], at: int, now: datetime) -> When | None:

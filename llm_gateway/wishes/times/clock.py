@@ -26,6 +26,10 @@ PARTS = {
 """The hour at which a part of the day begins."""
 EXACT = {"midday", "midnight", "mittag", "mitternacht", "noon"}
 """Parts of the day that are hours."""
+_DIALECT = {"friah": "frueh", "fruah": "frueh", "nammidog": "nachmittag"}
+"""Parts of the day as the south writes them."""
+_INTO = {("auf", "die"), ("auf", "den"), ("in", "der"), ("in", "da")}
+"""Before a part of the day: "in der Früh", "auf d'Nacht"."""
 _LUNCH = {"lunch", "lunchtime"}
 _DAYS = {"today": 0, "heute": 0, "heut": 0, "tonight": 0, "tomorrow": 1, "morgen": 1,
          "tmr": 1, "tmrw": 1, "tomoz": 1, "uebermorgen": 2}  # fmt: skip
@@ -44,7 +48,7 @@ _THIS = {"this", "diesen", "dieser", "diesem"}
 _NOISE = {"at", "um", "the", "in", "am", "on", "this", "diesen", "dieser", "diesem",
           "ca", "circa", "about", "around", "etwa",
           "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
-          "punkt", "next", "like", "so"}  # fmt: skip
+          "punkt", "next", "like", "so", "klock"}  # fmt: skip
 _LEAP = 2000
 """A year that has every date."""
 _HALVES = {"am": 0, "pm": 12, "a.m": 0, "p.m": 12}
@@ -84,6 +88,8 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
         if step is not None:
             found, here = step
             end = here
+        elif _into(words, here):
+            here += 2
         elif (
             words[here].text in _NOISE
             or (words[here].text == "." and _short(words, here))
@@ -93,6 +99,14 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
         else:
             break
     return None if end == at else (found, end)
+
+
+def _into(words: Sequence[Word], at: int) -> bool:
+    """Whether two words only lead to a part of the day."""
+    part = text_at(words, at + 2)
+    return (text_at(words, at), text_at(words, at + 1)) in _INTO and _DIALECT.get(
+        part, part
+    ) in PARTS
 
 
 def names_day(words: Sequence[Word], at: int) -> bool:
@@ -168,7 +182,11 @@ def _date(words: Sequence[Word], at: int) -> date | None:
 
 def _part(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | None:
     """A part of the day; "noon" and "midnight" are hours, too."""
-    text = words[at].text
+    text = _DIALECT.get(words[at].text, words[at].text)
+    behind = text in {"after", "nach"} and text_at(words, at + 1) in {"midnight", "mitternacht"}
+    if behind and found.hour is not None and not found.exact:
+        # "Until two after midnight"; "five after midnight" may be minutes.
+        return replace(found, part="nachts", impossible=found.hour >= 5), at + 2
     if text == "day" and text_at(words, at - 1) in {"mid"}:
         return None
     if text not in PARTS or (found.hour is not None and text in EXACT | _LUNCH and found.part):

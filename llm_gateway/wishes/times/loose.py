@@ -69,8 +69,10 @@ def loose_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
     clocked = point[0].exact or any(
         word.text in {"uhr", "oclock", "am", "pm"} for word in words[begin : point[1]]
     )
+    said = {word.text for word in words[begin : point[1]]}
+    told_by_a_clock = said & {"half", "quarter", "viertel"} and said & {"past", "to", "nach", "vor"}
     timed = ":" in text_at(words, begin) or (text in {"at", "um"} and point[0].hour is not None)
-    if not (named or timed or (clocked and begin < point[1] - 1)):
+    if not (named or timed or told_by_a_clock or (clocked and begin < point[1] - 1)):
         return None
     past = point[0].impossible or (point[0].days == 0 and resolve(point[0], now, now) is None)
     over = past and point[0].part not in {"", *_LATE}

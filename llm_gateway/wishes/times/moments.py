@@ -68,11 +68,17 @@ def _hours(point: Point) -> list[int]:
         return [PARTS[point.part]]
     dated = point.date is not None or point.of_year is not None
     on_another_day = point.days or point.weekday is not None or dated
-    if point.exact or point.hour > 12 or point.hour == 0 or (point.uhr and on_another_day):
+    as_written = point.uhr and on_another_day and not point.part
+    if point.exact or point.hour > 12 or point.hour == 0 or as_written:
         return [point.hour]
     early, late = point.hour % 12, point.hour % 12 + 12
     match point.part:
-        case "morning" | "frueh" | "morgens" | "nachts":
+        case "morning" | "frueh" | "morgens":
+            return [early]
+        case "nachts":
+            # "Zehn Uhr nachts" is before midnight; from six to eight it is no night.
+            return [] if early in range(6, 9) else [late if early > 8 else early]
+        case "noon" | "midday" | "mittag" | "mittags" | "lunch" | "lunchtime" if early > 8:
             return [early]
         case "tonight" | "night" | "nacht":
             return [late] if point.hour in range(5, 12) else [early if early else 24]

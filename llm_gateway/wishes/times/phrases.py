@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 
+from llm_gateway.wishes.numbers import whole
 from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.bounds import bound_at, timed
-from llm_gateway.wishes.times.lengths import UNITS, and_half, length_at, with_more
+from llm_gateway.wishes.times.lengths import UNITS, length_at, with_more, with_part
 from llm_gateway.wishes.times.loose import loose_at
 from llm_gateway.wishes.times.when import (
     TO,
@@ -23,19 +24,32 @@ from llm_gateway.wishes.times.when import (
 )
 from llm_gateway.wishes.words import Word, text_at
 
-_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "upto", "ends",
-          "ending",
-          "endet"}  # fmt: skip
+_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "thru", "upto",
+          "ends", "ending", "endet"}  # fmt: skip
 _FROM = {"from", "starting", "beginning", "ab", "von", "as", "effective", "starts"}
+_THROUGH = {"through", "thru"}
 _SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergangenen"}
 """Before a length of time they say that it is over."""
-_REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per"}
+_REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per", "schon", "bereits"}
 """Before it they say neither that it lasts so long nor from when on."""
 _STARTS = {"begin", "beginn", "beginne", "beginnt", "start", "starte", "startet"}
-_STOPS = {"beende", "beendet", "end", "ende", "finish", "stop", "stopp", "stoppt"}
+_STOPS = {"beende", "beendet", "end", "ende", "expires", "expiry", "finish", "stop", "stopp",
+          "stoppt"}  # fmt: skip
 _ASKING = {"", ",", ".", "!", ";", ":", "and", "bitte", "dann", "please", "then", "und"}
 """Before a verb they say that it is wished: "start at six and stop at eight"."""
 _SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
+_EVENT = {"dem", "der", "die", "das", "zum", "zur", "feierabend", "schichtende", "schichtwechsel"}
+"""Behind "bis" they begin what ends at an hour: "bis der Chef um sechs kommt"."""
+_CLAUSE_ENDS = {"", ",", ".", "!", ";", ":", "kommt", "geht", "ist", "so"}
+_SAID_SO = (("call", "it"), ("lets", "say"), ("say",), ("sagen", "wir"), ("also",))
+"""Before an hour they say which one a part of the day is: "until lunch, say 1 pm"."""
+_CHOSEN = {"another", "any", "each", "every", "first", "former", "last", "latter", "new", "no",
+           "old", "other", "same", "second", "that", "the", "this", "which"}  # fmt: skip
+"""Before "one" they make something else of it than an hour."""
+_FIRST_OF_ALL = {"prio", "priority", "prioritaet"}
+"""Before a one they say that it is no hour."""
+_GIVEN = {"der", "die", "next", "naechste", "naechsten", "naechster", "the"}
+"""Behind "in" and before a length they say that it runs: "in the hour" is not "in an hour"."""
 _THAT = {"that", "these", "this", "those", "diese", "dieser", "diesen", "dieses"}
 _SPANS = {"period", "slot", "time", "window", "zeit", "zeitfenster", "zeitraum"}
 """Behind "for that" they point to a time that is said elsewhere."""
@@ -80,7 +94,9 @@ def _open(words: Sequence[Word], at: int) -> int:
         if tuple(said) == phrase:
             return at + len(phrase)
     pointed = text_at(words, at) in {"for", "fuer", "in", "during", "waehrend", "over"}
-    if pointed and text_at(words, at + 1) in _THAT:
+    given = text_at(words, at) == "in" and text_at(words, at + 1) == "der"
+    given &= text_at(words, at + 2) not in _SPANS  # "In der Zeit" may say no more than "then".
+    if given or (pointed and text_at(words, at + 1) in _THAT):
         here = at + 2
         while text_at(words, here) in {"full", "ganze", "half", "halbe", "halben", "whole"}:
             here += 1
@@ -98,7 +114,8 @@ def _between(words: Sequence[Word], at: int, now: datetime) -> When | None:
 def _from(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """ "from five to seven", "ab 17 Uhr", "starting at three", "in ten minutes"."""
     text = text_at(words, at)
-    if text == "in" and (long := length_at(words, at + 1)) is not None:
+    given = text_at(words, at + 1) in _GIVEN
+    if text == "in" and not given and (long := length_at(words, at + 1)) is not None:
         return When(at, long[1], start=now + long[0])
     day = clock.point_at(words, at)
     if day is not None and day[0].hour is None:
@@ -125,7 +142,7 @@ def _on_day(
     second = clock.point_at(words, first[1] + 1)
     if second is None:
         return starting(at, last, point, now)
-    point = shared(first[0], shared(second[0], day[0]))
+    point = shared(point, second[0])
     return ranged(at, second[1], point, shared(second[0], point), now)
 
 
@@ -140,34 +157,79 @@ def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
         return None if point is None else When(at, point[1], clear=False, past=True)
     if text_at(words, begin) in {"from", "of", "at", "with"}:
         begin += 1
+    elif text == "as":
+        return None  # "Treat both as one".
     if (both := span(words, at, begin, now)) is not None:
         return both
     point = clock.point_at(words, begin)
     if point is None:
         return None
     last = point[1] + (1 if text_at(words, point[1]) in {"on", "onwards", "an"} else 0)
+    if text == "von" and last == point[1] and _counts(words, begin, point):
+        return None  # "Eine Gruppe von etwa zwanzig".
+    if point[0].impossible and _counts(words, begin, point):
+        return None  # "Anything from seventy-eight up".
     return starting(at, last, point[0], now)
+
+
+def _counts(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> bool:
+    """Whether nothing says that a number is an hour."""
+    named = point[0].part or point[0].days is not None or point[0].weekday is not None
+    return not (named or point[0].hour is None or timed(words, at, point))
 
 
 def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text_at(words, at) == "up" and text_at(words, at + 1) == "to":
         point = clock.point_at(words, at + 2)
-        if point is not None and timed(words, at + 2, point):
+        if point is not None and (timed(words, at + 2, point) or _of_part(point[0])):
             return ending(at, point[1], point[0], now)
     if text_at(words, at) not in _UNTIL:
         return None
+    through = text_at(words, at) in _THROUGH
     point = clock.point_at(words, at + 1)
-    for here in range(at + 3, min(at + 5, len(words))):
-        # "until we close at ten".
-        if (
-            point is None
-            and text_at(words, at + 1) in _SOMEBODY
-            and text_at(words, here) in {"at", "um"}
-        ):
-            point = clock.point_at(words, here + 1)
-    if point is None:
-        return None
+    if point is None and not through:  # People come "through the gate at six".
+        point = _event(words, at + 1)
+    if point is None or (through and _counts(words, at + 1, point)):
+        return None  # "Robots 1 through 3".
+    if point[0].hour is None and (hour := _said_so(words, point[1])) is not None:
+        point = shared(hour[0], point[0]), hour[1]
+    whole_part = point[0].hour is None and point[0].part not in clock.EXACT
+    if through and whole_part:
+        return When(at, point[1], clear=False)  # A part of the day ends at no known hour.
     return ending(at, point[1], point[0], now)
+
+
+def _of_part(point: clock.Point) -> bool:
+    """Whether it is an hour of a part of the day: "six in the morning"."""
+    return point.hour is not None and bool(point.part)
+
+
+def _event(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
+    """The hour of what ends then, from word `at` on: "we close at ten", "smoko at eleven"."""
+    somebody = text_at(words, at) in _SOMEBODY
+    for here in range(at + 1, min(at + 6, len(words))):
+        lead = text_at(words, here)
+        point = clock.point_at(words, here + 1) if lead in {"at", "um"} else None
+        if point is not None and (point[0].hour is not None or point[0].part in clock.EXACT):
+            looks = text_at(words, here - 1).startswith(("look", "watch"))
+            plain = text_at(words, point[1]) in _CLAUSE_ENDS or timed(words, here + 1, point)
+            named = lead == "at" or text_at(words, at) in _EVENT
+            near = somebody and at + 2 <= here <= at + 3
+            return point if near or (plain and named and not looks) else None
+        if not lead.isalpha():
+            return None
+    return None
+
+
+def _said_so(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
+    """The hour that tells which part of the day was meant, from word `at` on."""
+    at += text_at(words, at) == ","
+    for phrase in _SAID_SO:
+        if tuple(word.text for word in words[at : at + len(phrase)]) == phrase:
+            begin = at + len(phrase)
+            point = clock.point_at(words, begin)
+            return point if point is not None and timed(words, begin, point) else None
+    return None
 
 
 def _ordered(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -196,16 +258,15 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
         here += 1
     long = length_at(words, here)
     next_one = (
-        text_at(words, here - 1) in {"next", "naechste", "naechsten", "coming", "kommende"}
+        text_at(words, here - 1)
+        in {"next", "naechste", "naechsten", "coming", "kommende", "kommenden"}
         and here > at
     )
     if long is None and next_one and text_at(words, here) in UNITS:
         long = timedelta(seconds=UNITS[text_at(words, here)]), here + 1
     if long is None:
         return None
-    if next_one and (last := and_half(words, long[1])) is not None:
-        long = long[0] * 1.5, last
-    long = with_more(words, long)
+    long = with_more(words, with_part(words, long))
     last = long[1] + (1 if text_at(words, long[1]) in {"lang", "long"} else 0)
     if text_at(words, last) in {"ago", "earlier"} or text_at(words, at - 1) in _SINCE | _REPEATED:
         past = text_at(words, at - 1) not in _REPEATED
@@ -219,9 +280,14 @@ def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:
     one = clock.point_at(words, at)
     if one is None or text_at(words, one[1]) not in TO or text_at(words, at) in {"since", "seit"}:
         return None
+    number, before = text_at(words, one[1] - 1), text_at(words, one[1] - 2)
+    if whole(number) == 1 and before in (_CHOSEN if number == "one" else _FIRST_OF_ALL):
+        return None  # "Prio 1 bis 6:30", "lower that one until two pm".
     two = clock.point_at(words, one[1] + 1)
     if two is None or not (timed(words, at, one) or timed(words, one[1] + 1, two)):
         return None
+    if text_at(words, one[1]) in _THROUGH and _counts(words, one[1] + 1, two):
+        return None  # "At 17:15 through two gates".
     if any(point.hour is None and point.part not in clock.EXACT for point in (one[0], two[0])):
         return None
     return span(words, at, at, now)
@@ -242,7 +308,8 @@ def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
 
 
 LEFT = frozenset(
-    """until till til hour hours hrs minute minutes mins stunde stunden std stuendchen viertelstunde
+    """until till til hour hours hrs minute minutes mins stunde stunden std stuendchen stund stond
+    stuendli stuenderl viertelstund viertelstuendli dreiviertelstund viertelstunde
     viertelstunden dreiviertelstunde dreiviertelstunden halbstunde halbstunden minuten sekunden uhr
     oclock tomorrow tonight today week weeks month woche wochen monat heute feierabend weekend
     wochenende""".split()

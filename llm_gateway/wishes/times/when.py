@@ -10,8 +10,11 @@ from llm_gateway.wishes.times import clock, doubts
 from llm_gateway.wishes.times.moments import resolve
 from llm_gateway.wishes.words import Word, text_at
 
-TO = {"to", "until", "till", "til", "bis", "-", "–"}
+TO = {"to", "until", "till", "til", "bis", "through", "thru", "-", "–"}
 """Between the two ends of a span."""
+_LATE = {"abend", "abends", "evening", "nacht", "night", "tonight"}
+_EARLY = {"frueh", "morgens", "morning"}
+"""Parts of the day of which the one that follows is the next day's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,8 @@ def span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When |
 
 def ranged(first: int, last: int, begin: clock.Point, end: clock.Point, now: datetime) -> When:
     """From one point to another, or what to ask about them."""
+    if begin.part in _LATE and end.part in _EARLY and end.days == begin.days:
+        end = replace(end, days=None)  # "Tonight from 11 till 5 in the morning".
     begin = doubts.halved(begin, end)
     if question := doubts.of_range(begin, end, now):
         return When(first, last, clear=False, question=question)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 
-from llm_gateway.model import Prompt
+from llm_gateway.model import Prompt, Reply
 from llm_gateway.wishes import Reader, account, form, understand
 from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.names.mentions import find
@@ -29,10 +29,10 @@ class RandomReader:
     def __init__(self, seed: int) -> None:
         self._chance = random.Random(seed)
 
-    def read(self, prompt: Prompt) -> str:
+    def read(self, prompt: Prompt) -> Reply:
         """One word of each list."""
         items = json.loads(prompt.schema)["prefixItems"]
-        return json.dumps([self._chance.choice(item["enum"]) for item in items])
+        return Reply(json.dumps([self._chance.choice(item["enum"]) for item in items]))
 
 
 class Remembering:
@@ -40,11 +40,11 @@ class Remembering:
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
-        self._answers: dict[Prompt, str] = {}
+        self._answers: dict[Prompt, Reply] = {}
         self.model = reader.model
         self.trained = reader.trained
 
-    def read(self, prompt: Prompt) -> str:
+    def read(self, prompt: Prompt) -> Reply:
         """The answer, or the one before. Raises GatewayError."""
         if prompt not in self._answers:
             self._answers[prompt] = self._reader.read(prompt)

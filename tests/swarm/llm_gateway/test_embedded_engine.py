@@ -8,6 +8,7 @@ import os
 import subprocess
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from llm_gateway.backends.llamacpp.engine import Engine, Tuning
@@ -46,6 +47,18 @@ def test_equal_prompts_get_equal_answers_alone_and_in_a_batch(engine: Engine) ->
     alone = run(engine, ask("Link: 5 Mbit/s."))[0]
     among = run(engine, *(ask(f"Link: {rate} Mbit/s.") for rate in (55, 5, 20)))
     assert among[1].text == alone.text
+
+
+def test_who_asks_is_told_how_likely_each_piece_was(engine: Engine) -> None:
+    prompt = ask("Link: 5 Mbit/s.")
+    told, again = (run(engine, replace(prompt, certainty=True))[0] for _ in range(2))
+    assert run(engine, prompt)[0].likely == ()
+    assert "".join(piece for piece, _ in told.likely) == told.text
+    assert all(0.0 < chance <= 1.0 for _, chance in told.likely)
+    assert any(chance < 0.9 for _, chance in told.likely)
+    # What an earlier answer guesses is as likely as what is chosen one by one.
+    assert [piece for piece, _ in again.likely] == [piece for piece, _ in told.likely]
+    assert np.allclose([c for _, c in again.likely], [c for _, c in told.likely], atol=0.02)
 
 
 def test_guesses_change_no_answer(native: Native) -> None:

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from llm_gateway.backends.llamacpp.sampler import Sampler
+from llm_gateway.backends.llamacpp.sampler import Sampler, probability
 
 LOGITS = np.log(np.array([0.1, 0.6, 0.3], np.float32))
 
@@ -44,3 +44,10 @@ def test_however_cold_it_is_the_likeliest_is_drawn(temperature: float) -> None:
     assert {sampler.draw(LOGITS) for _ in range(20)} == {1}
     forbidden = np.array([-np.inf, -3.0, -np.inf], np.float32)
     assert sampler.draw(forbidden) == 1
+
+
+def test_a_tokens_probability_is_among_all_that_may_come() -> None:
+    assert [round(probability(LOGITS, token), 5) for token in range(3)] == [0.1, 0.6, 0.3]
+    barred = np.array([-np.inf, 3.0, -2000.0], np.float32)
+    assert probability(barred, 1) == 1.0
+    assert probability(barred, 2) == pytest.approx(0.0, abs=1e-300)

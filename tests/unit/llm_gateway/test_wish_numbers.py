@@ -31,6 +31,14 @@ def value(text: str) -> float | None:
         ("die Hälfte", 0.5),
         ("ein Drittel", 0.333),
         ("drei Viertel", 0.75),
+        ("Dreivierteln", 0.75),
+        ("vier Fünfteln", 0.8),
+        ("four-fifths", 0.8),
+        ("nine out of ten", 0.9),
+        ("¾", 0.75),
+        ("85 proz", 0.85),
+        ("siebzg Prozent", 0.7),
+        ("dreißg Prozent", 0.3),
     ],
 )
 def test_a_part_is_read(text: str, expected: float) -> None:
@@ -44,7 +52,17 @@ def test_what_is_no_part_of_a_whole_is_not_possible(text: str) -> None:
     assert not found.possible
 
 
-@pytest.mark.parametrize("text", ["R3", "aisle 3", "five robots", "the third robot is at 12"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "R3",
+        "aisle 3",
+        "five robots",
+        "the third robot is at 12",
+        "two out of seven",
+        "ten out of five",
+    ],
+)
 def test_other_numbers_are_no_parts(text: str) -> None:
     assert value(text) is None or text.startswith("the third")
 

@@ -9,9 +9,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from llm_gateway.model import Prompt
-from llm_gateway.wishes import understand
-from llm_gateway.wishes.form import marked, schema
+from llm_gateway.model import Prompt, Reply
+from llm_gateway.wishes import form, understand
 from llm_gateway.wishes.names.mentions import find
 from swarm.errors import GatewayError
 from swarm.messages.intent import MAX_WISH_CHARS, Intent, Site
@@ -34,9 +33,9 @@ class Said:
         self.answer = json.dumps(list(words) if trained else {"words": list(words)})
         self.asked: list[Prompt] = []
 
-    def read(self, prompt: Prompt) -> str:
+    def read(self, prompt: Prompt) -> Reply:
         self.asked.append(prompt)
-        return self.answer
+        return Reply(self.answer)
 
 
 def wished(wish: str, reader: Said | None = None) -> dict[str, Any]:
@@ -142,8 +141,8 @@ def test_what_is_understood_of_a_wish_stays_beside_what_is_not() -> None:
 def test_a_model_sees_marks_and_answers_in_words() -> None:
     wish = "leave R3 alone [now] until six"
     text = find(wish, SITE, NOW)
-    assert marked(text) == "leave [R3] alone (now) [until six]"
-    assert json.loads(schema(text, wrapped=False))["minItems"] == 3
+    assert form.marked(text) == "leave [R3] alone (now) [until six]"
+    assert json.loads(form.schema(text, wrapped=False))["minItems"] == 3
     reader = Said("out", "when", "all")
     assert wished(wish, reader)["exclude"] == ("R3",)
     assert [message.role for message in reader.asked[0].messages] == ["user"]
@@ -231,6 +230,15 @@ def test_an_answer_that_is_none_is_an_error(answer: str) -> None:
     reader.answer = answer
     with pytest.raises(GatewayError, match="said gave no reading"):
         understand("leave R3 alone", SITE, NOW, reader)
+
+
+def test_how_likely_the_model_found_each_word_is_told_by_word() -> None:
+    text = find("leave R3 alone and watch the docks", SITE, NOW)
+    pieces = (('["', 1.0), ("out", 0.9), ('","', 0.5), ("hi", 0.8), ("gh", 1.0), ('","', 1.0),
+              ("all", 0.7), ('"]', 0.1))  # fmt: skip
+    said = "".join(piece for piece, _ in pieces)
+    assert form.parse(text, Reply(said, likely=pieces)).likely == pytest.approx((0.9, 0.4, 0.7))
+    assert form.parse(text, Reply(said)).likely == ()
 
 
 def test_names_of_robots_and_places_cannot_give_orders() -> None:

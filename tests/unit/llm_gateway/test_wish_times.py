@@ -50,6 +50,35 @@ def when(text: str, now: datetime = NOW) -> When:
         ("bis zum 3. Dezember 12 Uhr", "2026-12-03T12:00"),
         ("until March 1, 2027 noon", "2027-03-01T12:00"),
         ("until tmrw 6am", "2026-11-24T06:00"),
+        ("until half past midnight", "2026-11-24T00:30"),
+        ("until quarter to noon", "2026-11-24T11:45"),
+        ("until ten to midnight", "2026-11-23T23:50"),
+        ("until two after midnight", "2026-11-24T02:00"),
+        ("bis zehn vor Mitternacht", "2026-11-23T23:50"),
+        ("until 5 to 7", "2026-11-23T18:55"),
+        ("bis 5 vor 7", "2026-11-23T18:55"),
+        ("until quarter of three", "2026-11-23T14:45"),
+        ("till ten of six", "2026-11-23T17:50"),
+        ("bis viertel ab fünf", "2026-11-23T17:15"),
+        ("bis drei viertel acht", "2026-11-23T19:45"),
+        ("bis ein Uhr nachts", "2026-11-24T01:00"),
+        ("bis zehn Uhr nachts", "2026-11-23T22:00"),
+        ("bis Freitag zehn Uhr abends", "2026-11-27T22:00"),
+        ("bis Mittag um elf", "2026-11-24T11:00"),
+        ("bis dreiundzwanzig Uhr", "2026-11-23T23:00"),
+        ("bis in der Früh um sechs", "2026-11-24T06:00"),
+        ("bis um fünfe in der Friah", "2026-11-24T05:00"),
+        ("bis auf d'Nacht um achte", "2026-11-23T20:00"),
+        ("bis um zwoa Nammidog, bitte", "2026-11-24T14:00"),
+        ("bis Klock neun", "2026-11-23T21:00"),
+        ("up to six in the morning", "2026-11-24T06:00"),
+        ("through 5 pm", "2026-11-23T17:00"),
+        ("through lunch, call it 2:30 pm", "2026-11-23T14:30"),
+        ("till smoko at five", "2026-11-23T17:00"),
+        ("till they've swapped the lens at six, so", "2026-11-23T18:00"),
+        ("until we close at midnight", "2026-11-24T00:00"),
+        ("bis der Chef um sechs kommt", "2026-11-23T18:00"),
+        ("expires 19:00", "2026-11-23T19:00"),
     ],
 )
 def test_an_end_is_the_next_time_that_is_meant(text: str, until: str) -> None:
@@ -73,6 +102,26 @@ def test_an_end_is_the_next_time_that_is_meant(text: str, until: str) -> None:
         ("for an hour and ten minutes", 70),
         ("eine Stunde und zehn Minuten", 70),
         ("für die nächsten 20 Minuten", 20),
+        ("for three quarters of an hour", 45),
+        ("for a quarter hour", 15),
+        ("for an hour and a quarter", 75),
+        ("for the next two hours and a half", 150),
+        ("for an hour and three quarters", 105),
+        ("for one and a half hours", 90),
+        ("for two hours and a quarter of the link", 120),
+        ("for 2 1/2 hours", 150),
+        ("for 1½ hours", 90),
+        ("for 1/3 hour", 20),
+        ("eine dreiviertel Stunde", 45),
+        ("fünf viertel Stunden", 75),
+        ("eineinhalb Stunden", 90),
+        ("zweieinviertel Stunden", 135),
+        ("eine Stunde und eine viertel Stunde", 75),
+        ("der kommenden Dreiviertelstunde", 45),
+        ("die nächste halbe Stund", 30),
+        ("für a Stund", 60),
+        ("zwoa Stund lang", 120),
+        ("für ein Stündli", 60),
     ],
 )
 def test_a_length_is_read(text: str, minutes: int) -> None:
@@ -104,6 +153,13 @@ def test_a_length_is_read(text: str, minutes: int) -> None:
         ("after 6 pm", "18:00", None),
         ("nach 18 Uhr", "18:00", None),
         ("tomorrow from 8 am", "08:00", None),
+        ("von 22 Uhr bis ein Uhr", "22:00", "01:00"),
+        ("tonight 22:00 through 02:00", "22:00", "02:00"),
+        ("tonight from 11 till 5 in the morning", "23:00", "05:00"),
+        ("heute von 22 Uhr abends bis 5 Uhr morgens", "22:00", "05:00"),
+        ("ab zehn Uhr nachts", "22:00", None),
+        ("von sechs an", "18:00", None),
+        ("ab viere", "16:00", None),
     ],
 )
 def test_a_beginning_is_read(text: str, start: str, until: str | None) -> None:
@@ -127,6 +183,10 @@ def test_a_beginning_is_read(text: str, start: str, until: str | None) -> None:
         "until October 20 6 pm",
         "today",
         "heute Abend",
+        "quarter to five",
+        "through the afternoon",
+        "bis sieben Uhr nachts",
+        "until five after midnight",
     ],
 )
 def test_what_is_past_or_says_no_time_is_not_clear(text: str) -> None:
@@ -159,6 +219,17 @@ def test_six_is_the_next_six() -> None:
         "a second look",
         "robots 2 and 5 may help",
         "it's the Saturday before",
+        "work as one",
+        "a group von etwa zwanzig",
+        "anything from seventy-eight up",
+        "robots 1 through 3",
+        "nothing below four-fifths",
+        "at nine out of ten",
+        "bis 20 pct",
+        "until five of six carts are full",
+        "the one or both",
+        "alle bis auf zwei",
+        "through the gate at my desk",
     ],
 )
 def test_other_words_are_no_times(text: str) -> None:
@@ -182,10 +253,44 @@ def test_before_ends_a_no_and_is_doubtful_otherwise() -> None:
     found = _in("nobody is to be asked before quarter to five", "before")
     assert found is not None
     assert found.until == datetime.fromisoformat("2026-11-23T16:45+01:00")
-    for text in ("R2 first, but not before six", "ask R2 before 17:00"):
+    found = _in("R2 nicht vor acht fragen", "vor")
+    assert found is not None
+    assert found.until == datetime.fromisoformat("2026-11-23T20:00+01:00")
+    for text in ("R2 first, but not before six", "ask R2 before 17:00", "not before six or so"):
         doubtful = _in(text, "before")
         assert doubtful is not None
         assert not doubtful.clear
+
+
+@pytest.mark.parametrize(
+    ("text", "word", "until"),
+    [
+        ("docks prio 1 bis 18:30", "1", "18:30"),
+        ("lower that one until four pm", "one", "16:00"),
+        ("keep the one until four pm", "the", "16:00"),
+        ("docks prio 22:00 bis 04:00", "22:00", "04:00"),
+        ("reopens lunch 3, low till then", "till", "15:00"),
+    ],
+)
+def test_a_number_before_a_time_may_be_none(text: str, word: str, until: str) -> None:
+    found = _in(text, word) or _in(text, "bis" if "bis" in text else "until")
+    assert found is not None
+    assert found.until is not None
+    assert f"{found.until:%H:%M}" == until
+    assert (found.start is None) == (word != "22:00")
+
+
+def test_a_time_that_runs_is_no_beginning() -> None:
+    found = _in("in der Stunde keinen fragen", "in")
+    assert found is not None
+    assert (found.start, found.until, found.lasts, found.clear) == (None, None, None, True)
+    assert _in("in the next hour", "in") is None
+
+
+def test_what_lasted_already_is_no_length() -> None:
+    found = _in("sie warten schon eine halbe Stunde", "eine")
+    assert found is not None
+    assert not found.clear
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from datetime import datetime
 import pytest
 
 from llm_gateway.wishes import understand
+from llm_gateway.wishes.names.mentions import find
 from swarm.messages.intent import Intent, Site
 
 NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
@@ -25,6 +26,11 @@ def weights(wish: str) -> dict[str, str]:
     intent = understood(wish)
     assert intent.unclear == ()
     return {**{f.place: f.weight for f in intent.focus}, **intent.classes}
+
+
+def named(wish: str, site: Site) -> list[tuple[str, tuple[str, ...]]]:
+    """Of what kind things are that a wish names, and which ones."""
+    return [(mention.kind, mention.names) for mention in find(wish, site, NOW).mentions]
 
 
 @pytest.mark.parametrize(
@@ -57,6 +63,11 @@ def test_a_place_has_the_words_that_its_site_knows(wish: str) -> None:
         ("bitte das WLAN schonen", "bandwidth"),
         ("den Bordrechner nicht so belasten", "compute"),
         ("das Funknetz entlasten", "bandwidth"),
+        ("go easy on the airwaves", "bandwidth"),
+        ("die Funkerei bitte drosseln", "bandwidth"),
+        ("take some load off the edge node", "compute"),
+        ("den Leitrechner schonen", "compute"),
+        ("rechnet bitte weniger", "compute"),
     ],
 )
 def test_many_words_say_save(wish: str, saved: str) -> None:
@@ -134,3 +145,109 @@ def test_a_reason_is_no_wish_and_needs_a_wish_beside_it() -> None:
 def test_a_number_in_words_is_only_a_number_of_the_site() -> None:
     assert understood("leave r nine out").is_empty()
     assert understood("Gang achte auf Menschen").focus == ()
+
+
+@pytest.mark.parametrize(
+    ("robots", "wish", "meant"),
+    [
+        (("AMR-03", "AMR-07", "AMR-10"), "AMR oh seven and oh three", ("AMR-07", "AMR-03")),
+        (("AMR-01", "AMR-10"), "AMR one oh", ("AMR-10",)),
+        (("KX-2", "KX-204", "KX-205"), "KX two oh four", ("KX-204",)),
+        (("FZ-04", "FZ-14"), "FZ null vier", ("FZ-04",)),
+        (("W-25", "W-31"), "W fünfundzwanzig und W einunddreißig", ("W-25", "W-31")),
+        (("Unit-2", "Unit-4"), "unit four's battery", ("Unit-4",)),
+        (("Unit-1", "Unit-2", "Unit-5"), "units two and five", ("Unit-2", "Unit-5")),
+        (("Unit-1", "Unit-2", "Unit-3"), "units one two and three", ("Unit-1", "Unit-2", "Unit-3")),
+        (("Unit-1", "Unit-2", "Unit-3"), "units one to three", ("Unit-1", "Unit-2", "Unit-3")),
+        (("Unit-2", "Unit-5"), "units two and five more", ("Unit-2",)),
+        (("Unit-2", "AMR-05"), "units two and five", ("Unit-2",)),
+        (("Posten-1", "Posten-3"), "nur die Posten eins und drei", ("Posten-1", "Posten-3")),
+        (("Posten-1", "Posten-3"), "den Posten eins und drei Leute", ("Posten-1",)),
+        (("Koebi", "Heidi"), "Köbis Lidar", ("Koebi",)),
+        (("Bolt", "Dash"), "1) no Bolt\n2) no turns", ("Bolt",)),
+        (("Mario", "Maria"), "Maria", ("Maria",)),
+    ],
+)
+def test_robots_are_found_by_their_numbers_in_words(
+    robots: tuple[str, ...], wish: str, meant: tuple[str, ...]
+) -> None:
+    assert named(wish, Site(robots=robots, places=(), classes=())) == [("robot", meant)]
+
+
+@pytest.mark.parametrize(
+    ("robots", "wish"),
+    [
+        (("AMR-01", "AMR-10"), "AMR one oh two"),
+        (("Mario", "Maria"), "Marie"),
+        (("AMR-05", "Unit-4"), "unit 5"),
+        (("Unit-2", "Unit-3"), "units two to six"),
+        (("R1", "R2", "R4"), "R1 to R4 and 2"),
+    ],
+)
+def test_a_name_is_never_taken_for_another(robots: tuple[str, ...], wish: str) -> None:
+    assert named(wish, Site(robots=robots, places=(), classes=())) == [("unknown", ())]
+
+
+@pytest.mark.parametrize(
+    ("places", "wish", "meant"),
+    [
+        (
+            ("inbound dock", "outbound dock", "ramp"),
+            "both docks",
+            ("inbound dock", "outbound dock"),
+        ),
+        (("Werkhalle", "Halle 2", "Tor 4"), "alle Hallen", ("Werkhalle", "Halle 2")),
+        (("north dock", "south dock", "west dock"), "both docks", None),
+        (("cage area", "rest area"), "all areas", None),
+        (("labour rest area", "gate 2"), "rest area", ("labour rest area",)),
+        (("north loading dock", "south loading dock"), "loading dock", None),
+        (("Rohbau 2. OG", "Rohbau 1. OG"), "Rohbau 2. OG", ("Rohbau 2. OG",)),
+        (("baggage hall", "gate 2"), "bag hall", ("baggage hall",)),
+        (("Kommissionierung", "Versand"), "Kommi", ("Kommissionierung",)),
+        (("Tor 21", "Tor 1"), "Tor einundzwanzig", ("Tor 21",)),
+    ],
+)
+def test_places_are_found_by_what_they_share_or_end_with(
+    places: tuple[str, ...], wish: str, meant: tuple[str, ...] | None
+) -> None:
+    found = named(wish, Site(robots=(), places=places, classes=()))
+    assert found == ([] if meant is None else [("place", meant)])
+
+
+@pytest.mark.parametrize(
+    ("label", "said"),
+    [
+        ("straddle carrier", "Van Carriers"),
+        ("tank car", "Kesselwagen"),
+        ("tank truck", "Tankwagen"),
+        ("bicycle", "Radfahrer"),
+        ("trolley", "Wägelchen"),
+        ("trailer", "Hänger"),
+        ("snow groomer", "Pistenraupen"),
+        ("docker", "Dockers"),
+        ("technician", "Technikern"),
+        ("lift truck", "lift trucks"),
+    ],
+)
+def test_classes_have_the_usual_words_of_both_languages(label: str, said: str) -> None:
+    site = Site(robots=(), places=(), classes=(label, "van", "forklift"))
+    assert named(said, site) == [("class", (label,))]
+
+
+@pytest.mark.parametrize(
+    ("wish", "kinds"),
+    [
+        ("the server room", []),
+        ("rechnet weniger mit Heidi", []),
+        ("auf coverage gehen", ["policy"]),
+        ("Regeln gehen vor", ["unknown"]),
+        ("watch the edge boxes", ["class"]),
+    ],
+)
+def test_words_for_computing_and_policies_are_told_from_others(wish: str, kinds: list[str]) -> None:
+    assert [kind for kind, _ in named(wish, SITE)] == kinds
+
+
+def test_first_is_no_day_behind_a_name() -> None:
+    assert understood("R2 1st pls").prefer == ("R2",)
+    assert understood("leave R2 out from the 1st please").prefer == ()

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import torch
 
+from llm_gateway.model import Reply
 from llm_gateway.wishes.account import settle
 from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.form import parse
-from llm_gateway.wishes.reading import ROLES
+from llm_gateway.wishes.reading import ROLES, VERDICTS
 from research.evaluation.wishes.score import score
 from research.training.wishes import gguf_file
 from research.training.wishes.batches import Lesson, batches
@@ -54,7 +55,7 @@ def test_answers_follow_the_form_and_use_every_role() -> None:
     roles: Counter[str] = Counter()
     verdicts: Counter[str] = Counter()
     for sample in itertools.islice(samples(1), 600):
-        reading = parse(sample.text, sample.answer)
+        reading = parse(sample.text, Reply(sample.answer))
         assert reading.roles == sample.reading.roles
         roles.update(reading.roles)
         verdicts[reading.verdict] += 1
@@ -66,9 +67,9 @@ def test_wishes_of_people_are_read_and_answered_as_they_are_meant() -> None:
     learnt = cases(WISHES.with_name("wishes-learnt.jsonl"))
     found = list(written(learnt))
     assert len(found) > 0.8 * len(learnt)
-    assert {s.reading.verdict for s in found} == {"all", "part", "nothing"}
+    assert {s.reading.verdict for s in found} == {*VERDICTS}
     for sample in found:
-        assert parse(sample.text, sample.answer).roles == sample.reading.roles
+        assert parse(sample.text, Reply(sample.answer)).roles == sample.reading.roles
     exact = [
         score(case, compose(s.text, settle(s.text, s.reading), s.now)).wrong == ()
         for case in learnt
