@@ -79,11 +79,11 @@ def settle(text: Text, reading: Reading) -> Reading:
         if told and "first" in reading.roles and _is_compared(text, mention):
             continue
         if role == "doubt" or told:
-            unclear.append(_question(text, mention))
+            unclear.append(question(text, mention))
     return replace(reading, unclear=tuple(dict.fromkeys(unclear)))
 
 
-def _question(text: Text, mention: Mention) -> str:
+def question(text: Text, mention: Mention) -> str:
     """The words in doubt, and what to ask about them where code knows."""
     said = text.said(mention.first, mention.last)
     asked = "" if mention.when is None else mention.when.question

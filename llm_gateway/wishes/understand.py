@@ -16,6 +16,7 @@ from llm_gateway.wishes.clauses import rules
 from llm_gateway.wishes.compose import compose
 from llm_gateway.wishes.names.mentions import Text, find
 from llm_gateway.wishes.reading import Reading
+from llm_gateway.wishes.weigh import weighed
 from swarm.errors import GatewayError
 from swarm.messages import ChatMessage
 from swarm.messages.intent import MAX_WISH_CHARS, Intent, Site
@@ -72,10 +73,17 @@ def _understood(wish: str, site: Site, now: datetime, reader: Reader | None) -> 
     text = find(wish, site, now)
     if len(text.mentions) > form.MAX_MENTIONS:
         return Intent(unclear=(wish.strip()[:_UNREAD],))
-    reading = rules.read(text)
-    if reader is not None and text.mentions:
-        reading = agreed(text, reading, _asked(text, reader))
-    return compose(text, settle(text, reading), now)
+    return compose(text, _read(text, reader), now)
+
+
+def _read(text: Text, reader: Reader | None) -> Reading:
+    plain = rules.read(text)
+    if reader is None or not text.mentions:
+        return settle(text, plain)
+    said = _asked(text, reader)
+    if said.likely:
+        return weighed(text, plain, said)
+    return settle(text, agreed(text, plain, said))
 
 
 def _asked(text: Text, reader: Reader) -> Reading:

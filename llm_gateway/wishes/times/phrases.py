@@ -11,6 +11,7 @@ from datetime import datetime, timedelta
 from llm_gateway.wishes.numbers import whole
 from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.bounds import bound_at, timed
+from llm_gateway.wishes.times.ends import THROUGH, UNTIL, counts, until_at
 from llm_gateway.wishes.times.lengths import UNITS, length_at, with_more, with_part
 from llm_gateway.wishes.times.loose import loose_at
 from llm_gateway.wishes.times.when import (
@@ -24,10 +25,7 @@ from llm_gateway.wishes.times.when import (
 )
 from llm_gateway.wishes.words import Word, text_at
 
-_UNTIL = {"until", "till", "til", "untill", "unitl", "untl", "bis", "through", "thru", "upto",
-          "ends", "ending", "endet"}  # fmt: skip
 _FROM = {"from", "starting", "beginning", "ab", "von", "as", "effective", "starts"}
-_THROUGH = {"through", "thru"}
 _SINCE = {"since", "seit", "vor", "past", "last", "letzten", "letzte", "vergangenen"}
 """Before a length of time they say that it is over."""
 _REPEATED = {"every", "each", "alle", "jede", "after", "nach", "pro", "per", "schon", "bereits"}
@@ -37,12 +35,6 @@ _STOPS = {"beende", "beendet", "end", "ende", "expires", "expiry", "finish", "st
           "stoppt"}  # fmt: skip
 _ASKING = {"", ",", ".", "!", ";", ":", "and", "bitte", "dann", "please", "then", "und"}
 """Before a verb they say that it is wished: "start at six and stop at eight"."""
-_SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
-_EVENT = {"dem", "der", "die", "das", "zum", "zur", "feierabend", "schichtende", "schichtwechsel"}
-"""Behind "bis" they begin what ends at an hour: "bis der Chef um sechs kommt"."""
-_CLAUSE_ENDS = {"", ",", ".", "!", ";", ":", "kommt", "geht", "ist", "so"}
-_SAID_SO = (("call", "it"), ("lets", "say"), ("say",), ("sagen", "wir"), ("also",))
-"""Before an hour they say which one a part of the day is: "until lunch, say 1 pm"."""
 _CHOSEN = {"another", "any", "each", "every", "first", "former", "last", "latter", "new", "no",
            "old", "other", "same", "second", "that", "the", "this", "which"}  # fmt: skip
 """Before "one" they make something else of it than an hour."""
@@ -76,7 +68,7 @@ def when_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
         bound_at(words, at, now)
         or _between(words, at, now)
         or _from(words, at, now)
-        or _until(words, at, now)
+        or until_at(words, at, now)
         or _ordered(words, at, now)
         or _lasting(words, at, now)
         or _bare_span(words, at, now)
@@ -128,13 +120,13 @@ def _on_day(
 ) -> When | None:
     """ "tomorrow from 8 am", "tonight from 20:00 to 22:00", "heute bis 13 Uhr"."""
     here = text_at(words, day[1])
-    if here not in {"from", "von", "ab", "between", "zwischen"} | _UNTIL:
+    if here not in {"from", "von", "ab", "between", "zwischen"} | UNTIL:
         return None
     first = clock.point_at(words, day[1] + 1)
     if first is None:
         return None
     point = shared(first[0], day[0])
-    if here in _UNTIL:
+    if here in UNTIL:
         return ending(at, first[1], point, now)
     last = first[1] + (1 if text_at(words, first[1]) in {"on", "onwards", "an"} else 0)
     if text_at(words, first[1]) not in TO | {"and", "und"}:
@@ -165,71 +157,11 @@ def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if point is None:
         return None
     last = point[1] + (1 if text_at(words, point[1]) in {"on", "onwards", "an"} else 0)
-    if text == "von" and last == point[1] and _counts(words, begin, point):
+    if text == "von" and last == point[1] and counts(words, begin, point):
         return None  # "Eine Gruppe von etwa zwanzig".
-    if point[0].impossible and _counts(words, begin, point):
+    if point[0].impossible and counts(words, begin, point):
         return None  # "Anything from seventy-eight up".
     return starting(at, last, point[0], now)
-
-
-def _counts(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> bool:
-    """Whether nothing says that a number is an hour."""
-    named = point[0].part or point[0].days is not None or point[0].weekday is not None
-    return not (named or point[0].hour is None or timed(words, at, point))
-
-
-def _until(words: Sequence[Word], at: int, now: datetime) -> When | None:
-    if text_at(words, at) == "up" and text_at(words, at + 1) == "to":
-        point = clock.point_at(words, at + 2)
-        if point is not None and (timed(words, at + 2, point) or _of_part(point[0])):
-            return ending(at, point[1], point[0], now)
-    if text_at(words, at) not in _UNTIL:
-        return None
-    through = text_at(words, at) in _THROUGH
-    point = clock.point_at(words, at + 1)
-    if point is None and not through:  # People come "through the gate at six".
-        point = _event(words, at + 1)
-    if point is None or (through and _counts(words, at + 1, point)):
-        return None  # "Robots 1 through 3".
-    if point[0].hour is None and (hour := _said_so(words, point[1])) is not None:
-        point = shared(hour[0], point[0]), hour[1]
-    whole_part = point[0].hour is None and point[0].part not in clock.EXACT
-    if through and whole_part:
-        return When(at, point[1], clear=False)  # A part of the day ends at no known hour.
-    return ending(at, point[1], point[0], now)
-
-
-def _of_part(point: clock.Point) -> bool:
-    """Whether it is an hour of a part of the day: "six in the morning"."""
-    return point.hour is not None and bool(point.part)
-
-
-def _event(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
-    """The hour of what ends then, from word `at` on: "we close at ten", "smoko at eleven"."""
-    somebody = text_at(words, at) in _SOMEBODY
-    for here in range(at + 1, min(at + 6, len(words))):
-        lead = text_at(words, here)
-        point = clock.point_at(words, here + 1) if lead in {"at", "um"} else None
-        if point is not None and (point[0].hour is not None or point[0].part in clock.EXACT):
-            looks = text_at(words, here - 1).startswith(("look", "watch"))
-            plain = text_at(words, point[1]) in _CLAUSE_ENDS or timed(words, here + 1, point)
-            named = lead == "at" or text_at(words, at) in _EVENT
-            near = somebody and at + 2 <= here <= at + 3
-            return point if near or (plain and named and not looks) else None
-        if not lead.isalpha():
-            return None
-    return None
-
-
-def _said_so(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
-    """The hour that tells which part of the day was meant, from word `at` on."""
-    at += text_at(words, at) == ","
-    for phrase in _SAID_SO:
-        if tuple(word.text for word in words[at : at + len(phrase)]) == phrase:
-            begin = at + len(phrase)
-            point = clock.point_at(words, begin)
-            return point if point is not None and timed(words, begin, point) else None
-    return None
 
 
 def _ordered(words: Sequence[Word], at: int, now: datetime) -> When | None:
@@ -286,7 +218,7 @@ def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:
     two = clock.point_at(words, one[1] + 1)
     if two is None or not (timed(words, at, one) or timed(words, one[1] + 1, two)):
         return None
-    if text_at(words, one[1]) in _THROUGH and _counts(words, one[1] + 1, two):
+    if text_at(words, one[1]) in THROUGH and counts(words, one[1] + 1, two):
         return None  # "At 17:15 through two gates".
     if any(point.hour is None and point.part not in clock.EXACT for point in (one[0], two[0])):
         return None
@@ -304,7 +236,7 @@ def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
     while text_at(words, here) in {"and", "und", ",", "keep", "it", "that", "them", "go", "then"}:
         here += 1
     lasts = text_at(words, here) in {"for", "fuer"} and _lasting(words, here, now)
-    return starting(at, point[1], point[0], now) if lasts or _until(words, here, now) else None
+    return starting(at, point[1], point[0], now) if lasts or until_at(words, here, now) else None
 
 
 LEFT = frozenset(
