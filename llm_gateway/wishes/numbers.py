@@ -23,7 +23,9 @@ _TENS = {
 SMALL = {text: n for line in (_ENGLISH, _GERMAN) for n, text in enumerate(line.split())}
 _SOUTHERN = {
     "zwo": 2, "zwoa": 2, "viere": 4, "fuenfe": 5, "sechse": 6, "siebene": 7, "achte": 8, "neune": 9,
-    "zehne": 10, "elfe": 11, "zwoelfe": 12,
+    "zehne": 10, "elfe": 11, "zwoelfe": 12, "vieri": 4, "fuefi": 5, "foifi": 5, "saechsi": 6,
+    "sechsi": 6, "siebni": 7, "sibni": 7, "achti": 8, "nueni": 9, "zehni": 10, "elfi": 11,
+    "zwoelfi": 12,
 }  # fmt: skip
 NAMED = SMALL | _TENS | _SOUTHERN
 _GERMAN_HUNDREDS = re.compile(r"(ein|[a-z]{3,6})?hundert(?:und)?(\w*)")
@@ -49,7 +51,7 @@ def whole(text: str) -> int | None:
     >>> whole("12"), whole("zwoelf"), whole("hundertfuenfundvierzig"), whole("docks")
     (12, 12, 145, None)
     """
-    if text.isascii() and text.isdigit():
+    if text.isascii() and text.isdecimal():
         return int(text[:9])
     if text in NAMED:
         return NAMED[text]
@@ -89,7 +91,7 @@ def integer_at(words: Sequence[Word], at: int) -> tuple[int, int] | None:
     value = whole(text)
     if text in ARTICLES and text_at(words, end) in HUNDRED:
         value = 1
-    if value is None or text.isdigit():
+    if value is None or text.isdecimal():
         return None if value is None else (value, end)
     if value < 10 and text_at(words, end) in HUNDRED:
         value, end = 100 * value, end + 1
@@ -126,7 +128,7 @@ def counted(words: Sequence[Word], at: int) -> tuple[float, int] | None:
     if found is None:
         return None
     number, end = found
-    digits, last = _decimals(words, end)
+    digits, last = decimals(words, end)
     return (float(f"{number}.{digits}"), last) if digits else (float(number), end)
 
 
@@ -143,7 +145,7 @@ def tens_behind(words: Sequence[Word], at: int) -> tuple[int, int] | None:
     return ones + tens, here + 1
 
 
-def _decimals(words: Sequence[Word], at: int) -> tuple[str, int]:
+def decimals(words: Sequence[Word], at: int) -> tuple[str, int]:
     """The digits behind "point", said one by one or as one number, and the word behind them."""
     digits, here = "", at + 1
     if text_at(words, at) not in POINT:

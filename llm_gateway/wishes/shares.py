@@ -14,6 +14,7 @@ from llm_gateway.wishes.numbers import (
     SMALL,
     counted,
     decimal,
+    decimals,
     integer_at,
     is_physical,
     whole,
@@ -28,6 +29,8 @@ _PARTS = {
     "tenths": 10, "zehntel": 10, "twentieths": 20, "zwanzigstel": 20, "hundredths": 100,
     "hundertstel": 100,
 }  # fmt: skip
+_NTHS = {"fourth": 4, "sixth": 6, "seventh": 7, "eighth": 8, "ninth": 9, "twentieth": 20}
+"""Parts before "of"; elsewhere they count on: "the fourth robot"."""
 FRACTIONS = {"1⁄2": 1 / 2, "1⁄3": 1 / 3, "2⁄3": 2 / 3, "1⁄4": 1 / 4, "3⁄4": 3 / 4}
 """Signs as they are folded: "½"."""
 _OUT_OF = {5, 10, 100}
@@ -96,7 +99,7 @@ def _fraction(words: Sequence[Word], at: int) -> Share | None:
     text = words[at].text
     if text in FRACTIONS:
         return Share(at, at + 1, round(FRACTIONS[text], 3))
-    if text.isdigit() and text_at(words, at + 1) == "/" and text_at(words, at + 2).isdigit():
+    if text.isdecimal() and text_at(words, at + 1) == "/" and text_at(words, at + 2).isdecimal():
         bottom = int(text_at(words, at + 2)[:6])
         return Share(at, at + 3, round(int(text[:6]) / bottom, 3)) if bottom else None
     found = (1, at + 1) if text in ARTICLES else integer_at(words, at)
@@ -106,6 +109,8 @@ def _fraction(words: Sequence[Word], at: int) -> Share | None:
             return Share(at, bottom_at[1], round(top / bottom_at[0], 3))
         end += text_at(words, end) == "-"
         part = _part(text_at(words, end))
+        if part is None and text_at(words, end + 1) == "of" and text not in {"the", "der"}:
+            part = _NTHS.get(text_at(words, end))
         if part is None or text_at(words, end) == "halb":
             return None
         return Share(at, end + 1, round(top / part, 3))
@@ -144,6 +149,9 @@ def _bare(words: Sequence[Word], at: int) -> Share | None:
     """ "0.8", "null Komma acht"; whole numbers alone are no part of anything."""
     text = words[at].text
     said = counted(words, at)
+    if text in POINT and QUALITY.fullmatch(text_at(words, at - 1)):
+        digits, end = decimals(words, at)  # "Minimum quality point eight".
+        return Share(at, end, float(f"0.{digits}")) if digits else None
     if said is not None and said[1] > at + 1 and said[0] <= 1 and said[0] % 1:
         return Share(at, said[1], _minus(words, at) * said[0])
     if not re.fullmatch(r"[01]?[.,]\d{1,4}", text) or is_physical(words, at + 1):

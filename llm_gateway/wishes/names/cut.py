@@ -13,6 +13,14 @@ from llm_gateway.wishes.words import Word
 
 LIST = frozenset(", and or und oder & / + sowie plus nor noch as well adn nad n udn".split())
 """Between names they make a list of them."""
+RANGE = frozenset({"to", "through", "thru", "bis", "-", "–", ".."})
+"""Between two numbers they mean all from one to the other."""
+LEADS = frozenset(
+    """a also am an and around at auch auf bei beim by dem den der die das for fuer hinter im
+    in into near of on or our that the this to um und unser unsere vor watch weil zum
+    zur""".split()
+)
+"""Before a place's main word they say that no other place is meant."""
 _NO_NAMES = frozenset(
     """% percent prozent per minutes minute hours hour min h uhr am pm oclock minuten
     stunden""".split()
@@ -76,11 +84,11 @@ class Cut:
         for part in name:
             here += here > at and self._joins(here)
             said = self.text(here)
-            digits = self._digits(part, here) if part.isdigit() else None
+            digits = self._digits(part, here) if part.isdecimal() else None
             if digits is not None:
                 here = digits
                 continue
-            number = self.number(here) if said.isalpha() and part.isdigit() else None
+            number = self.number(here) if said.isalpha() and part.isdecimal() else None
             if number is not None and number[1] > here + 1:
                 if number[0] != int(part[:9]):
                     return None
@@ -96,10 +104,15 @@ class Cut:
         sign = self.text(at)
         if sign in {"-", "_"}:
             return True
-        numbered = sign in {"/", "."} and self.text(at - 1).isdigit()
+        numbered = sign in {"/", "."} and self.text(at - 1).isdecimal()
         return numbered and self._words[at - 1].end == self._words[at].start
 
 
 def other_words(part: str) -> set[str]:
     """What people call a place's word besides."""
-    return set(lexicon.HEADS.get(part, "").split())
+    return set(lexicon.HEADS.get(part, "").split()) | plurals(part)
+
+
+def plurals(part: str) -> set[str]:
+    """What people call several places that are numbered by that word."""
+    return set(lexicon.MANY.get(part, "").split())

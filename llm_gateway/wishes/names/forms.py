@@ -32,7 +32,7 @@ def same(said: str, meant: str) -> bool:
     """
     if said == meant or (alike(said, meant) and not known(said)):
         return True
-    if meant.isdigit() and said.isalpha() and said not in _INFLECTED:
+    if meant.isdecimal() and said.isalpha() and said not in _INFLECTED:
         number = whole(said)
         number = whole(said.removesuffix("s")) if number is None else number  # "Unit four's".
         return number == int(meant[:9])

@@ -15,7 +15,7 @@ def _set(text: str) -> frozenset[str]:
 HEADS = {
     "aisle": "aisle gang",
     "gang": "gang aisle",
-    "crossing": "crossing kreuzung intersection crossroads",
+    "crossing": "crossing kreuzung intersection crossroads junction",
     "kreuzung": "kreuzung crossing intersection",
     "gate": "gate tor",
     "tor": "tor gate",
@@ -47,6 +47,35 @@ HEADS = {
     "kommissionierung": "kommissionierung kommi",
 }
 """By one word of a place's own name."""
+MANY = {
+    "aisle": "aisles gaenge gaengen",
+    "gang": "gaenge gaengen aisles",
+    "gate": "gates tore toren",
+    "tor": "tore toren gates",
+    "hall": "halls hallen",
+    "halle": "hallen halls",
+    "zone": "zones zonen",
+    "bay": "bays",
+    "dock": "docks",
+}
+"""Of those by which places are numbered, if several are meant."""
+WHOLES = {
+    "cross aisle": ("quergang",),
+    "conveyor": ("förderband", "conveyor belt", "belt"),
+    "conveyors": (
+        "förderbänder", "förderbändern", "förderband", "förderbandbereich", "bänder", "bändern",
+        "conveyor belts", "conveyor area", "belts",
+    ),
+    "docks": (
+        "laderampe", "laderampen", "loading bay", "loading bays", "loading dock", "loading docks",
+        "rampe", "rampen", "verladerampe",
+    ),
+    "machines": (
+        "maschinen", "maschinenbereich", "maschinenpark", "machine area", "machinery",
+    ),
+    "racks": ("racking", "rack area", "regalbereich"),
+}  # fmt: skip
+"""What people call a place as a whole, by its own name without its number."""
 
 NETWORK = _set(
     "wireless wifi fi wlan uplink downlink lan lte mobilfunk internet ethernet backhaul throughput "
@@ -56,7 +85,7 @@ NETWORK = _set(
     "bw bandbreite bandbrite bandbreiten netz netzes netzwerk leitung verbindung kanal funk "
     "funkkanal "
     "uebertragung datenverkehr verkehr daten data bytes airwave airwaves broadband "
-    "breitband funkerei"
+    "breitband funkerei megabyte megabytes gigabyte gigabytes"
 )
 NETWORKS = re.compile(
     r"(?:funk|netz|netzwerk|link|wlan|wifi|daten|uplink|radio|mobilfunk|uebertragungs|sende)"
@@ -74,10 +103,15 @@ ENERGY = _set("energy power electricity strom energie")
 SAVING = _set("save saving conserve reduce less cut spare sparen spart spar weniger einsparen")
 CALCULATING = _set("rechnet rechne gerechnet")
 """Beside SPARINGLY it is computing that is to be spared; "rechnet nicht mit R3" is none."""
-SENDING = _set("transmit transmitting uebertragen uebertragt sendet senden funkt funken")
-LITTLE = _set("little less wenig weniger")
+SENDING = _set("transmit transmitting uebertragen uebertragt sendet senden funkt funken sending")
+LITTLE = _set(
+    "little less wenig weniger zurueckhaltend allernoetigste allernoetigsten noetigste noetigsten"
+)
 """Beside SENDING they say that the network is to be spared."""
-SPARINGLY = LITTLE | _set("noetig sparsam sparsamer")
+SPARINGLY = LITTLE | _set("noetig sparsam sparsamer sparflamme")
+NOT = _set("nicht nich nimmer nit net ned")
+"""Before "so viel" they say the same."""
+GRAPHICS = _set("graphics graphic video")
 COMPUTE = _set(
     "cpus gpus cores kerne chips board bordrechner grafikkarte grafikkarten rechenkapazitaet "
     "rechnerleistung recheneinheit recheneinheiten prozessorlast prozessorleistung computern "

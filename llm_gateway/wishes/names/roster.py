@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from llm_gateway.wishes.names import lexicon
-from llm_gateway.wishes.names.cut import LIST, Cut
+from llm_gateway.wishes.names.cut import LIST, RANGE, Cut
 from llm_gateway.wishes.names.families import families, family_at
 from llm_gateway.wishes.names.mention import Mention
 from llm_gateway.wishes.words import key
 
-_RANGE = {"to", "through", "thru", "bis", "-", "–", ".."}
 _NUMBERED = re.compile(r"\d+")
 _COMPARES = {"als", "ausser", "bar", "before", "but", "except", "just", "keine", "keinen", "keiner",
              "no", "nur", "ohne", "only", "than", "vor", "without"}  # fmt: skip
@@ -57,13 +55,11 @@ class Roster:
         if self._cut.text(at) in self._prefixes:
             sign = 1 if self._cut.text(at + 1) in {"-", "_"} else 0
             digits = self._cut.text(at + 1 + sign).lstrip("0")
-            if self._cut.text(at + 1 + sign).isdigit():
+            if self._cut.text(at + 1 + sign).isdecimal():
                 one = self._with_number(digits, self._cut.text(at))
                 if one is None:
                     return _unknown(at, at + 2 + sign)
                 return self._more(self._range(Mention("robot", at, at + 2 + sign, (one,))))
-        if self._cut.text(at) in lexicon.ROBOT_WORDS:
-            return self._counted(at)
         return None
 
     def _with_number(self, digits: str, head: str) -> str | None:
@@ -74,7 +70,7 @@ class Roster:
 
     def _range(self, mention: Mention) -> Mention:
         """R1 to R4, R1-4 or units one to four, where all of them exist."""
-        if self._cut.text(mention.last) not in _RANGE or not mention.names:
+        if self._cut.text(mention.last) not in RANGE or not mention.names:
             return mention
         other = self._robot_alone(mention.last + 1) or self._dashed(mention) or self._to(mention)
         if other is None:
@@ -97,7 +93,7 @@ class Roster:
         at = mention.last + 1
         digits = self._cut.text(at)
         dashed = self._cut.text(mention.last) in {"-", "–"} and self._cut.touches(mention.last)
-        if not (dashed and digits.isdigit()) or self._cut.counts(at + 1):
+        if not (dashed and digits.isdecimal()) or self._cut.counts(at + 1):
             return None
         robot = self._with_number(digits.lstrip("0"), key(mention.names[0])[0])
         return None if robot is None else Mention("robot", at, at + 1, (robot,))
@@ -124,7 +120,7 @@ class Roster:
                 here += 1
             here += self._cut.text(here) in {"-", "–"}  # "FTF-21 und -22".
             in_words = several or self._cut.noughts(here)
-            found = self._bare(here, head) if in_words or self._cut.text(here).isdigit() else None
+            found = self._bare(here, head) if in_words or self._cut.text(here).isdecimal() else None
             if found is None:
                 break
             names.append(found[0])
@@ -165,29 +161,7 @@ class Roster:
 
     def _goes_on(self, at: int) -> bool:
         """Whether the number at word `at` makes another name of the one before it: "R1 2"."""
-        return self._cut.text(at).isdigit() and not self._cut.opens_point(at)
-
-    def _counted(self, at: int) -> Mention | None:
-        """ "robots 2 and 5", "robot number three", "Roboter drei und vier"."""
-        here = at + 1
-        while self._cut.text(here) in {"number", "no", "nr", "nummer", "."}:
-            here += 1
-        names: list[str] = []
-        unknown = False
-        last = here
-        while (found := self._cut.number(here)) is not None:
-            number, behind = found
-            if self._cut.text(behind) in {"%", "percent", "prozent", "minutes", "hours"}:
-                break
-            robot = self._with_number(str(number), "")
-            unknown |= robot is None
-            names += [robot] if robot else []
-            last = here = behind
-            while self._cut.text(here) in LIST:
-                here += 1
-        if last == here == at + 1 or not (names or unknown):
-            return None
-        return Mention("unknown" if unknown else "robot", at, last, () if unknown else tuple(names))
+        return self._cut.text(at).isdecimal() and not self._cut.opens_point(at)
 
     def _family(self, at: int) -> Mention | None:
         """ "both scouts", "the two dozers", "alle drei Loks": all whose names begin so."""

@@ -24,13 +24,18 @@ _LEADS = {"ab", "around", "at", "begin", "begins", "by", "from", "gegen", "start
 
 def bound_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
     """The time that is written from word `at` on, if one of these words opens it."""
-    return _then(words, at, now) or _before(words, at, now) or _after(words, at, now)
+    return (
+        _then(words, at, now)
+        or _before(words, at, now)
+        or _after(words, at, now)
+        or _again(words, at, now)
+    )
 
 
 def timed(words: Sequence[Word], at: int, point: tuple[clock.Point, int]) -> bool:
     """Whether words say that a number, or a part of the day, is an hour."""
     said = [word.text for word in words[at : point[1]]]
-    marked = {"uhr", "oclock", "am", "pm", "hrs"} & {*said}
+    marked = {"uhr", "oclock", "am", "pm", "hrs", "past"} & {*said}
     military = any(MILITARY.fullmatch(text) for text in said)
     colon = any(":" in text or text in clock.EXACT for text in said)
     return bool(marked or point[0].half) or colon or military
@@ -41,9 +46,10 @@ def _then(words: Sequence[Word], at: int, now: datetime) -> When | None:
     until = text_at(words, at) in {"bis", "til", "till", "until"}
     if not until and text_at(words, at) not in {"from", "ab", "von"}:
         return None
-    if text_at(words, at + 1) not in (
-        {"dahin", "then"} if until else {"then", "dann", "da", "there"}
-    ):
+    until_then = {"dahin", "dann", "then"}
+    if text_at(words, at + 1) == "dann" and not text_at(words, at + 2).isalpha():
+        until_then = {"dahin"}  # "Bis dann!" says goodbye.
+    if text_at(words, at + 1) not in (until_then if until else {"then", "dann", "da", "there"}):
         return None
     point = _said(words, at)
     if point is None:
@@ -96,3 +102,14 @@ def _after(words: Sequence[Word], at: int, now: datetime) -> When | None:
         return None
     plain = timed(words, at + 1, point) or words[at + 1].text.isalpha()
     return starting(at, point[1], point[0], now) if plain else None
+
+
+def _again(words: Sequence[Word], at: int, now: datetime) -> When | None:
+    """ "R5 erst ab morgen um acht wieder fragen": until then nobody asks it."""
+    if text_at(words, at) not in {"ab", "um"} or text_at(words, at - 1) != "erst":
+        return None
+    point = clock.point_at(words, at + 1)
+    if point is None or text_at(words, point[1]) != "wieder":
+        return None
+    asked = text_at(words, point[1] + 1) in _ASKED
+    return ending(at, point[1], point[0], now) if asked else None

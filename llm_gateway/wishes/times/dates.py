@@ -52,7 +52,7 @@ def date_at(words: Sequence[Word], at: int) -> Dated | None:
         return None  # "Robots 2 and 5 may help".
     comma = text_at(words, here) == ","
     year = text_at(words, here + comma)
-    if year.isascii() and year.isdigit() and len(year) == _YEAR_DIGITS and year[0] in "12":
+    if year.isascii() and year.isdecimal() and len(year) == _YEAR_DIGITS and year[0] in "12":
         return Dated(day, month, int(year), here + comma + 1)
     return Dated(day, month, None, here)
 
@@ -76,7 +76,7 @@ def _behind(words: Sequence[Word], at: int) -> int:
 
 def _day(words: Sequence[Word], at: int) -> int | None:
     text = text_at(words, at)
-    return int(text) if text.isascii() and text.isdigit() and len(text) <= len("31") else None
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= len("31") else None
 
 
 def _month(words: Sequence[Word], at: int) -> int | None:

@@ -17,8 +17,17 @@ THROUGH = {"through", "thru"}
 _SOMEBODY = {"we", "they", "i", "it", "you", "wir", "sie", "ich", "the"}
 _EVENT = {"dem", "der", "die", "das", "zum", "zur", "feierabend", "schichtende", "schichtwechsel"}
 """Behind "bis" they begin what ends at an hour: "bis der Chef um sechs kommt"."""
-_CLAUSE_ENDS = {"", ",", ".", "!", ";", ":", "kommt", "geht", "ist", "so"}
-_SAID_SO = (("call", "it"), ("lets", "say"), ("say",), ("sagen", "wir"), ("also",))
+_CLAUSE_ENDS = {"", ",", ".", "!", ";", ":", "kommt", "geht", "ist", "so", "da", "durch", "fertig",
+                "vorbei", "weg", "wieder", "zurueck"}  # fmt: skip
+_FAR = 7
+"""Words behind "bis" among which the hour is said that something ends at."""
+_OPENS = {"", ",", ".", "!", ";", ":"}
+"""Behind an hour they end what is told of it."""
+_CLOCK = ("the", "clock")
+_TELLS = {"says", "shows"}
+"""Before an hour they say no more than that: "until the clock says nine"."""
+_SAID_SO = (("call", "it"), ("lets", "say"), ("say",), ("sagen", "wir"), ("also", "bis"), ("also",),
+            ("thats",))  # fmt: skip
 """Before an hour they say which one a part of the day is: "until lunch, say 1 pm"."""
 
 
@@ -31,9 +40,12 @@ def until_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text_at(words, at) not in UNTIL:
         return None
     through = text_at(words, at) in THROUGH
-    point = clock.point_at(words, at + 1)
+    begin = at + 1 + (text_at(words, at + 1) in {":", "="})  # "Until: 15:00".
+    if tuple(word.text for word in words[begin : begin + 2]) == _CLOCK:
+        begin += 3 if text_at(words, begin + 2) in _TELLS else 0
+    point = clock.point_at(words, begin)
     if point is None and not through:  # People come "through the gate at six".
-        point = _event(words, at + 1)
+        point = _event(words, at + 1) or _told(words, at + 1)
     if point is None or (through and counts(words, at + 1, point)):
         return None  # "Robots 1 through 3".
     if point[0].hour is None and (hour := _said_so(words, point[1])) is not None:
@@ -58,16 +70,31 @@ def _of_part(point: clock.Point) -> bool:
 def _event(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
     """The hour of what ends then, from word `at` on: "we close at ten", "smoko at eleven"."""
     somebody = text_at(words, at) in _SOMEBODY
-    for here in range(at + 1, min(at + 6, len(words))):
+    for here in range(at + 1, min(at + _FAR, len(words))):
         lead = text_at(words, here)
         point = clock.point_at(words, here + 1) if lead in {"at", "um"} else None
         if point is not None and (point[0].hour is not None or point[0].part in clock.EXACT):
             looks = text_at(words, here - 1).startswith(("look", "watch"))
             plain = text_at(words, point[1]) in _CLAUSE_ENDS or timed(words, here + 1, point)
             named = lead == "at" or text_at(words, at) in _EVENT
-            near = somebody and at + 2 <= here <= at + 3
+            first = at + (1 if lead == "um" else 2)  # "Bis ich um elf wieder da bin".
+            near = somebody and first <= here <= at + 3
             return point if near or (plain and named and not looks) else None
-        if not lead.isalpha():
+        if not (lead.isalpha() or lead == "-"):
+            return None
+    return None
+
+
+def _told(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
+    """The hour that is told right behind what ends then: "the top of the hour, 3 pm", "I'm back
+    from lunch, say 1:15 pm"."""
+    for here in range(at + 1, min(at + _FAR, len(words))):
+        if words[here].text == ",":
+            point = clock.point_at(words, here + 1)
+            if point is None or not timed(words, here + 1, point):
+                return _said_so(words, here)
+            return point if text_at(words, point[1]) in _OPENS else None
+        if not words[here].text.isalpha():
             return None
     return None
 
@@ -79,5 +106,8 @@ def _said_so(words: Sequence[Word], at: int) -> tuple[clock.Point, int] | None:
         if tuple(word.text for word in words[at : at + len(phrase)]) == phrase:
             begin = at + len(phrase)
             point = clock.point_at(words, begin)
-            return point if point is not None and timed(words, begin, point) else None
+            if point is None or point[0].hour is None:
+                return None
+            told = timed(words, begin, point) or text_at(words, point[1]) in _OPENS
+            return point if told else None
     return None

@@ -89,7 +89,7 @@ def _is_clock(words: Sequence[Word], at: int, side: int, lead: str) -> bool:
     if text_at(words, side) == "of":
         number = whole(words[at].text)
         return number in _FIVES and text_at(words, side + 2) in _GOES_ON
-    if words[at].text.isdigit() or text_at(words, side + 1) in _TWELVES:
+    if words[at].text.isdecimal() or text_at(words, side + 1) in _TWELVES:
         return lead in _ENDS
     return lead not in {"from", "between", "von"}
 
@@ -117,7 +117,7 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
     for sign in ":.":
         head, _, tail = text.partition(sign)
         tail = tail.removesuffix(":00") if tail.count(":") == 1 else tail
-        if head.isdigit() and len(tail) == 2 and tail.isdigit() and len(head) <= 2:
+        if head.isdecimal() and len(tail) == 2 and tail.isdecimal() and len(head) <= 2:
             hour, minute = int(head), int(tail)
             if sign == "." and minute > 59:
                 return None
@@ -128,10 +128,10 @@ def _digits(words: Sequence[Word], at: int) -> tuple[int, int, bool, int] | None
             behind = end + (text_at(words, end) in {"h", "hr", "hrs", "hours", "uhr"})
             return int(text[:2]), int(text[2:]), True, behind
         read = _worded(words, at)
-        if text.isdigit():
+        if text.isdecimal():
             read = (int(text), 0, text.startswith("0") or int(text) > 12, end)
-        long = len(text) > (2 if text.isdigit() else 12)
-        if read is None or (long and (text.isdigit() or read[0] > 24)):
+        long = len(text) > (2 if text.isdecimal() else 12)
+        if read is None or (long and (text.isdecimal() or read[0] > 24)):
             return None  # "Achtundzwanzig" may be a robot's number; "dreiundzwanzig" is an hour.
         if counts_parts(words, at) or _of_some(words, read[3]):
             return None

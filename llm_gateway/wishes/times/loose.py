@@ -14,7 +14,7 @@ from llm_gateway.wishes.words import Word, text_at
 
 _LATE = {"tonight", "night", "nacht", "evening", "abend", "abends"}
 """Once begun, they go on."""
-_WHO = {"crew", "shift", "team", "staff", "desk", "supervisor", "manager", "lead", "porter", "duty",
+WHO = {"crew", "shift", "team", "staff", "desk", "supervisor", "manager", "lead", "porter", "duty",
         "schicht", "schichtleitung", "dienst", "mannschaft"}  # fmt: skip
 """Beside a part of the day they tell who speaks, or of whom."""
 _MEALS = {"lunch", "lunchtime"}
@@ -36,7 +36,7 @@ def loose_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
     first = at + (text in {"the", "this", "our", "die", "der"})
     if (
         text_at(words, first) in clock.PARTS
-        and {text_at(words, at - 1), text_at(words, first + 1)} & _WHO
+        and {text_at(words, at - 1), text_at(words, first + 1)} & WHO
     ):
         return None
     begin = at + 1 if text in {"at", "um", "am", "on", "by", "this", "gegen", "after", "nach",

@@ -47,7 +47,7 @@ def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
     if point.days == 0:
         # The night goes on after midnight: "tonight at one", "until midnight".
         night = _on(today, hours, point.minute)
-        if point.part in {"tonight", "night", "nacht"} and hours[0] < 6:
+        if point.part in {"tonight", "night", "nacht"} and hours[0] < 8:
             night = _on(today + timedelta(days=1), hours, point.minute)
         return _first(night, after)
     days = (today + timedelta(days=n) for n in range(3))
@@ -80,6 +80,8 @@ def _hours(point: Point) -> list[int]:
             return [] if early in range(6, 9) else [late if early > 8 else early]
         case "noon" | "midday" | "mittag" | "mittags" | "lunch" | "lunchtime" if early > 8:
             return [early]
+        case "night" | "nacht" if point.hour in range(5, 8):
+            return [early]  # "Heut Nacht bis fünf".
         case "tonight" | "night" | "nacht":
             return [late] if point.hour in range(5, 12) else [early if early else 24]
         case "":

@@ -13,7 +13,7 @@ from llm_gateway.wishes.times import clock
 from llm_gateway.wishes.times.bounds import bound_at, timed
 from llm_gateway.wishes.times.ends import THROUGH, UNTIL, counts, until_at
 from llm_gateway.wishes.times.lengths import UNITS, length_at, with_more, with_part
-from llm_gateway.wishes.times.loose import loose_at
+from llm_gateway.wishes.times.loose import WHO, loose_at
 from llm_gateway.wishes.times.when import (
     TO,
     When,
@@ -38,6 +38,8 @@ _ASKING = {"", ",", ".", "!", ";", ":", "and", "bitte", "dann", "please", "then"
 _CHOSEN = {"another", "any", "each", "every", "first", "former", "last", "latter", "new", "no",
            "old", "other", "same", "second", "that", "the", "this", "which"}  # fmt: skip
 """Before "one" they make something else of it than an hour."""
+_THESE = {"diese", "diesen", "those", "these"}
+"""Before a number they say the same of it: "without these two till 4 pm"."""
 _FIRST_OF_ALL = {"prio", "priority", "prioritaet"}
 """Before a one they say that it is no hour."""
 _GIVEN = {"der", "die", "next", "naechste", "naechsten", "naechster", "the"}
@@ -147,6 +149,8 @@ def _begin(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if text in {"since", "seit"}:
         point = clock.point_at(words, begin)
         return None if point is None else When(at, point[1], clear=False, past=True)
+    if text_at(words, begin) in {"the", "der"} and text_at(words, begin + 2) in WHO:
+        return None  # "Back from the night shift".
     if text_at(words, begin) in {"from", "of", "at", "with"}:
         begin += 1
     elif text == "as":
@@ -213,6 +217,8 @@ def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if one is None or text_at(words, one[1]) not in TO or text_at(words, at) in {"since", "seit"}:
         return None
     number, before = text_at(words, one[1] - 1), text_at(words, one[1] - 2)
+    if before in _THESE and one[1] == at + 1:
+        return None
     if whole(number) == 1 and before in (_CHOSEN if number == "one" else _FIRST_OF_ALL):
         return None  # "Prio 1 bis 6:30", "lower that one until two pm".
     two = clock.point_at(words, one[1] + 1)
@@ -233,7 +239,8 @@ def _opening(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if point is None or (point[0].hour is None and point[0].part not in clock.EXACT):
         return None
     here = point[1]
-    while text_at(words, here) in {"and", "und", ",", "keep", "it", "that", "them", "go", "then"}:
+    while text_at(words, here) in {"and", "und", ",", "keep", "it", "that", "them", "go", "then",
+                                   "stay", "stays", "bleibt", "bleiben"}:  # fmt: skip
         here += 1
     lasts = text_at(words, here) in {"for", "fuer"} and _lasting(words, here, now)
     return starting(at, point[1], point[0], now) if lasts or until_at(words, here, now) else None

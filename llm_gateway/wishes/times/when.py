@@ -47,6 +47,8 @@ def span(words: Sequence[Word], first: int, begin: int, now: datetime) -> When |
         return None
     start, end = one[0], two[0]
     overnight = start.exact and end.exact and (start.hour or 0) > (end.hour or 0)
+    # "From 7 in the evening to 7 tomorrow morning".
+    overnight |= start.part in _LATE and end.part in _EARLY
     if not (overnight or clock.names_day(words, one[1] + 1)):
         start = shared(start, end)
     return ranged(first, two[1], start, shared(end, one[0]), now)
@@ -61,6 +63,9 @@ def ranged(first: int, last: int, begin: clock.Point, end: clock.Point, now: dat
         return When(first, last, clear=False, question=question)
     start = resolve(begin, now, now)
     until = None if start is None else resolve(end, now, start)
+    if start is not None and until is None and begin.part == end.part and begin.part in _LATE:
+        # "Tonight between eleven and quarter to six".
+        until = resolve(replace(end, part="", days=None), now, start)
     return When(first, last, start, until, clear=until is not None)
 
 

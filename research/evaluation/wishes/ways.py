@@ -21,7 +21,7 @@ Way = Callable[[Case], Intent]
 
 
 class RandomReader:
-    """Draws any answer that the form allows."""
+    """Draws any answer that the form allows, and how sure it is of each word."""
 
     model = "random"
     trained = True
@@ -32,7 +32,13 @@ class RandomReader:
     def read(self, prompt: Prompt) -> Reply:
         """One word of each list."""
         items = json.loads(prompt.schema)["prefixItems"]
-        return Reply(json.dumps([self._chance.choice(item["enum"]) for item in items]))
+        words = [self._chance.choice(item["enum"]) for item in items]
+        likely: list[tuple[str, float]] = []
+        for at, word in enumerate(words):
+            likely += [(",", 1.0)] if at else [("[", 1.0)]
+            likely.append((json.dumps(word), self._chance.random()))
+        likely.append(("]", 1.0))
+        return Reply("".join(piece for piece, _ in likely), likely=tuple(likely))
 
 
 class Remembering:

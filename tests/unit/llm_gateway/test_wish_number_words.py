@@ -167,7 +167,7 @@ def test_fractions_in_words(wish: str, share: float) -> None:
         "Lasst R2 weg, außer von sechs bis sieben.",
         "Use at most two and a half percent of the link.",
         "Use at most seventy-five of a hundred percent of the link.",
-        "Skip R2 and use at most an eighth of the link.",
+        "Skip R2 and use at most an eleventh of the link.",
         "Skip R2, quality at least seventy-five.",
         "Use at most half the link and use the whole link.",
         "Watch aisle twenty-five.",

@@ -39,6 +39,9 @@ def value(text: str) -> float | None:
         ("85 proz", 0.85),
         ("siebzg Prozent", 0.7),
         ("dreißg Prozent", 0.3),
+        ("one fourth of the Wi-Fi", 0.25),
+        ("a twentieth of the link", 0.05),
+        ("minimum quality point eight", 0.8),
     ],
 )
 def test_a_part_is_read(text: str, expected: float) -> None:
@@ -57,6 +60,9 @@ def test_what_is_no_part_of_a_whole_is_not_possible(text: str) -> None:
     [
         "R3",
         "aisle 3",
+        "a fourth robot",
+        "the fourth of June",
+        "at this point eight robots",
         "five robots",
         "the third robot is at 12",
         "two out of seven",

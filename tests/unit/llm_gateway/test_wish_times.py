@@ -6,6 +6,7 @@ from datetime import datetime
 
 import pytest
 
+from llm_gateway.wishes.names.mentions import find
 from llm_gateway.wishes.times.phrases import when_at
 from llm_gateway.wishes.times.when import When
 from llm_gateway.wishes.words import words
@@ -323,3 +324,52 @@ def test_ends_and_dates_may_be_short(wish: str, start: str | None, until: str | 
 def test_a_date_on_another_weekday_is_asked_back() -> None:
     wish = "R1 out until Tuesday 30 Nov, 08:00"
     assert SITE.understood(wish).unclear
+
+
+@pytest.mark.parametrize(
+    ("wish", "start", "until"),
+    [
+        ("R1 out. until: 15:00", None, "2026-11-23T15:00"),
+        ("R1 out until the clock says nine tonight", None, "2026-11-23T21:00"),
+        ("R1 out until the top of the hour, 3 pm", None, "2026-11-23T15:00"),
+        ("R1 out till I'm back from lunch, say 3:15 pm", None, "2026-11-23T15:15"),
+        ("R1 out till smoko, that's three o'clock", None, "2026-11-23T15:00"),
+        ("R1 out until knock-off at 5:30 pm", None, "2026-11-23T17:30"),
+        ("R1 out up to half past seven", None, "2026-11-23T19:30"),
+        ("R1 raus, bis ich um elf wieder im Haus bin", None, "2026-11-23T23:00"),
+        ("R1 raus, bis der Chef mit seinen Gästen um fünf wieder weg ist", None,
+         "2026-11-23T17:00"),
+        ("R1 raus bis die Aktualisierung um drei durch ist", None, "2026-11-23T15:00"),
+        ("R1 erst ab morgen um acht wieder fragen", None, "2026-11-24T08:00"),
+        ("R1 raus heut Nacht bis fünf", None, "2026-11-24T05:00"),
+        ("R1 out tonight between eleven and quarter to six", "2026-11-23T23:00",
+         "2026-11-24T05:45"),
+        ("R1 out from 7 in the evening to 7 tomorrow morning", "2026-11-23T19:00",
+         "2026-11-24T07:00"),
+        ("R1 out, three to quarter past three", "2026-11-23T15:00", "2026-11-23T15:15"),
+    ],
+)  # fmt: skip
+def test_ends_are_told_by_what_ends_then(wish: str, start: str | None, until: str) -> None:
+    found = [m.when for m in find(wish, SITE.site, NOW).mentions if m.when is not None]
+    assert [t.clear for t in found] == [True]
+    said = (found[0].start, found[0].until)
+    assert [t and f"{t:%Y-%m-%dT%H:%M}" for t in said] == [start, until]
+
+
+def test_who_comes_at_an_hour_and_stays_begins_a_time() -> None:
+    found = _in("they come at eight and stay until nine", "at")
+    assert found is not None
+    assert found.start == datetime.fromisoformat("2026-11-23T20:00:00+01:00")
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "R1 came back from the night shift",
+        "bis dann, Karl",
+        "go ahead without these two till 4 pm",
+    ],
+)
+def test_shifts_goodbyes_and_these_begin_no_time(wish: str) -> None:
+    found = [m.when for m in find(wish, SITE.site, NOW).mentions if m.when is not None]
+    assert all(t.start is None and t.clear for t in found)

@@ -1,0 +1,106 @@
+"""What a trained model says of a wish counts by how sure it is, beside what words say."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime
+
+import pytest
+
+from llm_gateway.model import Prompt, Reply
+from llm_gateway.wishes import understand
+from llm_gateway.wishes.weigh import SURE
+from swarm.messages.intent import Intent, Site
+
+NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
+SITE = Site(
+    robots=("R1", "R2", "R3", "R4"),
+    places=("docks", "aisle 1"),
+    classes=("person", "pallet"),
+)
+UNSURE = SURE / 2
+
+
+class Says:
+    """A model that gives words, each with how likely it finds it."""
+
+    model = "says"
+    trained = True
+
+    def __init__(self, *words: tuple[str, float]) -> None:
+        pieces: list[tuple[str, float]] = []
+        for word, chance in words:
+            pieces += [("," if pieces else "[", 1.0), (json.dumps(word), chance)]
+        self._reply = Reply("".join([*(p for p, _ in pieces), "]"]), likely=(*pieces, ("]", 1.0)))
+
+    def read(self, prompt: Prompt) -> Reply:
+        assert prompt.certainty
+        return self._reply
+
+
+def understood(wish: str, *words: tuple[str, float]) -> Intent:
+    return understand(wish, SITE, NOW, Says(*words))
+
+
+MURKY = "R3 has had a gutsful, give it a spell"
+
+
+def test_what_no_cue_says_stands_where_the_model_is_sure() -> None:
+    assert understand(MURKY, SITE, NOW, None).unclear, "words alone ask back"
+    intent = understood(MURKY, ("out", 1.0), ("all", 1.0))
+    assert (intent.exclude, intent.unclear) == (("R3",), ())
+
+
+@pytest.mark.parametrize(("role", "whole"), [(UNSURE, 1.0), (1.0, UNSURE), (UNSURE, UNSURE)])
+def test_it_is_asked_back_where_the_model_is_not(role: float, whole: float) -> None:
+    assert understood(MURKY, ("out", role), ("all", whole)).unclear
+
+
+def test_what_words_plainly_say_stands_beside_a_model_that_says_the_same_or_nothing() -> None:
+    for word, chance in (("out", UNSURE), ("none", 1.0), ("none", UNSURE)):
+        assert understood("leave R3 out", (word, chance), ("all", 1.0)).exclude == ("R3",)
+
+
+@pytest.mark.parametrize("chance", [1.0, UNSURE])
+def test_where_words_and_model_contradict_each_other_the_person_is_asked(chance: float) -> None:
+    intent = understood("leave R3 out", ("first", chance), ("all", 1.0))
+    assert (intent.exclude, intent.prefer) == ((), ())
+    assert "R3" in intent.unclear
+
+
+def test_an_aside_is_none_where_the_model_is_sure_of_that_and_of_the_whole() -> None:
+    said = "leave R3 out, the pallets were there at seven"
+    assert understand(said, SITE, NOW, None).unclear
+    sure = understood(said, ("out", 1.0), ("none", 1.0), ("none", 1.0), ("all", 1.0))
+    assert (sure.exclude, sure.classes, sure.until, sure.unclear) == (("R3",), {}, None, ())
+    part = understood(said, ("out", 1.0), ("none", 1.0), ("none", 1.0), ("part", 1.0))
+    assert part.unclear
+
+
+def test_a_model_that_is_sure_of_no_wish_makes_the_swarm_ask() -> None:
+    intent = understood("leave R3 out", ("none", 1.0), ("nothing", 1.0))
+    assert (intent.exclude, intent.unclear) == ((), ("leave R3 out",))
+    assert understood("leave R3 out", ("none", 1.0), ("nothing", UNSURE)).exclude == ("R3",)
+
+
+def test_nobody_may_be_said_by_the_model() -> None:
+    said = "no pestering any of them until six, no exceptions whatsoever"
+    intent = understood(said, ("when", 1.0), ("nobody", 1.0))
+    assert intent.only == ()
+    assert intent.until == "2026-11-23T18:00:00+01:00"
+    assert understood(said, ("when", 1.0), ("nobody", UNSURE)).only is None
+
+
+@pytest.mark.parametrize(
+    ("wish", "words"),
+    [
+        ("leave R9 out", [("none", 1.0), ("all", 1.0)]),
+        ("leave R3 out from 8 to 10 today", [("out", 1.0), ("none", 1.0), ("all", 1.0)]),
+        ("leave R3 out from 8 to 10 today", [("out", 1.0), ("when", 1.0), ("all", 1.0)]),
+        ("only R2, and leave R2 out", [("only", 1.0), ("out", 1.0), ("all", 1.0)]),
+    ],
+)
+def test_names_that_do_not_exist_times_that_are_over_and_contradictions_are_codes_to_tell(
+    wish: str, words: list[tuple[str, float]]
+) -> None:
+    assert understood(wish, *words).unclear
