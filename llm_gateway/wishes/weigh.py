@@ -1,21 +1,28 @@
 """Weighs what a trained model says of a wish, by how sure it is, beside what its words say.
 
 Words read what is plain and ask back the rest. The model reads nearly all, and is sometimes wrong,
-but then it is seldom sure. What both say stands. What only the model says stands where it is sure,
-and is asked back else; where they contradict each other, the person is asked.
+but then it is seldom sure. What both say stands. What only the model says stands where it is sure
+and nothing hard; it may confirm what words suggest. Where they contradict each other, the person is
+asked. Of wishes that it had not learnt from it was right about what is hard, where words say
+nothing, in 26 of 30: too seldom to count alone.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from llm_gateway.wishes.account import question, settle
-from llm_gateway.wishes.names.mention import Mention
+from llm_gateway.wishes.clauses.voids import foreign
+from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
 
 SURE = 0.9
-"""How likely the model must find a word for it to count alone."""
+"""How likely the model must find a word for it to count, by wishes that it has not learnt from:
+more asks back more than it saves (docs/llm.md)."""
+_HARD: frozenset[Kind] = frozenset({"robot", "share", "time", "policy"})
+_ALL = re.compile(r"\b(?:all|alle|allen|every(?:body|one)?|each|jede[nrs]?)\b", re.IGNORECASE)
 _WHOLE = ("all", "nobody")
 """Verdicts by which nothing is left to ask."""
 
@@ -23,45 +30,59 @@ _WHOLE = ("all", "nobody")
 def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
     """The rules' reading and the model's, put together; what must be asked back is in its
     `unclear`. `said`: with how likely each of its words is."""
+    if foreign(text):
+        return settle(text, plain)  # Quotations, and words to the model.
     *each, whole = said.likely
     if said.verdict == "nothing" and whole >= SURE:
         nothing = tuple[Role, ...]("none" for _ in plain.roles)
         return Reading(nothing, "nothing", (_shortened(text),))
     sure = said.verdict in _WHOLE and whole >= SURE
+    suspected = plain.suspected or (None,) * len(plain.roles)
     roles = tuple(
-        _role(mention, rule, model, likely >= SURE, sure=sure)
-        for mention, rule, model, likely in zip(
-            text.mentions, plain.roles, said.roles, each, strict=True
+        _role(mention, rule, suspicion, model, likely >= SURE, sure=sure)
+        for mention, rule, suspicion, model, likely in zip(
+            text.mentions, plain.roles, suspected, said.roles, each, strict=True
         )
     )
     nobody = plain.nobody or (said.verdict == "nobody" and whole >= SURE)
-    unclear = () if sure else plain.unclear
+    unclear = tuple(words for words in plain.unclear if not sure or _of_all(words, roles))
     if said.verdict == "part" and whole >= SURE and not unclear:
         unclear = (_shortened(text),)
     reading = replace(plain, roles=roles, unclear=unclear, nobody=nobody)
     if not sure:
         return settle(text, reading)
     # The model has read the whole wish, its numbers and asides, too.
-    open_ = [
+    asked = [
         question(text, mention)
         for mention, role in zip(text.mentions, roles, strict=True)
         if role == "doubt" or mention.kind == "unknown"
     ]
-    return replace(reading, unclear=tuple(dict.fromkeys(open_)))
+    return replace(reading, unclear=tuple(dict.fromkeys([*unclear, *asked])))
 
 
-def _role(mention: Mention, rule: Role, model: Role, likely: bool, *, sure: bool) -> Role:
-    """What a mention is meant to be. `likely`: whether the model is sure of its word; `sure`: of
-    all of the wish."""
-    if mention.kind == "unknown" or model == rule:
-        return rule
-    if mention.when is not None and mention.when.question:
-        return rule  # What the clock says the model does not know.
+def _role(
+    mention: Mention, rule: Role, suspected: Role | None, model: Role, likely: bool, *, sure: bool
+) -> Role:
+    """What a mention is meant to be. `suspected`: what words suggest; `likely`: whether the model
+    is sure of its word; `sure`: of the whole wish."""
+    when = mention.when
+    if mention.kind == "unknown" or (when is not None and when.question):
+        return rule  # What the site has, and what the clock says, the model does not know.
+    if model == rule:
+        left = rule == "none" and mention.kind == "robot" and not likely
+        return "doubt" if left else rule
     if rule not in ("none", "doubt"):
         return rule if model == "none" else "doubt"
     if model == "none":
-        return "none" if likely and sure else rule
-    return model if likely else "doubt"
+        return "none" if sure and likely else rule
+    alone = mention.kind in _HARD and suspected != model
+    return "doubt" if alone or not likely else model
+
+
+def _of_all(words: str, roles: tuple[Role, ...]) -> bool:
+    """Whether unclear words are about all robots where some are chosen: "use only R1, and use
+    everybody"."""
+    return bool(_ALL.search(words)) and not {"out", "only", "first"}.isdisjoint(roles)
 
 
 def _shortened(text: Text) -> str:

@@ -34,6 +34,8 @@ BATCH = 16
 RATE = 1e-3
 WARM = 0.05
 """Part of the steps in which the learning rate rises."""
+LEARNT = ("wishes-learnt.jsonl", "wishes-taught.jsonl")
+"""Wishes that people wrote: from the first the words were widened, too."""
 CHECKED = 256
 """Wishes of the validation split on which the loss is told."""
 
@@ -96,10 +98,11 @@ def wish_lessons(native: Native, seed: int, split: Any, count: int) -> list[Less
 
 
 def written_lessons(native: Native) -> list[Lesson]:
-    """Wishes that people wrote, and from which the words were widened, as lessons."""
+    """Wishes that people wrote, as lessons."""
     return [
         lesson(native, (ChatMessage(role="user", content=s.prompt),), s.answer)
-        for s in written(cases(WISHES.with_name("wishes-learnt.jsonl")))
+        for name in LEARNT
+        for s in written(cases(WISHES.with_name(name)))
     ]
 
 

@@ -42,18 +42,34 @@ def understood(wish: str, *words: tuple[str, float]) -> Intent:
     return understand(wish, SITE, NOW, Says(*words))
 
 
-MURKY = "R3 has had a gutsful, give it a spell"
-
-
 def test_what_no_cue_says_stands_where_the_model_is_sure() -> None:
-    assert understand(MURKY, SITE, NOW, None).unclear, "words alone ask back"
-    intent = understood(MURKY, ("out", 1.0), ("all", 1.0))
+    said = "leave R3 out. The docks give me the jitters"
+    words = ("out", 1.0), ("high", 1.0), ("all", 1.0)
+    assert understand(said, SITE, NOW, None).focus == ()
+    intent = understood(said, *words)
+    assert [(focus.place, focus.weight) for focus in intent.focus] == [("docks", "high")]
     assert (intent.exclude, intent.unclear) == (("R3",), ())
 
 
-@pytest.mark.parametrize(("role", "whole"), [(UNSURE, 1.0), (1.0, UNSURE), (UNSURE, UNSURE)])
-def test_it_is_asked_back_where_the_model_is_not(role: float, whole: float) -> None:
-    assert understood(MURKY, ("out", role), ("all", whole)).unclear
+@pytest.mark.parametrize("whole", [1.0, UNSURE])
+def test_it_is_asked_back_where_the_model_is_not(whole: float) -> None:
+    said = "leave R3 out. The docks give me the jitters, we guess"
+    assert understand(said, SITE, NOW, None).unclear, "words alone ask back"
+    assert understood(said, ("out", 1.0), ("high", UNSURE), ("all", whole)).unclear
+
+
+@pytest.mark.parametrize("role", ["out", "only", "first"])
+def test_nothing_hard_counts_on_the_models_word_alone(role: str) -> None:
+    intent = understood("R3 has had a gutsful, give it a spell", (role, 1.0), ("all", 1.0))
+    assert (intent.exclude, intent.only, intent.prefer) == ((), None, ())
+    assert "R3" in intent.unclear
+
+
+def test_the_model_may_confirm_what_words_suggest() -> None:
+    said = "leave R3 alone whilst flummoxed"
+    assert understand(said, SITE, NOW, None).exclude == ()
+    assert understood(said, ("out", 1.0), ("all", 1.0)).exclude == ("R3",)
+    assert understood(said, ("out", UNSURE), ("all", 1.0)).unclear
 
 
 def test_what_words_plainly_say_stands_beside_a_model_that_says_the_same_or_nothing() -> None:

@@ -26,8 +26,11 @@ def test_there_are_enough_of_each_kind(written: list[Case]) -> None:
     assert Counter(case.language for case in written)["de"] >= 100
 
 
-def test_every_meant_intent_can_be_obeyed(written: list[Case]) -> None:
-    for case in written:
+@pytest.mark.parametrize("name", ["wishes", "wishes-taught", "wishes-apart"])
+def test_every_meant_intent_can_be_obeyed(name: str) -> None:
+    asked = cases(WISHES.with_name(f"{name}.jsonl"))
+    assert len({case.id for case in asked}) == len(asked)
+    for case in asked:
         assert problems(case.meant, case.site, case.time) == (), case.id
         assert not case.meant.is_empty() or case.doubtful, case.id
 
