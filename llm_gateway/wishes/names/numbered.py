@@ -121,7 +121,8 @@ class Numbered:
         high = self._high(numbers[-1], last)
         if high is not None:
             plain = self._several(at) and (len(numbers) == 1 or self._text(last) != "bis")
-            known_so = plain and high[0] in self._robots
+            # More numbers than robots: some have none, and nobody counts to a billion.
+            known_so = plain and high[0] - numbers[-1] < len(self._robots)
             numbers = [*numbers, *range(numbers[-1], high[0] + 1)] if known_so else []
             last = high[1]
         return named(at, last, numbers, self._robots)

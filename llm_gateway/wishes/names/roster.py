@@ -80,6 +80,8 @@ class Roster:
         low, high = (_NUMBERED.findall(name) for name in (mention.names[0], other.names[0]))
         if len(low) != 1 or len(high) != 1 or int(low[0]) >= int(high[0]):
             return mention
+        if int(high[0]) - int(low[0]) >= len(self._robots):
+            return _unknown(mention.first, other.last)  # Some of them have no robot.
         head = key(mention.names[0])[0]
         numbers = range(int(low[0]), int(high[0]) + 1)
         between = [self._with_number(str(n), head) for n in numbers]

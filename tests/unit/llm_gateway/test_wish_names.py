@@ -171,3 +171,9 @@ def test_bare_numbers_are_no_robots_among_those_with_names() -> None:
 
 def test_a_digit_that_stands_for_no_decimal_is_no_number() -> None:
     assert named("skip ፩ until ፩") == []
+
+
+@pytest.mark.parametrize("wish", ["R1 to R999999999", "robots 1 to 999999999", "R1-999999999"])
+def test_nobody_counts_through_a_range_with_more_numbers_than_robots(wish: str) -> None:
+    site = Site(robots=("R1", "R2", "R999999999"), places=(), classes=())
+    assert named(wish, site) == [("unknown", ())]
