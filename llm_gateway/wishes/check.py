@@ -24,7 +24,7 @@ def agreed(text: Text, plain: Reading, said: Reading) -> Reading:
     doubted = plain.verdict == "nothing" and plain.unclear
     if doubted or (said.verdict == "nothing" and not wished):
         nothing = tuple[Role, ...]("none" for _ in plain.roles)
-        asked = (text.wish.strip()[:200],)
+        asked = (text.whole,)
         return replace(plain, roles=nothing, verdict="nothing", unclear=asked)
     # What is wished of the network is said by its part.
     parted = {"network"} if {"link", "free"} & {*plain.roles} else set[Kind]()

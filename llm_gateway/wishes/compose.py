@@ -64,7 +64,7 @@ def compose(text: Text, reading: Reading, now: datetime) -> Intent:
         unclear=tuple(dict.fromkeys(unclear)),
     )
     if intent.is_empty():
-        unclear = unclear or [text.wish.strip()[:200]]
+        unclear = unclear or [text.whole]
         strange = any(mention.kind == "unknown" for mention in text.mentions)
         kept = intent if strange else Intent()
         return Intent(start=kept.start, until=kept.until, unclear=tuple(dict.fromkeys(unclear)))

@@ -14,7 +14,7 @@ from llm_gateway.wishes.account import settle
 from llm_gateway.wishes.check import agreed
 from llm_gateway.wishes.clauses import rules
 from llm_gateway.wishes.compose import compose
-from llm_gateway.wishes.names.mentions import Text, find
+from llm_gateway.wishes.names.mentions import QUOTED, Text, find
 from llm_gateway.wishes.reading import Reading
 from llm_gateway.wishes.weigh import weighed
 from swarm.errors import GatewayError
@@ -23,8 +23,6 @@ from swarm.messages.intent import MAX_WISH_CHARS, Intent, Site
 
 RULES = "rules"
 """What an intent names as its model where no model was asked."""
-_UNREAD = 200
-"""Characters of an unread wish that are told."""
 
 
 class Reader(Protocol):
@@ -69,10 +67,10 @@ def prompt(text: Text, *, trained: bool) -> Prompt:
 
 def _understood(wish: str, site: Site, now: datetime, reader: Reader | None) -> Intent:
     if not wish.strip() or len(wish) > MAX_WISH_CHARS:
-        return Intent(unclear=(wish.strip()[:_UNREAD],))
+        return Intent(unclear=(wish.strip()[:QUOTED],))
     text = find(wish, site, now)
     if len(text.mentions) > form.MAX_MENTIONS:
-        return Intent(unclear=(wish.strip()[:_UNREAD],))
+        return Intent(unclear=(wish.strip()[:QUOTED],))
     return compose(text, _read(text, reader), now)
 
 

@@ -19,8 +19,8 @@ from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
 
 SURE = 0.9
-"""How likely the model must find a word for it to count, by wishes that it has not learnt from:
-more asks back more than it saves (docs/llm.md)."""
+"""How likely the model must find a word for it to count. Of wishes that it had not learnt from, 0.5
+made hardly more exact and nearly three times as many unsafe; 0.98 asked back more."""
 _HARD: frozenset[Kind] = frozenset({"robot", "share", "time", "policy"})
 _ALL = re.compile(r"\b(?:all|alle|allen|every(?:body|one)?|each|jede[nrs]?)\b", re.IGNORECASE)
 _WHOLE = ("all", "nobody")
@@ -35,7 +35,7 @@ def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
     *each, whole = said.likely
     if said.verdict == "nothing" and whole >= SURE:
         nothing = tuple[Role, ...]("none" for _ in plain.roles)
-        return Reading(nothing, "nothing", (_shortened(text),))
+        return Reading(nothing, "nothing", (text.whole,))
     sure = said.verdict in _WHOLE and whole >= SURE
     suspected = plain.suspected or (None,) * len(plain.roles)
     roles = tuple(
@@ -47,7 +47,7 @@ def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
     nobody = plain.nobody or (said.verdict == "nobody" and whole >= SURE)
     unclear = tuple(words for words in plain.unclear if not sure or _of_all(words, roles))
     if said.verdict == "part" and whole >= SURE and not unclear:
-        unclear = (_shortened(text),)
+        unclear = (text.whole,)
     reading = replace(plain, roles=roles, unclear=unclear, nobody=nobody)
     if not sure:
         return settle(text, reading)
@@ -83,7 +83,3 @@ def _of_all(words: str, roles: tuple[Role, ...]) -> bool:
     """Whether unclear words are about all robots where some are chosen: "use only R1, and use
     everybody"."""
     return bool(_ALL.search(words)) and not {"out", "only", "first"}.isdisjoint(roles)
-
-
-def _shortened(text: Text) -> str:
-    return text.wish.strip()[:200]

@@ -33,6 +33,10 @@ _BESIDES = {"ausser", "ohne", "without"}
 POLITE = {"please", "bitte", "hi", "hello", "hey", "hallo", "ok", "okay", *_ARTICLES}
 
 
+QUOTED = 200
+"""Characters of a wish that are told."""
+
+
 @dataclass(frozen=True, slots=True)
 class Text:
     """A wish, its words, and what it names, in order and apart."""
@@ -40,6 +44,11 @@ class Text:
     wish: str
     words: tuple[Word, ...]
     mentions: tuple[Mention, ...]
+
+    @property
+    def whole(self) -> str:
+        """The wish as it is asked back: its first QUOTED characters."""
+        return self.wish.strip()[:QUOTED]
 
     def said(self, first: int, last: int) -> str:
         """The wish's own characters from word `first` up to, not including, word `last`."""

@@ -35,7 +35,7 @@ RATE = 1e-3
 WARM = 0.05
 """Part of the steps in which the learning rate rises."""
 LEARNT = ("wishes-learnt.jsonl", "wishes-taught.jsonl")
-"""Wishes that people wrote: from the first the words were widened, too."""
+"""Wishes that people wrote: by those of the first, cue words were widened, too."""
 CHECKED = 256
 """Wishes of the validation split on which the loss is told."""
 
