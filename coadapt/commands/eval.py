@@ -33,6 +33,7 @@ def register(commands: Any) -> None:
     _add_fit_rates(experiments)
     _add_ways(experiments)
     _add_driven(experiments)
+    _add_oracle(experiments)
     published = experiments.add_parser(
         "published",
         help="what CoAdapt's published result files say",
@@ -103,6 +104,23 @@ def _add_driven(experiments: Any) -> None:
     _add_workers(parser)
     _add_folder(parser)
     parser.set_defaults(run=run_driven)
+
+
+def _add_oracle(experiments: Any) -> None:
+    parser = experiments.add_parser(
+        "oracle",
+        help="the best assignments that can be found by measuring, beside what is decided",
+        description="Searches the assignments of a window of each factory scenario by what they "
+        "bring, and compares what is decided with the best of them. Writes oracle.json and "
+        "oracle.md.",
+    )
+    parser.add_argument(
+        "--scenarios", type=comma_separated, default=[], metavar="NAMES",
+        help="comma-separated (default: all)",
+    )  # fmt: skip
+    _add_workers(parser)
+    _add_folder(parser)
+    parser.set_defaults(run=run_oracle)
 
 
 def _add_live(experiments: Any) -> None:
@@ -287,6 +305,16 @@ def run_driven(args: argparse.Namespace) -> int:
 
     suite = chosen(factory_suite(), args.scenarios)
     print(report(compare(suite, args.workers, args.output, advised=args.advised)))
+    return 0
+
+
+def run_oracle(args: argparse.Namespace) -> int:
+    """Searches, writes and prints the table. Raises EvaluationError for unknown names."""
+    from research.evaluation.ways.oracle import compare, report
+    from research.evaluation.windows.scenarios import chosen, factory_suite
+
+    suite = chosen(factory_suite(), args.scenarios)
+    print(report(compare(suite, args.workers, args.output)))
     return 0
 
 

@@ -171,16 +171,14 @@ def compare(
     return figures
 
 
-def drive_all(item: _Item) -> list[dict[str, float]]:
-    """What each policy brings in a scenario's window, as plain values."""
-    scenario, window = item.scenario, item.window
-    first = scenario.decision_frame(window)
-    drive = Drive(
+def drive_of(scenario: Scenario, window: int) -> Drive:
+    """A scenario's window, as an ego drives it."""
+    return Drive(
         world=scenario.world,
         seed=scenario.seed,
         robots=scenario.robots,
         ego=scenario.ego,
-        first=first,
+        first=scenario.decision_frame(window),
         frames=scenario.window_frames + SETTLED_FRAMES,
         kind=scenario.kind,
         rings=scenario.rings,
@@ -188,6 +186,12 @@ def drive_all(item: _Item) -> list[dict[str, float]]:
         pose_noise_m=scenario.pose_noise_m,
         pose_memory=True,
     )
+
+
+def drive_all(item: _Item) -> list[dict[str, float]]:
+    """What each policy brings in a scenario's window, as plain values."""
+    scenario, window = item.scenario, item.window
+    drive = drive_of(scenario, window)
     driven, from_s = Driven(drive), window * WINDOW_S
     mean_bps = scenario.link.mean_bps(from_s, from_s + drive.frames / driven.world.rate_hz)
     return [

@@ -50,6 +50,8 @@ class Going:
     """Robots that the decision names, or the way; of these, those in range."""
     ego_ms: float
     """The ego's work, by the model of compute."""
+    helping_ms: float
+    """What of that is for contributions, and the work of the robots that sent them."""
 
 
 def gone(driven: Driven, way: Way) -> list[Going | None]:
@@ -89,6 +91,8 @@ def gone(driven: Driven, way: Way) -> list[Going | None]:
                 len(here.forms),
                 here.taking_part,
                 _ego_ms(driven, [works[number][robot] for robot in came]),
+                sum(works[number][robot].add_ms for robot in came)
+                + sum(works[number][robot].encode_ms for robot in sent),
             )
         )
     return going

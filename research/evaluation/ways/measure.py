@@ -46,6 +46,8 @@ class Measured:
     """Frames, fused or skipped."""
     ego_ms: float = 0.0
     """The ego's work, by the model of compute."""
+    helping_ms: float = 0.0
+    """What of that is for contributions, and the work of the robots that sent them."""
     memory_ms: list[float] = field(default_factory=list)
     lost: int = 0
     """Objects that were told of, and then shown by nobody until a silence ended..."""
@@ -63,6 +65,7 @@ class Measured:
         self.taking_part += other.taking_part
         self.due += other.due
         self.ego_ms += other.ego_ms
+        self.helping_ms += other.helping_ms
         self.memory_ms += other.memory_ms
         self.lost += other.lost
         self.found_again += other.found_again
@@ -120,6 +123,7 @@ def measure(driven: Driven, way: Way, watching: Watching | None = None) -> Measu
         measured.came += len(came)
         measured.taking_part += now.taking_part
         measured.ego_ms += now.ego_ms
+        measured.helping_ms += now.helping_ms
         names = _names(world.ground_truth(frame).boxes, world.ground_truth(frame).ids, truth)
         if watching is not None:
             watching.add(world, frame, found, truth, names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from network_controller.profiles import Fixed
@@ -35,12 +35,13 @@ STATIC = (
     ("early", 5.0, 0.0),
     ("early", 2.0, 0.0),
     ("early", 2.0, BETWEEN_HZ["factory"][2.0]),
+    ("objects", 2.0, BETWEEN_HZ["factory"][2.0]),
     ("early", 1.0, BETWEEN_HZ["factory"][1.0]),
     ("late", 10.0, 0.0),
     ("late", 5.0, 0.0),
 )
-"""Algorithm, contributions a second, and how often places are asked about in between, of all,
-whatever the link."""
+"""Algorithm (or `objects`: points that may be objects only), contributions a second, and how often
+places are asked about in between, of all, whatever the link."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +67,21 @@ def ways(link: Link) -> tuple[Way, ...]:
         Way(SINGLE_FREE, decided=Decided("coverage", price=0.0), link=over),
         *(Way(name, decided=Decided(name), link=over) for name in SINGLE_POLICIES[:-1]),
         Way(RANDOM, decided=Decided(RANDOM, rarer=True), link=over),
-        *(
-            Way(name_of(*one), (one[:2],), in_turn=True, places_hz=one[2], link=over)
-            for one in STATIC
-        ),
+        *(replace(static(*one), link=over) for one in STATIC),
         Way(EVERYONE, (("early", 10.0),), memory=False, link=over),
         Way(CEILING, (("early", 10.0),)),
+    )
+
+
+def static(form: str, hz: float, places_hz: float) -> Way:
+    """Everybody does the same, as in STATIC."""
+    objects_only = form == "objects"
+    return Way(
+        name_of(form, hz, places_hz),
+        (("early" if objects_only else form, hz),),
+        in_turn=True,
+        places_hz=places_hz,
+        objects_only=objects_only,
     )
 
 

@@ -135,6 +135,17 @@ class Deciding:
         """Who takes part by the decision in force, the ego apart."""
         return self._decision.participants[1:] if self._decision else ()
 
+    @property
+    def assignments(self) -> tuple[Assignment, ...]:
+        """Who sends what, and how often, by the decision in force."""
+        decision = self._decision
+        if decision is None or decision.assignments:
+            return decision.assignments if decision else ()
+        return tuple(
+            Assignment(robot=one, algorithm=decision.algorithm, rate_hz=decision.rate_hz)
+            for one in self.participants
+        )
+
     def asked(self, number: int, frame: int) -> Mapping[str, str]:
         """The robots that send in the frame, the drive's so many-th, and what."""
         if number % self._every == 0 or self._decision is None:

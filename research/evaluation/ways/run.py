@@ -59,19 +59,10 @@ def ways() -> tuple[Way, ...]:
         for form, hz in (("early", 5.0), ("early", 2.0), ("early", 1.0), ("late", 5.0))
     ]
     focused = [
-        Way(narrow.name_of("early", hz, often), (("early", hz),), in_turn=True, places_hz=often)
+        narrow.static("early", hz, often)
         for hz, often in ((5.0, 10.0), (2.0, 10.0), (2.0, 5.0), (1.0, 10.0), (1.0, 5.0), (0.5, 5.0))
     ]
-    objects = [
-        Way(
-            narrow.name_of("objects", hz, often),
-            (("early", hz),),
-            in_turn=True,
-            places_hz=often,
-            objects_only=True,
-        )
-        for hz, often in ((5.0, 10.0), (2.0, 10.0))
-    ]
+    objects = [narrow.static("objects", hz, often) for hz, often in ((5.0, 10.0), (2.0, 10.0))]
     mixed = [
         Way(
             f"mixed-{near}-{near_hz:g}hz-{far}-{far_hz:g}hz-in-turn",

@@ -114,14 +114,8 @@ def random_assignments(
     `objects_from_hz` on these send only what may be an object; 0: never."""
 
     def sends(robot: str, form: str, hz: float, *, places: bool) -> Assignment:
-        places_hz = between_hz.get(hz, 0.0) if places and form in FOCUSING else 0.0
-        return Assignment(
-            robot=robot,
-            algorithm=form,
-            rate_hz=hz,
-            places_hz=places_hz,
-            objects_only=places_hz > 0.0 and 0.0 < objects_from_hz <= hz,
-        )
+        places_hz = between_hz.get(hz, 0.0) if places else 0.0
+        return assignment(robot, form, hz, places_hz, objects_from_hz)
 
     paired = [*((hz, False) for hz in PAIRED_HZ), *((hz, True) for hz in between_hz)]
     rng = np.random.default_rng(seed)
@@ -143,6 +137,21 @@ def random_assignments(
             sends(robot, str(form), float(hz), places=way % 2 == 1)
             for robot, form, hz in zip(chosen, forms, rates, strict=True)
         )
+
+
+def assignment(
+    robot: str, form: str, hz: float, places_hz: float, objects_from_hz: float
+) -> Assignment:
+    """That a robot sends this so often, and is asked about places so often where its form can tell
+    of them; from `objects_from_hz` on only what may be an object then, 0: never."""
+    places_hz = places_hz if form in FOCUSING else 0.0
+    return Assignment(
+        robot=robot,
+        algorithm=form,
+        rate_hz=hz,
+        places_hz=places_hz,
+        objects_only=places_hz > 0.0 and 0.0 < objects_from_hz <= hz,
+    )
 
 
 def _looks(driven: Driven) -> tuple[Look, ...]:
