@@ -15,6 +15,9 @@ from llm_gateway.wishes.times.phrases import LEFT
 
 _UP_TO = {"before", "till", "until", "by", "til"}
 """Before "then" they say nothing that the time itself does not."""
+_UNTIL = {"bis", "til", "till", "until"}
+_LONG = {"days", "minutes", "month", "months", "tage", "minuten", "monat", "week", "weeks", "woche",
+         "wochen"}  # fmt: skip
 _NUMBER = re.compile(r"[\d.,:]*\d[\d.,:]*")
 _LAST = {"last", "past", "letzte", "letzter", "letzten"}
 _WHOLE = {"all", "ganze", "whole"}
@@ -88,6 +91,20 @@ def question(text: Text, mention: Mention) -> str:
     said = text.said(mention.first, mention.last)
     asked = "" if mention.when is None else mention.when.question
     return f"{said} {asked}".strip()
+
+
+def unread_ends(text: Text, reading: Reading) -> list[str]:
+    """Words that tell until when, or for how long, where no such time was read at all."""
+    if any(m.when is not None and (m.when.until or m.when.lasts) for m in text.mentions):
+        return []
+    inside = {at for m in text.mentions for at in range(m.first, m.last)}
+    found = []
+    for at, word in enumerate(text.words):
+        long = word.text in _LONG and text.words[max(at - 2, 0)].text in {"for", "fuer"}
+        until = word.text in _UNTIL and not (word.text == "bis" and _reaches(text, reading, at))
+        if at not in inside and (long or until or _waits(text, at)) and not _is_talk(text, at):
+            found.append(text.said(at, min(at + 4, len(text.words))))
+    return found
 
 
 def _unread(text: Text, reading: Reading) -> list[str]:

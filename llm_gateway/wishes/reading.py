@@ -39,6 +39,8 @@ class Reading:
     verdict: Verdict = "all"
     unclear: tuple[str, ...] = ()
     """Words of the wish that these roles leave out."""
+    firm: tuple[str, ...] = ()
+    """What of these is asked back whatever a second witness says."""
     suspected: tuple[Role | None, ...] = ()
     """What is likely meant by words that are not plain, where their role is `doubt`: a second
     witness may say the same. Empty: nothing."""

@@ -12,11 +12,12 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from llm_gateway.wishes.account import question, settle
+from llm_gateway.wishes.account import question, settle, unread_ends
 from llm_gateway.wishes.clauses.voids import foreign
 from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
+from llm_gateway.wishes.times.ends import UNTIL
 
 SURE = 0.9
 """How likely the model must find a word for it to count. Of wishes that it had not learnt from, 0.5
@@ -39,20 +40,27 @@ def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
     sure = said.verdict in _WHOLE and whole >= SURE
     suspected = plain.suspected or (None,) * len(plain.roles)
     roles = tuple(
-        _role(mention, rule, suspicion, model, likely >= SURE, sure=sure)
+        rule
+        if rule == "doubt" and _ends(text, mention)
+        else _role(mention, rule, suspicion, model, likely >= SURE, sure=sure)
         for mention, rule, suspicion, model, likely in zip(
             text.mentions, plain.roles, suspected, said.roles, each, strict=True
         )
     )
     nobody = plain.nobody or (said.verdict == "nobody" and whole >= SURE)
-    unclear = tuple(words for words in plain.unclear if not sure or _of_all(words, roles))
+    kept = [words for words in plain.unclear if not sure or _of_all(words, roles)]
+    unclear = tuple(dict.fromkeys([*kept, *plain.firm]))
+    if nobody and not {"only", "first"}.isdisjoint(roles):
+        # Who is named beside it may be an exception.
+        nobody, unclear = False, (text.whole,)
     if said.verdict == "part" and whole >= SURE and not unclear:
         unclear = (text.whole,)
     reading = replace(plain, roles=roles, unclear=unclear, nobody=nobody)
     if not sure:
         return settle(text, reading)
-    # The model has read the whole wish, its numbers and asides, too.
-    asked = [
+    # The model has read the whole wish, its numbers and asides, too; but an end is no aside.
+    asked = unread_ends(text, reading)
+    asked += [
         question(text, mention)
         for mention, role in zip(text.mentions, roles, strict=True)
         if role == "doubt" or mention.kind == "unknown"
@@ -77,6 +85,12 @@ def _role(
         return "none" if sure and likely else rule
     alone = mention.kind in _HARD and suspected != model
     return "doubt" if alone or not likely else model
+
+
+def _ends(text: Text, mention: Mention) -> bool:
+    """Whether it says an end that no clock shows: "until last night"."""
+    when = mention.when
+    return when is not None and not when.clear and text.words[mention.first].text in UNTIL
 
 
 def _of_all(words: str, roles: tuple[Role, ...]) -> bool:

@@ -75,7 +75,7 @@ def _unbounded(draft: Draft) -> None:
         open_ = [n for n in draft.of(clause, "network") if draft.roles[n] in (None, "none")]
         rated = any(QUALITY.fullmatch(word) for word in clause.text.split())
         if (open_ and not linked) or (rated and "quality" not in draft.roles):
-            draft.doubt(clause)
+            draft.doubt(clause, firmly=True)
 
 
 def _resources(draft: Draft) -> None:

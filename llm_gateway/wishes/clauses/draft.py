@@ -48,6 +48,8 @@ class Draft:
     roles: list[Role | None]
     """Of each mention."""
     unclear: list[str] = field(default_factory=list)
+    firm: list[str] = field(default_factory=list)
+    """What is unclear whatever a model says."""
     doubted: list[int] = field(default_factory=list)
     """Robots that may be out, by words that are not plain."""
     suspected: dict[int, Role] = field(default_factory=dict)
@@ -86,8 +88,8 @@ class Draft:
         for number in numbers:
             self.roles[number] = role
 
-    def doubt(self, clause: Clause) -> None:
-        """Asks back about a clause."""
+    def doubt(self, clause: Clause, *, firmly: bool = False) -> None:
+        """Asks back about a clause; `firmly`: whatever a model says."""
         said = self.text.said(clause.first, clause.last).strip(" ,")
         if said:
-            self.unclear.append(said)
+            (self.firm if firmly else self.unclear).append(said)

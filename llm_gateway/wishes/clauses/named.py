@@ -11,6 +11,7 @@ from llm_gateway.wishes.clauses.parts import read_parts
 from llm_gateway.wishes.clauses.policies import read_policies
 from llm_gateway.wishes.clauses.reported import whereabouts
 from llm_gateway.wishes.clauses.roles import certain, robot_role
+from llm_gateway.wishes.clauses.traps import stays
 from llm_gateway.wishes.clauses.weighing import weight_role
 from llm_gateway.wishes.cues import common, resources, robots, speech
 from llm_gateway.wishes.names.mention import Mention
@@ -87,7 +88,7 @@ def _robots(draft: Draft, at: int, clause: Clause) -> None:
         if len(numbers) == 1:
             draft.suspected[numbers[0]] = role
         role = None if role == "out" else "doubt"
-    if role == "out" and at and _NOT_THIS.fullmatch(clause.text):
+    if role == "out" and at and (_NOT_THIS.fullmatch(clause.text) or stays(clause.text)):
         # "Skip R2, but not R3".
         before = {draft.roles[n] for n in draft.of(draft.clauses[at - 1], "robot")}
         skipped = before == {"out"} and not negated(draft.clauses[at - 1].text)

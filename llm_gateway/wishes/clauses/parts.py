@@ -6,6 +6,7 @@ import re
 
 from llm_gateway.wishes.clauses.clause import Clause
 from llm_gateway.wishes.clauses.draft import Draft
+from llm_gateway.wishes.clauses.traps import unbounded
 from llm_gateway.wishes.clauses.weighing import share_role
 from llm_gateway.wishes.cues import asides, resources
 from llm_gateway.wishes.reading import Role
@@ -57,7 +58,7 @@ def read_parts(draft: Draft, at: int, clause: Clause) -> None:
             role = said
     if role == "doubt":
         role = _again(draft, numbers[0])
-    _bound_share(draft, numbers[0], role)
+    _bound_share(draft, numbers[0], role, clause.text)
 
 
 def _again(draft: Draft, number: int) -> Role:
@@ -79,10 +80,14 @@ def _several_shares(draft: Draft, clause: Clause, numbers: list[int]) -> None:
     roles = [share_role(f"{piece} SHARE") for piece in pieces]
     if len(roles) != len(numbers) or len(set(roles)) != len(roles) or "doubt" in roles:
         roles = ["doubt"] * len(numbers)
-    for number, role in zip(numbers, roles, strict=True):
-        _bound_share(draft, number, role)
+    for number, role, piece in zip(numbers, roles, pieces, strict=False):
+        _bound_share(draft, number, role, f"{piece} SHARE")
 
 
-def _bound_share(draft: Draft, number: int, role: Role) -> None:
+def _bound_share(draft: Draft, number: int, role: Role, said: str) -> None:
     share = draft.text.mentions[number].share
-    draft.roles[number] = role if share is not None and share.possible else "doubt"
+    bounds = share is not None and share.possible
+    if bounds and role != "none":
+        linked = role in ("link", "free")
+        bounds = share is not None and not unbounded(said, share.value, linked=linked)
+    draft.roles[number] = role if bounds else "doubt"

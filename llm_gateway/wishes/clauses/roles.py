@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses.negations import negated
+from llm_gateway.wishes.clauses.traps import turned
 from llm_gateway.wishes.clauses.weighing import weight_role
 from llm_gateway.wishes.cues import common, fleet, robots
 from llm_gateway.wishes.cues.plain import bare, known, strange
@@ -103,7 +104,7 @@ def robot_role(text: str, *, alone: bool = False) -> Role | None:
         return "only"
     if robots.CONTRAST.search(text):
         return "doubt"
-    if _turned(text):
+    if _turned(text) or turned(text):
         return "doubt"
     if _NOT_ONLY.search(text) or ("NOBODYBUT" in text and robots.OUT.search(text)):
         return None if alone else "doubt"

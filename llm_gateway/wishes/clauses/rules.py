@@ -18,6 +18,7 @@ from llm_gateway.wishes.clauses.referred import read_referred
 from llm_gateway.wishes.clauses.reported import idle, only_reasons, others_need
 from llm_gateway.wishes.clauses.roles import asks, nobody
 from llm_gateway.wishes.clauses.strangers import doubt_strangers
+from llm_gateway.wishes.clauses.traps import doubt_traps, stays
 from llm_gateway.wishes.clauses.voids import foreign, reasons, tells
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
@@ -27,7 +28,7 @@ def read(text: Text) -> Reading:
     """The rules' reading of a wish; settle it (`account`) before anything is made of it."""
     if foreign(text):
         nothing = tuple[Role, ...]("none" for _ in text.mentions)
-        return Reading(nothing, "nothing", (text.wish.strip(),))
+        return Reading(nothing, "nothing", (text.whole,))
     draft = Draft.of_text(text)
     for at, clause in enumerate(draft.clauses):
         if not draft.void[at] and nobody(clause.text):
@@ -52,20 +53,28 @@ def read(text: Text) -> Reading:
             doubt_told(draft, clause)
     _tell_times(draft)
     doubt_clashes(draft)
+    doubt_traps(draft)
     roles = tuple[Role, ...](role or "none" for role in draft.roles)
     if draft.nobody and any(m.kind == "robot" for m in text.mentions):
         # Who is named beside it may be an exception.
         draft.nobody = False
         roles = tuple[Role, ...]("doubt" if role in ("only", "first") else role for role in roles)
-        draft.unclear.append(text.wish.strip())
+        draft.firm.append(text.whole)
     wished = draft.nobody or any(role not in ("none", "doubt", "when") for role in roles)
     verdict: Verdict = "all" if wished else "nothing"
-    if wished and (draft.unclear or "doubt" in roles):
+    unclear = tuple(dict.fromkeys([*draft.unclear, *draft.firm]))
+    if wished and (unclear or "doubt" in roles):
         verdict = "part"
     suspected = tuple(draft.suspected.get(n) for n in range(len(roles)))
-    unclear = tuple(dict.fromkeys(draft.unclear))
     return Reading(
-        roles, verdict, unclear, suspected, only_reasons(draft), measured(draft), draft.nobody
+        roles,
+        verdict,
+        unclear,
+        tuple(dict.fromkeys(draft.firm)),
+        suspected,
+        only_reasons(draft),
+        measured(draft),
+        draft.nobody,
     )
 
 
@@ -113,6 +122,7 @@ def _repeat(draft: Draft) -> None:
     """What is named twice has the role of where it has one; a short resource is to be saved."""
     mentions = draft.text.mentions
     asked = {n for c in draft.clauses if asks(c.text) for n in draft.of(c, "robot")}
+    kept = {n for c in draft.clauses if stays(c.text) for n in draft.of(c, "robot")}
     for number, mention in enumerate(mentions):
         if draft.roles[number] is not None:
             continue
@@ -125,6 +135,9 @@ def _repeat(draft: Draft) -> None:
         names = set(mention.names)
         roles = {role for role, same in others if short or names & same}
         covered = short or (names and names <= set().union(*(same for _, same in others)))
+        if roles == {"out"} and number in kept:
+            draft.roles[number] = "doubt"  # "Skip R1 and R2, but keep R2".
+            continue
         if roles == {"out"} and number in asked:
             continue  # "Skip R1. R1 must be asked".
         if len(roles) == 1 and covered and (number not in draft.doubted or "out" in roles):

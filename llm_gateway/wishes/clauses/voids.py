@@ -63,19 +63,8 @@ def foreign(text: Text) -> bool:
     corrected = re.search(r", (?:no|nein|nee|quatsch|wait|moment|halt) ,", said)
     if corrected or speech.CORRECTED.search(re.sub(r"[^a-z ]+ ?", "", said)):
         return True
-    named = _named(text)
+    named = text.capitals("robot", "unknown")
     return bool(speech.FOREIGN.search(said) or _SPEAKER.search(named) or _MYSELF.search(named))
-
-
-def _named(text: Text) -> str:
-    """The words, with robots in capitals."""
-    starts = {m.first: m for m in text.mentions if m.kind in ("robot", "unknown")}
-    pieces, at = [], 0
-    while at < len(text.words):
-        found = starts.get(at)
-        pieces.append(text.words[at].text if found is None else found.kind.upper())
-        at = at + 1 if found is None else found.last
-    return " ".join(pieces)
 
 
 def tells(clauses: Sequence[Clause], clause: Clause) -> bool:

@@ -12,6 +12,8 @@ from llm_gateway.wishes.reading import Role
 from llm_gateway.wishes.shares import QUALITY
 
 _NO_LONGER = re.compile(r"\b(nicht|nich|ned|net|nid|not|no|nie) (?:mehr|more|any ?more|longer)\b")
+_BOUNDED = re.compile(r"\b(?:at )?(?:least|less than|lower than|most) SHARE\b")
+"""Says how much of something else, not how much a thing counts."""
 _NOT_ENOUGH = re.compile(
     r"\b(?:cant|cannot|can not|kann\w*|koenn\w*) (?:\w+ )*(?:enough|genug|too careful|zu "
     r"vorsichtig)\b"
@@ -90,7 +92,7 @@ _MOST_OF_ALL = re.compile(
 
 def weight_role(text: str) -> Role | None:
     """What a clause says of the place or the class that it names."""
-    text = _NO_LONGER.sub(r"\1", text)
+    text = _BOUNDED.sub("SHARE", _NO_LONGER.sub(r"\1", text))
     if (superlative := _MOST_OF_ALL.search(text)) is not None:
         return "low" if re.match(r"less|weniger|unwichtig", superlative[1] or "") else "high"
     if (utmost := _UTMOST.search(text)) is not None and common.NOT.search(text):

@@ -81,7 +81,7 @@ AGAIN = any_of(
 """Takes back rather than wishes."""
 FOREIGN = re.compile(
     r"[\"“”„«»{}<>`|\\]{1}(?!\s*(?:ROBOT|TIME|SHARE))|\b(?:system|assistant|user) ?:|\b(?:"
-    r"(?<!i )say(?! (?:by|for|from|till|until)\b)|"
+    r"(?<!i )say(?! (?:by|for|from|half|noon|quarter|till|until)\b| [0-9])|"
     r"says|said(?! again)|sagt|sagte|nachricht|message|reads|(?:hier|da|dort) steht|"
     r"steht :|repeat (?:after|this|the|what|your|everything|all)|translate|"
     r"uebersetz\w*|instructions?|instruktion\w*|prompt|anweisung\w*|you are (?:now|a|an)|du bist|"

@@ -25,6 +25,10 @@ VERBS = frozenset(
 """Behind a name they begin to say something of it alone."""
 _ONE_DOES = {"bleibt", "darf", "geht", "gets", "goes", "is", "isnt", "ist", "kann", "muss", "needs",
              "soll", "stays"}  # fmt: skip
+_ASKS = {"ask", "asks", "dann", "first", "frag", "fragt", "nutzt", "query", "then", "use",
+         "verwendet", "zuerst"}  # fmt: skip
+_OUT = {"aus", "never", "nie", "off", "out", "raus", "weg"}
+"""Behind a second list they say the opposite of what these say before the first."""
 _MODALS = {"can", "cant", "may", "must", "mustnt", "should", "shouldnt", "will", "wont"}
 _ACTS = (robots.OUT, robots.FIRST, robots.UNUSED, re.compile("but|except|just|nur|only"))
 """Before a list they wish something of it."""
@@ -49,6 +53,17 @@ class Text:
     def whole(self) -> str:
         """The wish as it is asked back: its first QUOTED characters."""
         return self.wish.strip()[:QUOTED]
+
+    def capitals(self, *kinds: Kind) -> str:
+        """Its words and signs, with the kind of what it names in capitals; of these kinds, if any
+        is given."""
+        named = {m.first: m for m in self.mentions if not kinds or m.kind in kinds}
+        pieces, at = [], 0
+        while at < len(self.words):
+            found = named.get(at)
+            pieces.append(self.words[at].text if found is None else found.kind.upper())
+            at = at + 1 if found is None else found.last
+        return " ".join(pieces)
 
     def said(self, first: int, last: int) -> str:
         """The wish's own characters from word `first` up to, not including, word `last`."""
@@ -114,5 +129,7 @@ def _parted(cut: Sequence[Word], held: Mention, mention: Mention) -> bool:
     if mention.kind == "robot" and not between.isdisjoint({"and", "und"}):
         verbs = _ONE_DOES | _MODALS if "," in between else _ONE_DOES
         return behind in verbs and any(cue.fullmatch(before) for cue in _ACTS)
+    if between <= {",", "-", "–"} and before in _ASKS and behind in _OUT:
+        return True
     parts = between == {","} and behind in VERBS
     return parts and before.isalpha() and before not in {"and", "und", "so", *POLITE}

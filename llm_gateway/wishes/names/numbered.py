@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 from llm_gateway.wishes.cues.plain import known
 from llm_gateway.wishes.names import lexicon
@@ -28,6 +28,8 @@ _RANKS = {"are", "as", "is", "its", "my", "our", "ist", "sind", "als"}
 """Before "number one" they say how much something counts."""
 _RANKED = {"concern", "job", "priority", "rule", "thing", "worry"}
 """So they do behind it, or before it."""
+_TILL = {"til", "till", "until"}
+"""Between two numbers of several robots they mean a range, too: no robot is alone then."""
 _REST = {"even": 0, "geraden": 0, "odd": 1, "ungeraden": 1}
 _NUMBERS = {"number", "numbers", "numbered", "nummern"}
 """Behind "odd" they say that robots are told by what is left of their numbers, halved."""
@@ -118,7 +120,8 @@ class Numbered:
                 here += 1
         if not numbers:
             return None
-        high = self._high(numbers[-1], last)
+        till = len(numbers) == 1 and self._several(at)
+        high = self._high(numbers[-1], last, RANGE | _TILL if till else RANGE)
         if high is not None:
             plain = self._several(at) and (len(numbers) == 1 or self._text(last) != "bis")
             # More numbers than robots: some have none, and nobody counts to a billion.
@@ -127,9 +130,10 @@ class Numbered:
             last = high[1]
         return named(at, last, numbers, self._robots)
 
-    def _high(self, low: int, at: int) -> tuple[int, int] | None:
-        """The last robot's number of a range, behind its first one, and the word behind it."""
-        if self._text(at) not in RANGE:
+    def _high(self, low: int, at: int, signs: Set[str]) -> tuple[int, int] | None:
+        """The last robot's number of a range, behind its first one and one of the signs, and the
+        word behind it."""
+        if self._text(at) not in signs:
             return None
         found = self._number(at + 1)
         if found is None or self._cut.counts(found[1]) or found[0] <= low:

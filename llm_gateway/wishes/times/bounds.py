@@ -14,6 +14,8 @@ from llm_gateway.wishes.words import Word, text_at
 _NOBODY = {"nobody", "none", "niemand", "niemanden", "noone", "without", "ohne"}
 _FAR = 8
 """Words before "before" among which somebody is left out."""
+_BEFORE = 40
+"""Words before "then" among which its hour was said."""
 _ASKED = {"anfragen", "ansprechen", "einplanen", "einsetzen", "fragen", "mitnehmen", "nehmen",
           "nutzen", "stoeren", "verwenden"}  # fmt: skip
 """Behind "nicht vor acht" they say of whom it is told that he is left out until then."""
@@ -65,7 +67,7 @@ def _then(words: Sequence[Word], at: int, now: datetime) -> When | None:
 
 def _said(words: Sequence[Word], at: int) -> clock.Point | None:
     """The last hour before a word."""
-    for begin in range(at - 1, -1, -1):
+    for begin in range(at - 1, max(-1, at - _BEFORE), -1):
         point = clock.point_at(words, begin)
         if point is None or point[0].hour is None or point[1] > at:
             continue

@@ -49,6 +49,8 @@ _NOISE = {"at", "um", "the", "in", "am", "on", "this", "diesen", "dieser", "dies
           "ca", "circa", "about", "around", "etwa",
           "ungefaehr", "dem", "den", "zum", "zur", "gegen", "dann", "sharp", "exactly", "genau",
           "punkt", "next", "like", "so", "klock"}  # fmt: skip
+_MOST_NOISE = 8
+"""Words that tell nothing, one behind the other, before a time is given up."""
 _LEAP = 2000
 """A year that has every date."""
 _HALVES = {"am": 0, "pm": 12, "a.m": 0, "p.m": 12}
@@ -83,7 +85,7 @@ def point_at(words: Sequence[Word], at: int) -> tuple[Point, int] | None:
     found = Point()
     end = at
     here = at
-    while here < len(words):
+    while here < min(len(words), end + _MOST_NOISE):
         step = _day(words, here, found) or _hour(words, here, found) or _part(words, here, found)
         if step is not None:
             found, here = step

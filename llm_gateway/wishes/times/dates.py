@@ -16,8 +16,11 @@ _MONTHS = (
 )  # fmt: skip
 _DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})")
 _WITH_YEAR = re.compile(r"(\d{1,2})\.(\d{1,2})\.([12]\d{3})")
-_LEADS = re.compile(r"am|den|dem|(?:mon|diens|donners|frei|sams|sonn)tag|mittwoch")
+_LEADS = re.compile(r"ab|am|bis|den|dem|vom|zum|(?:mon|diens|donners|frei|sams|sonn)tag|mittwoch")
 """Before two numbers with a full stop they say that these are a day and a month."""
+_UNTIL = {"ab", "bis"}
+"""They lead to an hour as well: in the middle of a sentence the full stop tells."""
+_OF_YEAR = range(1, len(_MONTHS) + 1)
 _ORDINAL = {"st", "nd", "rd", "th", "."}
 _YEAR_DIGITS = 4
 
@@ -66,6 +69,8 @@ def _dotted(words: Sequence[Word], at: int) -> Dated | None:
     before = text_at(words, at - 1 - (text_at(words, at - 1) == ","))
     if found is None or text_at(words, at + 1) != "." or not _LEADS.fullmatch(before):
         return None
+    if before in _UNTIL and (int(found[2]) not in _OF_YEAR or not text_at(words, at + 2)):
+        return None  # "Bis 18.30." ends a sentence.
     return Dated(int(found[1]), int(found[2]), None, at + 2)
 
 

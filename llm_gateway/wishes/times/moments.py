@@ -38,7 +38,10 @@ def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
         return _first(_on(day, hours, point.minute), after)
     if point.weekday is not None:
         day = today + timedelta(days=(point.weekday - today.weekday()) % 7)
-        best = _first(_morning_first(_on(day, hours, point.minute)), after)
+        face = _on(day, hours, point.minute)
+        best = _first(_morning_first(face), after)
+        if best is not None and day == today and best != face[0]:
+            return None  # "Monday 10:00", said on a Monday at 14:00: nobody knows which one.
         later = _on(day + timedelta(days=7), hours, point.minute)
         return best or _first(_morning_first(later), after)
     if point.days:

@@ -203,12 +203,33 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if long is None:
         return None
     long = with_more(words, with_part(words, long))
+    if here == at and (apart := _apart(words, at, long, now)) is not None:
+        return apart
     last = long[1] + (1 if text_at(words, long[1]) in {"lang", "long"} else 0)
     if text_at(words, last) in {"ago", "earlier"} or text_at(words, at - 1) in _SINCE | _REPEATED:
         past = text_at(words, at - 1) not in _REPEATED
         end = last + (1 if text_at(words, last) in {"ago", "earlier"} else 0)
         return When(at, end, clear=False, past=past)
     return When(at, last, lasts=long[0])
+
+
+def _apart(
+    words: Sequence[Word], at: int, long: tuple[timedelta, int], now: datetime
+) -> When | None:
+    """ "Two hours from now", "two hours later", "ten minutes after six": how far off a time is."""
+    lasts, end = long
+    behind = text_at(words, end)
+    until = text_at(words, at - 1) in UNTIL
+    if behind == "from" and text_at(words, end + 1) == "now":
+        if until:
+            return When(at - 1, end + 2, until=now + lasts)
+        return When(at, end + 2, start=now + lasts)
+    if behind in {"later", "spaeter"}:
+        return When(at, end + 1, clear=False)  # Than now, or than something else.
+    point = clock.point_at(words, end + 1) if behind in {"after", "before", "nach", "vor"} else None
+    if point is None or (point[0].hour is None and point[0].part not in clock.EXACT):
+        return None
+    return When(at, point[1], clear=False)
 
 
 def _bare_span(words: Sequence[Word], at: int, now: datetime) -> When | None:

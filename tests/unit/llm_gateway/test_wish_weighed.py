@@ -114,6 +114,14 @@ def test_nobody_may_be_said_by_the_model() -> None:
         ("leave R3 out from 8 to 10 today", [("out", 1.0), ("none", 1.0), ("all", 1.0)]),
         ("leave R3 out from 8 to 10 today", [("out", 1.0), ("when", 1.0), ("all", 1.0)]),
         ("only R2, and leave R2 out", [("only", 1.0), ("out", 1.0), ("all", 1.0)]),
+        ("skip R3 until last night", [("out", 1.0), ("none", 1.0), ("all", 1.0)]),
+        ("skip R3 for a week", [("out", 1.0), ("all", 1.0)]),
+        ("skip R3 after the break", [("out", 1.0), ("all", 1.0)]),
+        ("skip R3, well, until five, I mean six", [("out", 1.0), ("when", 1.0), ("all", 1.0)]),
+        ("skip R3 and whoever is slow", [("out", 1.0), ("all", 1.0)]),
+        ("Ask nobody. R3 is out.", [("out", 1.0), ("all", 1.0)]),
+        ("Ask nobody but R3", [("only", 1.0), ("nobody", 1.0)]),
+        ("R3 first, ask nobody today", [("first", 1.0), ("none", 1.0), ("nobody", 1.0)]),
     ],
 )
 def test_names_that_do_not_exist_times_that_are_over_and_contradictions_are_codes_to_tell(
