@@ -30,7 +30,7 @@ from ego_agent.metrics import EgoMetrics
 from ego_agent.monitor.leading import Alone, Lead
 from ego_agent.monitor.own_duty import OwnDuty
 from ego_agent.monitor.snapshot import Monitor
-from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.arrivals import Arrivals, bounded
 from ego_agent.plan.choices.options import Compared, compare
 from ego_agent.plan.choices.scoring import Scorer
 from ego_agent.plan.choices.weigh import weigh
@@ -235,7 +235,7 @@ class EgoAgent:
                 wishes,
                 on_compared=compared.append,
             )
-            doubts = doubted(snapshot, self.knowledge.objective, self._usual_body)
+            doubts = bounded(doubted(snapshot, self.knowledge.objective, self._usual_body))
             decision = msgspec.structs.replace(
                 decision, probe=self._probe, doubted=doubts, remarks=remarks(snapshot)
             )

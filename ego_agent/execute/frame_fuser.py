@@ -29,6 +29,8 @@ from swarm.log import Logger
 
 RECENT = 6
 """Frames that late contributions may still belong to."""
+OF_LATE_NS = 5 * 10**9
+"""By what a pose was off so long ago says nothing of a contribution that comes late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +110,9 @@ class FrameFuser:
         self._memory = memory
         self._poses = poses
         self._recent: deque[_Fused] = deque(maxlen=RECENT)
-        self._corrections: dict[str, Matrix] = {}
-        """By what each participant's pose was put right last, 4 x 4 in the world frame."""
+        self._corrections: dict[str, tuple[int, Matrix]] = {}
+        """By what each participant's pose was put right last, 4 x 4 in the world frame, and in
+        which frame, by its capture."""
         self.remembered: Remembered | None = None
         """What was there at the newest frame; None without a memory. Any thread may read."""
         self.suspected: Suspected | None = None
@@ -155,7 +158,12 @@ class FrameFuser:
         taken = [c for c in done.contributions if c.robot not in rejected]
         used = tuple(c.robot for c in taken)
         self._recent.append(_Fused(frame, taken, corrections))
-        self._corrections |= corrections
+        self._corrections |= {r: (own.capture_ns, by) for r, by in corrections.items()}
+        self._corrections = {
+            robot: (at_ns, by)
+            for robot, (at_ns, by) in self._corrections.items()
+            if 0 <= own.capture_ns - at_ns <= OF_LATE_NS
+        }
         judged_as = self._judged_as(frame, used)
         known = self._known_at(own, corrections)
         believed = _believed(known, frame)
@@ -163,10 +171,12 @@ class FrameFuser:
         clouds[self._ego] = (own.points, own.world_from_sensor)
         tracks = self._remembered(frame, judged_as, found, frozenset(used), believed, clouds)
         self.remembered = tracks
-        self.suspected = None
         asks = any(one.places_hz > 0.0 for one in frame.decision.assignments)
+        there = None
         if asks and tracks is not None and self._memory is not None:
-            self.suspected = Suspected(own.capture_ns * 1e-9, suspected(self._memory, believed))
+            there = Suspected(own.capture_ns * 1e-9, suspected(self._memory, believed))
+        # Whoever asks for the next frame meanwhile goes by what was there before.
+        self.suspected = there
         places = done.focused(done.questions)
         for robot in {*used, *left_out} - places:
             self._knowledge.placing.record(robot, placed=robot not in left_out)
@@ -176,7 +186,12 @@ class FrameFuser:
         lighter = len(places & {*used})
         contributions = len(used) - lighter + LIGHTER * lighter
         own_costs = self._knowledge.own_costs
-        own_costs.record(frame.algorithm, contributions, fixed_s, add_s, work_s)
+        if isinstance(frame.fusion, Mixed):
+            # What its contributions take differs by form, the rest does not.
+            for form in frame.fusion.forms:
+                own_costs.record(form, 0.0, fixed_s, 0.0, 0.0)
+        else:
+            own_costs.record(frame.algorithm, contributions, fixed_s, add_s, work_s)
         assert done.closed_at is not None
         return FrameResult(
             own=own,
@@ -211,7 +226,7 @@ class FrameFuser:
     def _amend(self, fused: _Fused, more: list[Contribution]) -> int:
         frame, own = fused.frame, fused.frame.own
         gathering = frame.fusion.begin(own.points, own.world_from_sensor)
-        held = self._corrections | fused.corrections
+        held = {robot: by for robot, (_, by) in self._corrections.items()} | fused.corrections
         gathering.remembered = Held(held, own.world_from_sensor)
         taken: list[Contribution] = []
         for contribution in (*fused.used, *more):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
@@ -46,6 +47,9 @@ from swarm.session import Session
 
 MAX_WAIT_S = 0.5
 """The loop looks at least this often whether it should stop, also when the clock was put back."""
+
+MISSED = 10
+"""Frames without a scan of their own whose robots are asked in the next one."""
 
 TIMELY_SCANS = 1.1
 """Lag that a frame tolerates. Robots that share processors with the ego fall one scan behind when
@@ -107,6 +111,8 @@ class FusionLoop:
         self._rate_hz = rate_hz
         self._probed: Decision | None = None
         """The decision whose probe has been sent."""
+        self._without_scan: deque[int] = deque(maxlen=MISSED)
+        """Numbers of frames, among fused ones, that had no scan of their own."""
         self._deadline_s = deadline_s
         self._probe_after_s = probe_after_s
         self._followed_s = 0.0
@@ -160,6 +166,7 @@ class FusionLoop:
 
     def _ask_frames(self, turned: Turned) -> None:
         last: int | None = None
+        captured_ns = -1
         while not self._stop.is_set():
             turned()
             decision = self._decision
@@ -180,7 +187,11 @@ class FusionLoop:
                 own = self._sensor.read(frame)
                 if own is None:
                     self._tally.failed()
+                elif own.capture_ns == captured_ns:
+                    # A sensor that is slower, or late: there is nothing new to fuse.
+                    self._without_scan.append(frame // step)
                 else:
+                    captured_ns = own.capture_ns
                     self._pipeline.put(self._asked(decision, own))
             except Exception:
                 self._failed(frame)
@@ -225,13 +236,19 @@ class FusionLoop:
 
     def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
         """Begins a frame and asks its robots."""
-        step = stride(decision, self._sensor.rate_hz, self._rate_hz)
-        forms = {
-            robot: algorithm_of(decision, robot)
+        numbers = self._numbers(decision, own)
+        turns = {
+            robot: next(n for n in numbers if due(decision, robot, n))
             for robot in decision.participants
-            if robot != self._ego and due(decision, robot, own.frame // step)
+            if robot != self._ego and any(due(decision, robot, n) for n in numbers)
         }
-        about = self._about_places(decision, own.frame // step)
+        forms = {robot: algorithm_of(decision, robot) for robot in turns}
+        about = {
+            robot: form
+            for n in numbers
+            for robot, form in self._about_places(decision, n).items()
+            if robot not in forms
+        }
         places = self._places(own) if about else b""
         if not places:
             about = {}
@@ -246,8 +263,8 @@ class FusionLoop:
         questions = {}
         # Without a memory of what is there nobody is asked about what is new.
         remembers = self._fuser.suspected is not None
-        objects = sends_objects(decision, own.frame // step) if remembers else frozenset()
         for robot, form in forms.items():
+            objects = sends_objects(decision, turns[robot]) if remembers else frozenset()
             of_objects = robot in objects and self._fusions[form].focuses
             ask = replace(tell[form], objects_only=of_objects)
             rate_hz = rate_of(decision, robot)
@@ -266,6 +283,14 @@ class FusionLoop:
             self._session, questions, own.capture_ns, decision.deadline_s or self._deadline_s
         )
         return AskedFrame(decision, own, algorithm, fusion, gathering, done)
+
+    def _numbers(self, decision: Decision, own: OwnFrame) -> tuple[int, ...]:
+        """Whose turn it is in the frame of `own`: its number among fused frames, and before it
+        those of frames that had no scan of their own."""
+        number = own.frame // stride(decision, self._sensor.rate_hz, self._rate_hz)
+        missed = [n for n in self._without_scan if number - MISSED <= n < number]
+        self._without_scan.clear()
+        return (*missed, number)
 
     def _places(self, own: OwnFrame) -> bytes:
         """Where something is remembered; empty where nothing is, or nothing is known of late."""

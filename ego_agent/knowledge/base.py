@@ -51,6 +51,11 @@ class CycleResult:
     """Median over the cycle's frames, from the first query to the fused boxes."""
 
 
+PARTS_AGE_NS = 600 * 10**9
+"""How long it is known what robots send that are asked for a part only: one that sends all the same
+is not asked so again every few seconds."""
+
+
 class Knowledge:
     """What the stages of the control cycle share.
 
@@ -179,14 +184,15 @@ class Knowledge:
         """
         sizes: dict[Algorithm, int] = {}
         for algorithm in self.algorithms:
-            size = self._measured(robot, algorithm, now_ns) or announced.get(algorithm, 0)
+            measured = self._measured(robot, algorithm, now_ns, self._max_age_ns)
+            size = measured or announced.get(algorithm, 0)
             if 0 < size <= MAX_MESSAGE_BYTES:
                 sizes[algorithm] = size
         return sizes
 
     def focused_sizes(self, robot: str, now_ns: int) -> dict[Algorithm, int]:
         """Bytes of one answer about places, by algorithm: the median of the receipts of the last
-        seconds. Those of which nothing came are left out."""
+        seconds, else of the last PARTS_AGE_NS. Those of which nothing came are left out."""
         return self._sizes_of_part(robot, FOCUSED, now_ns)
 
     def object_sizes(self, robot: str, now_ns: int) -> dict[Algorithm, int]:
@@ -194,14 +200,21 @@ class Knowledge:
         return self._sizes_of_part(robot, OBJECTS, now_ns)
 
     def _sizes_of_part(self, robot: str, part: str, now_ns: int) -> dict[Algorithm, int]:
-        sizes = {name: self._measured(robot, name + part, now_ns) for name in self.algorithms}
-        return {name: size for name, size in sizes.items() if size}
+        sizes = {}
+        for name in self.algorithms:
+            for max_age_ns in (self._max_age_ns, PARTS_AGE_NS):
+                size = self._measured(robot, name + part, now_ns, max_age_ns)
+                if size:
+                    sizes[name] = size
+                    break
+        return sizes
 
-    def _measured(self, robot: str, algorithm: str, now_ns: int) -> int:
-        """The median of recent receipts in bytes; 0 when there is none."""
+    def _measured(self, robot: str, algorithm: str, now_ns: int, max_age_ns: int) -> int:
+        """The median of receipts that are no older, in bytes; 0 when there is none."""
         with self._lock:
             series = tuple(self._sizes.get((robot, algorithm), ()))
-        recent = [size for at_ns, size in series if now_ns - at_ns <= self._max_age_ns]
+        # Of a clock that was put back nothing is recent.
+        recent = [size for at_ns, size in series if 0 <= now_ns - at_ns <= max_age_ns]
         return round(median(recent)) if recent else 0
 
     def record_result(self, result: CycleResult) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
+from collections.abc import Callable
 from statistics import median
 
 from ego_agent.knowledge.answers import little
@@ -18,11 +20,18 @@ WORKED_FRAMES = 100
 """Frames of which a low processor time counts (`LITTLE`)."""
 
 
+KNOWN_S = 30.0
+"""For so long after its last frame it is known what an algorithm costs: what was slow when the
+machine was busy is worth another try."""
+
+
 class OwnCosts:
     """Seconds of the ego's work a frame. The fusion thread records, the control cycle reads."""
 
-    def __init__(self) -> None:
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
         self._lock = threading.Lock()
+        self._newest_s: dict[Algorithm, float] = {}
         self._fixed_s: dict[Algorithm, deque[float]] = {}
         self._add_s: dict[Algorithm, deque[float]] = {}
         self._work_s: dict[Algorithm, deque[float]] = {}
@@ -38,6 +47,8 @@ class OwnCosts:
         """Notes a fused frame: `fixed_s` whoever takes part, `add_s` for taking up all
         contributions, `work_s` the processor time of that. One about places counts as LIGHTER."""
         with self._lock:
+            self._forget_old(algorithm)
+            self._newest_s[algorithm] = self._now_s()
             self._fixed_s.setdefault(algorithm, deque(maxlen=FRAMES)).append(fixed_s)
             if contributions:
                 added = self._add_s.setdefault(algorithm, deque(maxlen=FRAMES))
@@ -48,12 +59,14 @@ class OwnCosts:
     def frame_s(self, algorithm: Algorithm, contributions: int) -> float:
         """What a frame with that many contributions takes; 0 where nothing is known."""
         with self._lock:
+            self._forget_old(algorithm)
             fixed = median(self._fixed_s.get(algorithm, (0.0,)))
             return fixed + contributions * median(self._add_s.get(algorithm, (0.0,)))
 
     def add_s(self, algorithm: Algorithm) -> float | None:
         """What taking one contribution up lasts; None where nothing is known."""
         with self._lock:
+            self._forget_old(algorithm)
             known = self._add_s.get(algorithm)
             return median(known) if known else None
 
@@ -61,5 +74,12 @@ class OwnCosts:
         """Processor time that one contribution takes when little else runs; None where nothing is
         known."""
         with self._lock:
+            self._forget_old(algorithm)
             known = self._work_s.get(algorithm)
             return little(known) if known else None
+
+    def _forget_old(self, algorithm: Algorithm) -> None:
+        newest_s = self._newest_s.get(algorithm)
+        if newest_s is not None and self._now_s() - newest_s > KNOWN_S:
+            for known in (self._newest_s, self._fixed_s, self._add_s, self._work_s):
+                known.pop(algorithm, None)

@@ -85,9 +85,9 @@ class Arrivals:
             reason=f"{decision.reason} {said}" if said else decision.reason,
             quality=quality,
             blind=blind,
-            excluded=_bounded(scene.excluded if scene else {}),
-            silent=_bounded(silent),
-            ages_s=_bounded(ages),
+            excluded=bounded(scene.excluded if scene else {}),
+            silent=bounded(silent),
+            ages_s=bounded(ages),
         )
 
     def _blind(self, decision: Decision, scene: UnifiedScene | None, chosen: list[str]) -> str:
@@ -113,5 +113,6 @@ def _cycles(count: int) -> str:
     return f"{count} cycle" + ("s" if count != 1 else "")
 
 
-def _bounded(values: Mapping[str, V]) -> dict[str, V]:
+def bounded(values: Mapping[str, V]) -> dict[str, V]:
+    """What is told of robots by name, of as many as a message may name."""
     return dict(sorted(values.items())[:MAX_NAMED])

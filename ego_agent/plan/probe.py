@@ -82,7 +82,8 @@ class Prober:
             if now_s - sent.at_s >= FIRST_S:
                 self._sent, self._due_s = None, now_s
             return
-        came = told.answer_s <= sent.deadline_s
+        # What is only known to take longer than some time has not come.
+        came = not told.at_least and told.answer_s <= sent.deadline_s
         self._sent = None
         # After a success the next robot is asked at once.
         self._due_s = now_s if came else now_s + self._wait_s

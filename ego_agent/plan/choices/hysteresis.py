@@ -9,13 +9,14 @@ import msgspec
 from ego_agent.knowledge.learnt import ANOTHER_LINK
 from ego_agent.plan.choices.mixes import Mixes
 from ego_agent.plan.choices.scoring import Score, Scorer
-from swarm.messages import Assignment, Decision
+from swarm.messages import Decision
 
 ARRIVES = 0.5
 """Of a decision whose contributions are in time less often than this, on average, nothing comes."""
 MORE_HEARD = 2
 """Where more than this many times as many robots may take part as in the cycle before, because they
 are heard again, what was chosen of those few need not stand."""
+_Sends = tuple[str, str, float]
 MAX_CYCLE_S = 5.0
 """A decision is taken to have been in force no longer than this until the next one, however the
 clock jumps."""
@@ -56,7 +57,10 @@ def still_possible(
 def _still_assigned(mixes: Mixes, previous: Decision) -> Score | None:
     """The same of a decision with assignments."""
     if mixes.scorer.pace.rate_hz != previous.rate_hz:
-        return None
+        scorer = mixes.scorer.at_rate(previous.rate_hz)
+        if scorer.pace.rate_hz != previous.rate_hz:
+            return None
+        mixes = Mixes(scorer)
     able = [one for one in previous.assignments if mixes.can(one)]
     if not able:
         return None
@@ -135,7 +139,8 @@ def held(decision: Decision, previous: Decision | None, now_ns: int) -> Decision
     return msgspec.structs.replace(decision, held_s=held_s)
 
 
-def _choice(decision: Decision) -> tuple[frozenset[str], str, float, frozenset[Assignment]]:
-    """What a change of a decision changes."""
-    rates = frozenset(decision.assignments)
+def _choice(decision: Decision) -> tuple[frozenset[str], str, float, frozenset[_Sends]]:
+    """What a change of a decision changes; what a robot that is asked for a part sends may turn
+    out otherwise."""
+    rates = frozenset((one.robot, one.algorithm, one.rate_hz) for one in decision.assignments)
     return frozenset(decision.participants), decision.algorithm, decision.rate_hz, rates

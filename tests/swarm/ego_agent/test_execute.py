@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -18,6 +19,7 @@ from swarm import keyspace
 from swarm.arrays import unpack_finite
 from swarm.errors import PerceptionError
 from swarm.messages import Assignment, Beacon, Detections, Observation, ObservationRequest
+from swarm.process import capture_ns
 from swarm.session import Session
 from tests.support.ego_hall import (  # noqa: F401
     Ego,
@@ -359,6 +361,30 @@ def test_the_loop_publishes_a_result_for_every_frame_it_does_not_skip(
     assert unpack_finite(last.velocities, "velocities", 2) == pytest.approx(0.0, abs=0.1)
     assert unpack_finite(last.ages_s, "ages_s", 1).tolist() == [[0.0], [0.0]]
     assert sorted(unpack_finite(last.boxes, "boxes", 7)[:, 1].round()) == [0.0, 10.0]
+
+
+def test_a_sensor_that_is_slower_makes_a_frame_of_each_scan_only(
+    swarm: Swarm, ego: Ego, hall: Hall, robot: RobotStarter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot("R2", honest(hall, "R2"))
+    scan = hall.scan
+
+    def every_other(name: str, frame: int) -> Scan:
+        captured_ns = capture_ns(ego.epoch_ns, hall.rate_hz, frame - frame % 2)
+        return replace(scan(name, frame), captured_ns=captured_ns)
+
+    monkeypatch.setattr(hall, "scan", every_other)
+    heard: MessageLog[Detections] = swarm.detections(swarm.session(), "R1")
+    # Its turn comes in frames that have no scan of their own, too.
+    turns = tuple(Assignment(robot=r, algorithm="early", rate_hz=5.0) for r in ("R0", "R2"))
+    sometimes = msgspec.structs.replace(decision("R2"), assignments=turns)
+    assert {due(sometimes, "R2", frame) for frame in range(0, 10, 2)} == {False}
+    ego.loop.follow(sometimes)
+    ego.loop.start()
+    seen = [heard.until(lambda d: d.participants == ("R1", "R2")) for _ in range(4)]
+    ego.loop.stop()
+    times = [one.capture_ns for one in seen]
+    assert times == sorted(set(times))
 
 
 def test_who_is_assigned_a_lower_rate_is_asked_in_its_turn(

@@ -8,10 +8,11 @@ import pytest
 
 from ego_agent.analyze.scene import analyze
 from ego_agent.knowledge.tally import Tally
-from ego_agent.plan.arrivals import Arrivals
+from ego_agent.plan.arrivals import Arrivals, bounded
 from ego_agent.plan.decision import plan
 from ego_agent.plan.policies.coverage import Coverage
 from swarm.messages import Decision
+from swarm.messages.ego import MAX_NAMED
 from tests.support.ego_scenes import knowledge, snapshot, view
 
 EGO, NEAR, FAR = view("E"), view("A", 15.0), view("B", 0.0, 30.0)
@@ -94,3 +95,8 @@ def test_a_robot_that_is_not_chosen_any_more_is_not_silent() -> None:
     arrivals.take(decide(arrivals), cycle({"A": "deadline"}, B=5))
     arrivals.take(decide(arrivals, EGO, FAR), cycle({}, B=5))
     assert decide(arrivals).silent == {}
+
+
+def test_no_more_robots_are_told_of_than_a_message_may_name() -> None:
+    doubts = {f"R{number:03}": "it says to stand where R000 stands" for number in range(300)}
+    assert [*bounded(doubts)] == [f"R{number:03}" for number in range(MAX_NAMED)]

@@ -18,7 +18,7 @@ from ego_agent.knowledge.experience import (
     frames_of,
 )
 from ego_agent.knowledge.learnt import HALF_LIFE_S
-from ego_agent.knowledge.own_costs import OwnCosts
+from ego_agent.knowledge.own_costs import KNOWN_S, OwnCosts
 from ego_agent.knowledge.series import MEMORY_FRAMES
 from tests.support.ego_scenes import snapshot, view
 
@@ -293,3 +293,17 @@ def test_what_a_frame_takes_the_ego_grows_with_those_who_take_part() -> None:
     assert costs.add_s("early") == pytest.approx(0.004), "by the clock"
     assert costs.frame_s("early", 0) == pytest.approx(0.05)
     assert costs.frame_s("late", 5) == 0.0
+
+
+def test_what_a_busy_machine_took_is_forgotten_when_nothing_is_fused_with_it() -> None:
+    now_s = 100.0
+    costs = OwnCosts(lambda: now_s)
+    for _ in range(10):
+        costs.record("early", 5, 0.3, 0.1, 0.1)
+    now_s += KNOWN_S
+    assert costs.frame_s("early", 0) == pytest.approx(0.3)
+    now_s += 1.0
+    assert costs.frame_s("early", 0) == 0.0
+    assert (costs.add_s("early"), costs.work_s("early")) == (None, None)
+    costs.record("early", 5, 0.03, 0.01, 0.01)
+    assert costs.frame_s("early", 0) == pytest.approx(0.03)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from ego_agent.knowledge.base import MAX_SERIES, CycleResult, Knowledge
+from ego_agent.knowledge.base import MAX_SERIES, PARTS_AGE_NS, CycleResult, Knowledge
 from ego_agent.knowledge.quality import USUAL_GAINS, QualityModel
 from swarm.errors import DecisionError
 from tests.support.ego_scenes import NOW_NS
@@ -38,6 +38,24 @@ def test_old_receipts_give_way_to_what_the_beacon_announces() -> None:
     known.record_payload("R", "late", 700, NOW_NS)
     assert known.payload_sizes("R", {"late": 5}, NOW_NS + 2 * SECOND) == {"late": 700}
     assert known.payload_sizes("R", {"late": 5}, NOW_NS + 3 * SECOND) == {"late": 5}
+
+
+def test_after_the_clock_is_put_back_nothing_is_recent() -> None:
+    known = Knowledge(algorithms=["late"])
+    known.record_payload("R", "late", 700, NOW_NS)
+    assert known.payload_sizes("R", {"late": 5}, NOW_NS - SECOND) == {"late": 5}
+
+
+def test_who_sends_everything_when_asked_for_a_part_is_known_for_minutes() -> None:
+    known = Knowledge(algorithms=["early"])
+    known.record_payload("R", "early", 900, NOW_NS, focused=True)
+    known.record_payload("R", "early", 800, NOW_NS, objects_only=True)
+    for later_ns in (SECOND, 300 * SECOND):
+        assert known.focused_sizes("R", NOW_NS + later_ns) == {"early": 900}
+        assert known.object_sizes("R", NOW_NS + later_ns) == {"early": 800}
+    assert known.focused_sizes("R", NOW_NS + 2 * PARTS_AGE_NS) == {}
+    known.record_payload("R", "early", 100, NOW_NS + 300 * SECOND, focused=True)
+    assert known.focused_sizes("R", NOW_NS + 301 * SECOND) == {"early": 100}, "the newest counts"
 
 
 def test_what_is_kept_of_receipts_and_results_is_bounded() -> None:

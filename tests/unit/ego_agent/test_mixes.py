@@ -26,7 +26,7 @@ from ego_agent.knowledge.record import cycle_record
 from ego_agent.knowledge.tally import Tally
 from ego_agent.plan.choices.explain import explain
 from ego_agent.plan.choices.greedy import grow
-from ego_agent.plan.choices.hysteresis import best_option
+from ego_agent.plan.choices.hysteresis import best_option, held, still_possible
 from ego_agent.plan.choices.mixes import Mixes, burst
 from ego_agent.plan.choices.scoring import Score, Scorer
 from ego_agent.plan.choices.validation import Unusable, validate
@@ -446,3 +446,29 @@ def test_on_the_way_nobody_is_credited_with_what_it_sends_no_more(by_byte: bool)
         again = mixes.score(grown.assignments)
         assert again is not None
         assert not grown.assignments or again.quality == pytest.approx(grown.quality, abs=1e-5)
+
+
+def test_assignments_at_a_slower_pace_are_carried_on_at_that_pace() -> None:
+    found = a_floor(3)
+    known = knowing(slower_hz=(5.0, 2.5))
+    mixes = Mixes(Scorer(found, known))
+    slow = Mixes(mixes.scorer.at_rate(2.5))
+    sends = tuple(slow.options_of(robot)[0] for robot in ("R2", "R3"))
+    first = msgspec.structs.replace(
+        decide(found, known), rate_hz=2.5, participants=("R1", "R2", "R3"), assignments=sends
+    )
+    held = still_possible(mixes.scorer, first, mixes)
+    assert held is not None
+    assert (held.pace.rate_hz, held.assignments) == (2.5, slow.score_able(sends).assignments)
+    assert still_possible(mixes.scorer, msgspec.structs.replace(first, rate_hz=3.0), mixes) is None
+
+
+def test_that_a_robot_sends_a_part_or_everything_begins_no_decision_anew() -> None:
+    found = a_floor(3)
+    first = msgspec.structs.replace(decide(found, knowing(places_hz=10.0)), held_s=4.0)
+    assert first.assignments
+    parts = [msgspec.structs.replace(one, objects_only=True) for one in first.assignments]
+    other = msgspec.structs.replace(first, assignments=tuple(parts), decided_ns=NOW_NS + 10**9)
+    assert held(other, first, NOW_NS + 10**9).held_s == pytest.approx(5.0)
+    rarer = [msgspec.structs.replace(one, rate_hz=0.5) for one in first.assignments]
+    assert held(msgspec.structs.replace(other, assignments=tuple(rarer)), first, NOW_NS).held_s == 0
