@@ -60,6 +60,8 @@ class Draft:
     """Clauses that speak of all the others."""
     nobody: bool = False
     """Whether a clause wishes that no robot at all is asked."""
+    supposed: list[Clause] = field(default_factory=list)
+    """Clauses that tell on what condition something is wished."""
     denied: set[str] = field(default_factory=set)
     """Policies that are not to decide."""
     crossed: set[int] = field(default_factory=set)

@@ -11,7 +11,7 @@ from llm_gateway.wishes.clauses.parts import read_parts
 from llm_gateway.wishes.clauses.policies import read_policies
 from llm_gateway.wishes.clauses.reported import whereabouts
 from llm_gateway.wishes.clauses.roles import certain, robot_role
-from llm_gateway.wishes.clauses.traps import stays
+from llm_gateway.wishes.clauses.turned import stays
 from llm_gateway.wishes.clauses.weighing import weight_role
 from llm_gateway.wishes.cues import common, resources, robots, speech
 from llm_gateway.wishes.names.mention import Mention

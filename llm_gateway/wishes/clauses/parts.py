@@ -6,7 +6,7 @@ import re
 
 from llm_gateway.wishes.clauses.clause import Clause
 from llm_gateway.wishes.clauses.draft import Draft
-from llm_gateway.wishes.clauses.traps import unbounded
+from llm_gateway.wishes.clauses.unbounded import unbounded
 from llm_gateway.wishes.clauses.weighing import share_role
 from llm_gateway.wishes.cues import asides, resources
 from llm_gateway.wishes.reading import Role

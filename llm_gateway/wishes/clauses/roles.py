@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses.negations import negated
-from llm_gateway.wishes.clauses.traps import turned
+from llm_gateway.wishes.clauses.turned import turned
 from llm_gateway.wishes.clauses.weighing import weight_role
 from llm_gateway.wishes.cues import common, fleet, robots
 from llm_gateway.wishes.cues.plain import bare, known, strange

@@ -18,8 +18,9 @@ from llm_gateway.wishes.clauses.referred import read_referred
 from llm_gateway.wishes.clauses.reported import idle, only_reasons, others_need
 from llm_gateway.wishes.clauses.roles import asks, nobody
 from llm_gateway.wishes.clauses.strangers import doubt_strangers
-from llm_gateway.wishes.clauses.traps import doubt_traps, stays
-from llm_gateway.wishes.clauses.voids import foreign, reasons, tells
+from llm_gateway.wishes.clauses.traps import doubt_traps
+from llm_gateway.wishes.clauses.turned import stays
+from llm_gateway.wishes.clauses.voids import foreign, reasons, supposes, tells
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 
@@ -40,6 +41,8 @@ def read(text: Text) -> Reading:
             clause.mentions or STRONG.search(clause.text)
         ):
             draft.doubt(clause)
+        if draft.void[at] and not clause.mentions and supposes(draft.clauses, clause):
+            draft.supposed.append(clause)
     draft.handled |= {at for at in range(len(draft.clauses)) if others_need(draft, at)}
     for at, clause in enumerate(draft.clauses):
         if not draft.void[at] and at not in draft.handled and not reasons(clause):

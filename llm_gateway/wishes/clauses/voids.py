@@ -91,6 +91,18 @@ def _plain(clause: Clause) -> str:
     return asides.WERE.sub(" ", plain) if clause.wished else plain
 
 
+def supposes(clauses: Sequence[Clause], clause: Clause) -> bool:
+    """Whether a clause says on what condition something is wished."""
+    opening = next(c for c in clauses if c.sentence == clause.sentence)
+    if clause is opening and _SUPPOSES.match(
+        speech.NO_CONDITION.sub("", _GREETING.sub("", clause.text))
+    ):
+        return not _reaches(clause.text)
+    if speech.CONDITION.search(speech.NO_CONDITION.sub("", clause.text)):
+        return not (_ENOUGH.search(clause.text) or _reaches(clause.text))
+    return False
+
+
 def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
     """Whether a clause asks, tells, supposes or takes back, rather than wishes."""
     opening = next(c for c in clauses if c.sentence == clause.sentence)

@@ -70,7 +70,8 @@ TOLD = re.compile(
 """Tells what happened, beside a time that is over."""
 CORRECTED = re.compile(
     r"\b(?:ach nein|nein doch|no wait|wait no|scratch that|strike that|on second thoughts?|"
-    r"actually no|correction|quatsch|sorry i mean|i meant|vergiss (?:das|es) wieder|forget "
+    r"actually no|correction|korrektur|quatsch|cancel that|vergesst das|sorry i mean|i meant|"
+    r"vergiss (?:das|es) wieder|forget "
     r"(?:that(?! (?:area|bit|corner|one|place|spot)\b)|what i said)|"
     r"ich meinte|doch lieber nicht|kommando zurueck|belay that)\b"
 )

@@ -75,7 +75,8 @@ class Point:
     impossible: bool = False
     """Past, or no time that a clock shows."""
     uhr: bool = False
-    """Whether "Uhr" stands behind the hour, which then is one of 24 on another day."""
+    """Whether "Uhr" stands behind the hour, which then is one of 24 on another day; so is 12:00,
+    which is noon where nothing else is said."""
     half: str = ""
     """Of the day, as it was said: "am" or "pm"."""
 
@@ -153,6 +154,8 @@ def _day(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | No
         stop = following == "."
         if hour_at(words, at + 1 + stop) is not None:
             return replace(found, weekday=_SHORT_DAYS[text]), at + 1 + stop
+    if (text, following, text_at(words, at + 2)) == ("day", "after", "tomorrow"):
+        return replace(found, days=2), at + 3
     if text not in _DAYS:
         return None
     if text == "morgen" and (text_at(words, at - 1) == "am" or found.days is not None):
@@ -224,5 +227,6 @@ def _hour(words: Sequence[Word], at: int, found: Point) -> tuple[Point, int] | N
         half = ""
     if hour > 24 or minute > 59 or (hour == 24 and minute):
         return replace(found, hour=0, impossible=True), end
-    uhr = any(word.text == "uhr" for word in words[at:end])
+    noon = hour == 12 and any(":" in word.text for word in words[at:end])
+    uhr = noon or any(word.text == "uhr" for word in words[at:end])
     return replace(found, hour=hour, minute=minute, exact=exact, half=half, uhr=uhr), end

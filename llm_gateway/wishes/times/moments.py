@@ -29,13 +29,13 @@ def resolve(point: Point, now: datetime, after: datetime) -> datetime | None:
         # What just was is meant rather than its next year's.
         meant = [day for day in there if today - _RECENT < day <= today] or there
         for day in meant:
-            time = _first(_on(day, hours, point.minute), after)
+            time = _first(_morning_first(_on(day, hours, point.minute)), after)
             if time is not None:
                 return time if point.weekday in (None, day.weekday()) else None
         return None
     if point.date is not None:
         day = datetime(point.date.year, point.date.month, point.date.day, tzinfo=now.tzinfo)
-        return _first(_on(day, hours, point.minute), after)
+        return _first(_morning_first(_on(day, hours, point.minute)), after)
     if point.weekday is not None:
         day = today + timedelta(days=(point.weekday - today.weekday()) % 7)
         face = _on(day, hours, point.minute)
@@ -87,6 +87,8 @@ def _hours(point: Point) -> list[int]:
             return [early]  # "Heut Nacht bis fünf".
         case "tonight" | "night" | "nacht":
             return [late] if point.hour in range(5, 12) else [early if early else 24]
+        case "" if point.uhr and point.hour == 12:
+            return [12]
         case "":
             return [early, late]
         case _:

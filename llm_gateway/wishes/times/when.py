@@ -89,7 +89,12 @@ def shared(point: clock.Point, other: clock.Point) -> clock.Point:
     """A point with the day, and the part of the day, that were said of the other end."""
     days = other.days if point.days is None else point.days
     weekday = other.weekday if point.weekday is None else point.weekday
-    part = point.part or ("" if other.part in clock.EXACT else other.part)
+    # "From tonight at eight until tomorrow at six": an end on a day of its own.
+    apart = (point.days, point.weekday, point.date, point.of_year) != (None,) * 4 and (
+        (point.days, point.weekday, point.date, point.of_year)
+        != (other.days, other.weekday, other.date, other.of_year)
+    )
+    part = point.part or ("" if apart or other.part in clock.EXACT else other.part)
     return replace(
         point,
         part=part,

@@ -1,0 +1,132 @@
+"""Words around cues by which a clause says something else of its robots than they do.
+
+"Leave R1 in" leaves nobody out, "without R1 nothing works" wishes for R1, and "R3 is out of sight"
+wishes nothing: such a clause is asked back.
+"""
+
+from __future__ import annotations
+
+import re
+
+from llm_gateway.wishes.clauses.negations import negated
+from llm_gateway.wishes.cues import robots
+
+_END = r"(?: (?:bitte|please|for now|now|TIME))*$"
+_GROUP = (
+    r"(?:fleet|fusion|game|group|line ?up|list|loop|mix|picture|play|pool|rotation|roster|running|"
+    r"sharing|swarm|team)"
+)
+_STAYS = re.compile(
+    r"\bleav\w* ROBOT (?:\w+ )?(?:(?:active|as (?:he|it|she) is|as is|enabled|in|on|running)"
+    rf"{_END}|(?:in|on|within) (?:our |the )?{_GROUP}\b|to (?:do|go on|handle|run|work)\b)|"
+    r"\bleav\w* (?:everything|it|that|them|things|this) (?:all )?to ROBOT\b|"
+    r"\b(?:leav\w*|let) ROBOT (?:carry|cope|do|drive|go(?! (?:ahead|before|first))|handle|join|"
+    r"manage|run|take(?! the lead)|work)\b"
+)
+"""Leaves somebody where he is, or something to him."""
+_ABSENCE = (
+    r"(?:absence|break|danger|hospital|leave|maintenance|pause|quarantaene|quarantine|repairs?|"
+    r"reparatur|retirement|urlaub|wartung|werkstatt|workshop)"
+)
+_RETURNS = re.compile(
+    rf"\b(?:aus|out of) (?:de[mnr] |the )?{_ABSENCE}\b|"
+    r"\b(?:from|off|on to|onto|von) (?:de[mnr] |our |the )?(?:(?:black|ban|block|injured|injury|"
+    r"sick|skip)(?: ?list)|bench|schwarze\w* liste|sperrliste)\b|"
+    rf"\b{_ABSENCE} (?:is |ist )?(?:beendet|done|ended|finished|over|rum|vorbei|vorueber|"
+    r"zu ende)\b"
+)
+"""Was away, and is no more."""
+_NEEDED = re.compile(
+    r"\b(?:ohne|without) (?:(?:den|die|das|the) )?ROBOT\b.*\b(?:aufgeschmissen|cant|cannot|fails?|"
+    r"falls? apart|impossible|klappt|lost|nichts?|niemand|nix|no one|nobody|nothing|unmoeglich|"
+    r"useless|verloren|wont)\b|\b(?:aufgeschmissen|cant|cannot|impossible|lost|nichts|niemand|nix|"
+    r"no one|nobody|nothing|unmoeglich|useless|verloren|wont)\b.* (?:ohne|without) "
+    r"(?:(?:den|die|das|the) )?ROBOT\b"
+)
+"""Wishes for whom it seems to do without."""
+_SELDOM = re.compile(
+    r"\b(?:hardly|kaum|rarely|scarcely|seldom|selten)(?: ever| je)? "
+    r"(?:aus|ignored|off|out|skipped|weg)\b"
+)
+_SOME_OF = re.compile(
+    r"\b(?:any|either|ein(?:e[mnrs]?)?|half|most|one|some|three|two|drei|welche|zwei)(?: out)?"
+    r" (?:of|von|aus)(?: (?:den|the))? ROBOT\b|\bROBOT (?:or|oder)(?: \w+)? ROBOT\b"
+)
+"""Some of those that are named: nobody knows which."""
+_ONWARDS = re.compile(
+    r"\bROBOT (?:and|und|or|oder) (?:above|below|beyond|down|higher|lower|up|upwards?|hoeher|"
+    r"niedriger|aufwaerts)\b|\bROBOT (?:aufwaerts|onwards?|upwards?)\b|"
+    r"\b(?:ab|from|von) ROBOT (?:alle|an|aufwaerts|on|onwards?|up|upwards?)\b|"
+    r"\b(?:all\w*|every\w*|robots?|roboter) (?:\w+ )?(?:above|after|below|beyond|bis(?: zu)?|ueber|"
+    r"unter|up to) ROBOT\b"
+)
+"""Names where a row of robots begins or ends."""
+_BRIEFLY = re.compile(
+    r"\b(?:ask|fragt?|nehmt?|nimm|nutzt?|take|use)\b.* (?:bloss|just|lediglich|nur|only) TIME\b|"
+    r"\bROBOT (?:bloss|lediglich|nur) TIME(?: [a-z]+)?$"
+)
+"""Of when, not of whom, it says "only"."""
+_OPPOSED = re.compile(
+    r"\b(?:ask|fragt?|nutzt?|query|use|verwendet?) (?:\w+ )?ROBOT (?:never|nie|off|out|raus|weg)\b"
+)
+"""What begins as a list of those who are asked ends with who is out."""
+_STILL_IN = re.compile(
+    r"(?:(?:but|aber|though|jedoch|however) )*(?:keep ROBOT(?: in| on)?|(?:der |die |das )?ROBOT "
+    r"(?:(?:bleibt|remains|stays)(?: \w+)?|(?:is|ist) (?:allowed|back|fine|good|in|ok|okay|noch "
+    r"dabei|dabei|wieder da)|can stay|darf bleiben|drin|dabei|in|may stay|not|nicht|rein))"
+    r"(?: (?:aber|bitte|however|please|though|TIME|too))*"
+)
+"""Takes one of those who are left out back in."""
+_SOME_TIME = re.compile(
+    r"\bROBOT (?:after that|afterwards|bald|danach|kurz|later|nachher|soon|spaeter)\b"
+)
+_PERHAPS = re.compile(r"\b(?:i|ich|it|we|wir) (?:could|koennte\w*|might)\b|\bvielleicht\b")
+_ENOUGH = re.compile(
+    r"\b(?:mehr als|more than) ROBOT\b.*\b(?:dont|nicht|not?)\b|\b(?:dont|not?)\b.* more than "
+    r"ROBOT\b|"
+    r"\bkommt? mit ROBOT(?: \w+)? aus\b|\bmit ROBOT kommt? (?:\w+ )?aus\b"
+)
+"""He is enough."""
+_NO_WISH = re.compile(
+    r"\b(?:just|nur|only) ROBOT (?:answers|antwortet|are (?:charged|free|here|idle|left)|can see|"
+    r"here|"
+    r"hier|is|ist|saw|sees|sind)\b(?! (?:allowed|asked|to)\b)|"
+    r"^ROBOT (?:ha[st] |have )?(?:avoided|dropped out|forgot\w*|ignored|ignorierte|skipped|"
+    r"suspended|"
+    r"uebersah)\b|"
+    r"^ROBOT hat .*\b(?:ignoriert|uebersehen|vergessen)$|"
+    r"\bROBOT (?:is|ist) (?:auf dem weg|ausser sicht|off (?:the charger|to|track)|on (?:his|its) "
+    r"way|"
+    r"out of (?:sight|the way)|vom weg ab)\b|"
+    r"\b(?:danke?|gut|thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|\bgood that ROBOT\b|"
+    r"\b(?:i|ich|jemand|sie|somebody|someone|they|we|wir) (?:hab\w*|hat|have|has|ve) .*\bROBOT\b.*"
+    r"\b(?:abgeschaltet|ausgeschlossen|left|off|out|rausgenommen|skipped|weggelassen)$|"
+    r"\bno need (?:for \w+ )?to (?:avoid|drop|exclude|ignore|leave|skip)\b|"
+    r"\b(?:so|too|zu) (?:oft|often)\b|\bleav\w* ROBOT (?:there|where (?:he|it|she) is)\b|"
+    r"\b(?:ohne|without) ROBOT (?:is|ist|sind|were|we are) (?:\w+ )?(?:bloed|langsam|slow|schlecht|"
+    r"worse)\b"
+)
+"""Tells how somebody is, or what he did; or thanks."""
+
+
+def turned(text: str) -> bool:
+    """Whether a clause that names robots says other of them than its cues."""
+    return bool(
+        (_STAYS.search(text) and robots.OUT.search(text))
+        or _RETURNS.search(text)
+        or _NEEDED.search(text)
+        or _SELDOM.search(text)
+        or _ONWARDS.search(text)
+        or _BRIEFLY.search(text)
+        or _OPPOSED.search(text)
+        or _NO_WISH.search(text)
+        or _PERHAPS.search(text)
+        or (_SOME_TIME.search(text) and "TIME" not in text)
+        or _ENOUGH.search(text)
+        or (_SOME_OF.search(text) and not negated(text))
+    )
+
+
+def stays(text: str) -> bool:
+    """Whether a clause takes a robot back in that another one leaves out."""
+    return bool(_STILL_IN.fullmatch(text))
