@@ -15,13 +15,13 @@ from llm_gateway.wishes.reading import Role
 _NUMBER = "(?:" + "|".join(sorted(word for word, n in NAMED.items() if n > 1)) + ")"
 _STOP = r"(?: [,;:.–—-])*"
 _BETTER = (
-    r"(?:actually|better|besser|doch(?: lieber)?|eher|halt|i mean|ich meine?|lieber|"
-    r"make (?:it|that)|nein|nee|no|oder(?: besser| doch)?|oops|or(?: better| rather)?|pardon|"
-    r"quatsch|rather|sorry|wait|well)"
+    r"(?:actually|better|besser|doch(?: lieber)?|eher|halt|i mean|ich meine?|lieber|make (?:it|"
+    r"that)|nein|nee|no|oder(?: besser| doch)?|oops|or(?: better| rather)?|pardon|quatsch|rather|"
+    r"sorry|wait|well)"
 )
 _RATHER = (
-    r"(?:actually|better|besser|doch(?: lieber)?|eher|i mean|ich meine?|lieber|"
-    r"make (?:it|that)|oops|pardon|quatsch|rather|sorry|wait|well)"
+    r"(?:actually|better|besser|doch(?: lieber)?|eher|i mean|ich meine?|lieber|make (?:it|that)|"
+    r"oops|pardon|quatsch|rather|sorry|wait|well)"
 )
 _CORRECTED = re.compile(
     rf"\bTIME{_STOP}(?: {_BETTER}{_STOP})+ {_NUMBER}\b(?! (?:CLASS|PLACE|ROBOT|SHARE))|"
@@ -33,35 +33,33 @@ _CORRECTED = re.compile(
     r"(?: (?:den|der|die|just|nur|only|the))? ROBOT\b(?! (?:as|als)\b)|"
     r"\bROBOT(?: \w+)? \( ROBOT !? ?\)|"
     rf"\bTIME(?: \w+)? \( {_NUMBER} \)|"
-    r"\bROBOT(?: \.){2,} ROBOT\b|\bROBOT … ROBOT\b|"
-    r"\bROBOT (?:or|oder) (?:better|doch|maybe|perhaps|rather|vielleicht) ROBOT\b"
+    r"\bROBOT(?: \.){2,} ROBOT\b|\bROBOT … ROBOT\b|\bROBOT (?:or|oder) (?:better|doch|maybe|"
+    r"perhaps|rather|vielleicht) ROBOT\b"
 )
 """Says one thing, and then perhaps another one in its place."""
 _UNNAMED = re.compile(
-    r"\bROBOT(?: ,)? (?:and|or|oder|plus|sowie|und) (?:"
-    r"(?:all|alle|any|beide|both|das|den|der|die|each|every|jede[nr]?|the) "
-    r"(?!(?:andere?n?|other|others|remaining|rest|restlichen|same|uebrigen)\b)[a-z]+ "
-    r"(?:bots?|machines?|ones?|robots?|roboter|units?)|(?:all|beide|both|the|die) newcomers|"
-    r"(?:a few|another|ein paar|noch|one|some) (?:ein\w*|mehr|more|others?|weitere\w*)|"
-    r"whichever|who(?:m|so)?ever|wer (?:auch|immer|langsam|sonst)|"
-    r"above|aufwaerts|below|beyond|higher|lower|up|upwards?)\b"
+    r"\bROBOT(?: ,)? (?:and|or|oder|plus|sowie|und) (?:(?:all|alle|any|beide|both|das|den|der|die|"
+    r"each|every|jede[nr]?|the) (?!(?:andere?n?|other|others|remaining|rest|restlichen|same|"
+    r"uebrigen)\b)[a-z]+ (?:bots?|machines?|ones?|robots?|roboter|units?)|(?:all|beide|both|the|"
+    r"die) newcomers|(?:a few|another|ein paar|noch|one|some) (?:ein\w*|mehr|more|others?|"
+    r"weitere\w*)|whichever|who(?:m|so)?ever|wer (?:auch|immer|langsam|sonst)|above|aufwaerts|"
+    r"below|beyond|higher|lower|up|upwards?)\b"
 )
 """Goes on with robots that have no name."""
 _EXCEPTED = re.compile(
-    r"(?:\bROBOT\b.* (?:niemand sonst|no ?one else|nobody else|sonst (?:keiner|niemand))|"
-    r"\b(?:nur|only) ROBOT)\b.* (?:ausser|except)(?: for)? ROBOT\b|"
-    r"^(?!.*\bROBOT\b.*\bROBOT\b)(?!.*\b(?:all\w*|any|every\w*)\b).*\bSHARE\b.* "
-    r"(?:ausser|except)(?: for)? ROBOT\b"
+    r"(?:\bROBOT\b.* (?:niemand sonst|no ?one else|nobody else|sonst (?:keiner|niemand))|\b(?:nur|"
+    r"only) ROBOT)\b.* (?:ausser|except)(?: for)? ROBOT\b|"
+    r"^(?!.*\bROBOT\b.*\bROBOT\b)(?!.*\b(?:all\w*|any|every\w*)\b).*\bSHARE\b.* (?:ausser|"
+    r"except)(?: for)? ROBOT\b"
 )
 """Makes an exception of what is none."""
 _ALL_BUT = re.compile(
-    r"\b(?:all\w*|any\w*|every\w*|jede\w*)\b(?! (?:anderen|others?|uebrigen)\b)(?:(?! "
-    r"ROBOT)[^.;!])*\b(?:alone|aus|avoid|away|"
-    r"abschalten|exclude|ignore|off|out|raus|ruhe|skip|weg\w*)\b(?:(?! ROBOT)[^.;!])*"
-    r"\b(?:ausser|bis auf|bloss|but|except|just|nur|save)(?: for)?(?: not| nicht)? ROBOT\b|"
-    r"\b(?:bench|drop|exclude|ignore|skip) (?:all|every)\w*(?:(?! ROBOT)[^.;!])*, (?:but|except)"
-    r"(?: for)? ROBOT\b|"
-    r"\bROBOT (?:\w+ )?(?:aus|off|out|raus|weg)\b[^.;!]* (?:ausser|bis auf|except)(?: for)? ROBOT\b"
+    r"\b(?:all\w*|any\w*|every\w*|jede\w*)\b(?! (?:anderen|others?|"
+    r"uebrigen)\b)(?:(?! ROBOT)[^.;!])*\b(?:alone|aus|avoid|away|abschalten|exclude|ignore|off|out|"
+    r"raus|ruhe|skip|weg\w*)\b(?:(?! ROBOT)[^.;!])*\b(?:ausser|bis auf|bloss|but|except|just|nur|"
+    r"save)(?: for)?(?: not| nicht)? ROBOT\b|\b(?:bench|drop|exclude|ignore|skip) (?:all|"
+    r"every)\w*(?:(?! ROBOT)[^.;!])*, (?:but|except)(?: for)? ROBOT\b|\bROBOT (?:\w+ )?(?:aus|off|"
+    r"out|raus|weg)\b[^.;!]* (?:ausser|bis auf|except)(?: for)? ROBOT\b"
 )
 """All but somebody are out: his is the only name."""
 _REPEATED = re.compile(
@@ -69,24 +67,22 @@ _REPEATED = re.compile(
     r"shift|schicht|tag|week|woche)\b|\bnightly\b"
 )
 _ALL_DAY = re.compile(
-    r"\b(?:rest of (?:the|this|my|our) (?:\w+ )?(?:day|shift|week)|all day|"
-    r"(?:the |this )?(?:entire|whole) (?:day|night|shift|week)|den ganzen tag|"
-    r"die ganze (?:nacht|schicht|woche)|rest (?:der|des|vom) (?:nacht|schicht|tag\w*|woche))\b"
+    r"\b(?:rest of (?:the|this|my|our) (?:\w+ )?(?:day|shift|week)|all day|(?:the |"
+    r"this )?(?:entire|whole) (?:day|night|shift|week)|den ganzen tag|die ganze (?:nacht|schicht|"
+    r"woche)|rest (?:der|des|vom) (?:nacht|schicht|tag\w*|woche))\b"
 )
 """Ends, or comes again, when no clock tells."""
 _TOLD = re.compile(
     r"\b(?:been|gewesen|had|has|hat|hatte|have|is|ist|lief|ran|runs?|sind|war|waren|was|were)\b"
 )
 _IN_CASE = re.compile(
-    r"\b(?:bei|during(?: the)?|im|im falle(?: eine[rs])?|in(?: case of)?(?: an?)?|on|while(?: "
-    r"in)?) "
-    r"(?:alarm\w*|brandfall|danger|emergenc\w+|feuer\w*|fire(?: alarm| drill)?|gefahr|notfall\w*|"
-    r"stoerung\w*|zweifel)\b|\b(?:bei|nach) bedarf\b|\bnotfalls\b|"
-    r"\b(?:at|on) my (?:command|signal)\b|\bauf (?:mein )?kommando\b|"
-    r"\b(?:as|so) long as\b|\bsolange\b(?! (?:ich nichts anderes|bis)\b)|\b(?:waehrend|while) "
-    r"(?!TIME)(?:(?:ROBOT|der|die|das|he|i|ich|"
-    r"it|she|the|they|wir|we)\b|\w+ing\b)|\bROBOT only (?:after|for|with) (?!TIME)|"
-    r"\bbei regen\b|\bim regen\b"
+    r"\b(?:bei|during(?: the)?|im|im falle(?: eine[rs])?|in(?: case of)?(?: an?)?|on|"
+    r"while(?: in)?) (?:alarm\w*|brandfall|danger|emergenc\w+|feuer\w*|fire(?: alarm| drill)?|"
+    r"gefahr|notfall\w*|stoerung\w*|zweifel)\b|\b(?:bei|nach) bedarf\b|\bnotfalls\b|\b(?:at|"
+    r"on) my (?:command|signal)\b|\bauf (?:mein )?kommando\b|\b(?:as|so) long as\b|"
+    r"\bsolange\b(?! (?:ich nichts anderes|bis)\b)|\b(?:waehrend|while) (?!TIME)(?:(?:ROBOT|der|"
+    r"die|das|he|i|ich|it|she|the|they|wir|we)\b|\w+ing\b)|\bROBOT only (?:after|for|"
+    r"with) (?!TIME)|\bbei regen\b|\bim regen\b"
 )
 """Says in which case something is wished, or as long as something else lasts."""
 _IF = re.compile(r"\b(?:falls|if|sofern|unless)\b")
@@ -97,8 +93,8 @@ _LATER = re.compile(
 )
 """Ends, or comes, when no clock tells."""
 _POLICY_IS = re.compile(
-    r"\bPOLICY (?:decides now|entscheidet gerade)\b|\b(?:changed|switched) to POLICY$|"
-    r"\b(?:jemand|somebody|someone|they)(?: has| hat)? .*\bPOLICY\b|\b(?:is|ist) POLICY$"
+    r"\bPOLICY (?:decides now|entscheidet gerade)\b|\b(?:changed|switched) to POLICY$|\b(?:jemand|"
+    r"somebody|someone|they)(?: has| hat)? .*\bPOLICY\b|\b(?:is|ist) POLICY$"
 )
 """Tells which policy decides."""
 _BEGS = re.compile(r"\b(?:bitte|can|could|kann\w*|koenn\w*|please|wollt|wuerd\w*|would|will)\b")

@@ -19,9 +19,9 @@ _GROUP = (
 _STAYS = re.compile(
     r"\bleav\w* ROBOT (?:\w+ )?(?:(?:active|as (?:he|it|she) is|as is|enabled|in|on|running)"
     rf"{_END}|(?:in|on|within) (?:our |the )?{_GROUP}\b|to (?:do|go on|handle|run|work)\b)|"
-    r"\bleav\w* (?:everything|it|that|them|things|this) (?:all )?to ROBOT\b|"
-    r"\b(?:leav\w*|let) ROBOT (?:carry|cope|do|drive|go(?! (?:ahead|before|first))|handle|join|"
-    r"manage|run|take(?! the lead)|work)\b"
+    r"\bleav\w* (?:everything|it|that|them|things|this) (?:all )?to ROBOT\b|\b(?:leav\w*|"
+    r"let) ROBOT (?:carry|cope|do|drive|go(?! (?:ahead|before|first))|handle|join|manage|run|"
+    r"take(?! the lead)|work)\b"
 )
 """Leaves somebody where he is, or something to him."""
 _ABSENCE = (
@@ -40,25 +40,24 @@ _NEEDED = re.compile(
     r"\b(?:ohne|without) (?:(?:den|die|das|the) )?ROBOT\b.*\b(?:aufgeschmissen|cant|cannot|fails?|"
     r"falls? apart|impossible|klappt|lost|nichts?|niemand|nix|no one|nobody|nothing|unmoeglich|"
     r"useless|verloren|wont)\b|\b(?:aufgeschmissen|cant|cannot|impossible|lost|nichts|niemand|nix|"
-    r"no one|nobody|nothing|unmoeglich|useless|verloren|wont)\b.* (?:ohne|without) "
-    r"(?:(?:den|die|das|the) )?ROBOT\b"
+    r"no one|nobody|nothing|unmoeglich|useless|verloren|wont)\b.* (?:ohne|without) (?:(?:den|die|"
+    r"das|the) )?ROBOT\b"
 )
 """Wishes for whom it seems to do without."""
 _SELDOM = re.compile(
-    r"\b(?:hardly|kaum|rarely|scarcely|seldom|selten)(?: ever| je)? "
-    r"(?:aus|ignored|off|out|skipped|weg)\b"
+    r"\b(?:hardly|kaum|rarely|scarcely|seldom|selten)(?: ever| je)? (?:aus|ignored|off|out|skipped|"
+    r"weg)\b"
 )
 _SOME_OF = re.compile(
-    r"\b(?:any|either|ein(?:e[mnrs]?)?|half|most|one|some|three|two|drei|welche|zwei)(?: out)?"
-    r" (?:of|von|aus)(?: (?:den|the))? ROBOT\b|\bROBOT (?:or|oder)(?: \w+)? ROBOT\b"
+    r"\b(?:any|either|ein(?:e[mnrs]?)?|half|most|one|some|three|two|drei|welche|"
+    r"zwei)(?: out)? (?:of|von|aus)(?: (?:den|the))? ROBOT\b|\bROBOT (?:or|oder)(?: \w+)? ROBOT\b"
 )
 """Some of those that are named: nobody knows which."""
 _ONWARDS = re.compile(
     r"\bROBOT (?:and|und|or|oder) (?:above|below|beyond|down|higher|lower|up|upwards?|hoeher|"
-    r"niedriger|aufwaerts)\b|\bROBOT (?:aufwaerts|onwards?|upwards?)\b|"
-    r"\b(?:ab|from|von) ROBOT (?:alle|an|aufwaerts|on|onwards?|up|upwards?)\b|"
-    r"\b(?:all\w*|every\w*|robots?|roboter) (?:\w+ )?(?:above|after|below|beyond|bis(?: zu)?|ueber|"
-    r"unter|up to) ROBOT\b"
+    r"niedriger|aufwaerts)\b|\bROBOT (?:aufwaerts|onwards?|upwards?)\b|\b(?:ab|from|"
+    r"von) ROBOT (?:alle|an|aufwaerts|on|onwards?|up|upwards?)\b|\b(?:all\w*|every\w*|robots?|"
+    r"roboter) (?:\w+ )?(?:above|after|below|beyond|bis(?: zu)?|ueber|unter|up to) ROBOT\b"
 )
 """Names where a row of robots begins or ends."""
 _BRIEFLY = re.compile(
@@ -71,10 +70,10 @@ _OPPOSED = re.compile(
 )
 """What begins as a list of those who are asked ends with who is out."""
 _STILL_IN = re.compile(
-    r"(?:(?:but|aber|though|jedoch|however) )*(?:keep ROBOT(?: in| on)?|(?:der |die |das )?ROBOT "
-    r"(?:(?:bleibt|remains|stays)(?: \w+)?|(?:is|ist) (?:allowed|back|fine|good|in|ok|okay|noch "
-    r"dabei|dabei|wieder da)|can stay|darf bleiben|drin|dabei|in|may stay|not|nicht|rein))"
-    r"(?: (?:aber|bitte|however|please|though|TIME|too))*"
+    r"(?:(?:but|aber|though|jedoch|however) )*(?:keep ROBOT(?: in| on)?|(?:der |die |"
+    r"das )?ROBOT (?:(?:bleibt|remains|stays)(?: \w+)?|(?:is|ist) (?:allowed|back|fine|good|in|ok|"
+    r"okay|noch dabei|dabei|wieder da)|can stay|darf bleiben|drin|dabei|in|may stay|not|nicht|"
+    r"rein))(?: (?:aber|bitte|however|please|though|TIME|too))*"
 )
 """Takes one of those who are left out back in."""
 _SOME_TIME = re.compile(
@@ -82,29 +81,23 @@ _SOME_TIME = re.compile(
 )
 _PERHAPS = re.compile(r"\b(?:i|ich|it|we|wir) (?:could|koennte\w*|might)\b|\bvielleicht\b")
 _ENOUGH = re.compile(
-    r"\b(?:mehr als|more than) ROBOT\b.*\b(?:dont|nicht|not?)\b|\b(?:dont|not?)\b.* more than "
-    r"ROBOT\b|"
-    r"\bkommt? mit ROBOT(?: \w+)? aus\b|\bmit ROBOT kommt? (?:\w+ )?aus\b"
+    r"\b(?:mehr als|more than) ROBOT\b.*\b(?:dont|nicht|not?)\b|\b(?:dont|"
+    r"not?)\b.* more than ROBOT\b|\bkommt? mit ROBOT(?: \w+)? aus\b|"
+    r"\bmit ROBOT kommt? (?:\w+ )?aus\b"
 )
 """He is enough."""
 _NO_WISH = re.compile(
     r"\b(?:just|nur|only) ROBOT (?:answers|antwortet|are (?:charged|free|here|idle|left)|can see|"
-    r"here|"
-    r"hier|is|ist|saw|sees|sind)\b(?! (?:allowed|asked|to)\b)|"
-    r"^ROBOT (?:ha[st] |have )?(?:avoided|dropped out|forgot\w*|ignored|ignorierte|skipped|"
-    r"suspended|"
-    r"uebersah)\b|"
-    r"^ROBOT hat .*\b(?:ignoriert|uebersehen|vergessen)$|"
-    r"\bROBOT (?:is|ist) (?:auf dem weg|ausser sicht|off (?:the charger|to|track)|on (?:his|its) "
-    r"way|"
-    r"out of (?:sight|the way)|vom weg ab)\b|"
-    r"\b(?:danke?|gut|thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|\bgood that ROBOT\b|"
-    r"\b(?:i|ich|jemand|sie|somebody|someone|they|we|wir) (?:hab\w*|hat|have|has|ve) .*\bROBOT\b.*"
-    r"\b(?:abgeschaltet|ausgeschlossen|left|off|out|rausgenommen|skipped|weggelassen)$|"
-    r"\bno need (?:for \w+ )?to (?:avoid|drop|exclude|ignore|leave|skip)\b|"
-    r"\b(?:so|too|zu) (?:oft|often)\b|\bleav\w* ROBOT (?:there|where (?:he|it|she) is)\b|"
-    r"\b(?:ohne|without) ROBOT (?:is|ist|sind|were|we are) (?:\w+ )?(?:bloed|langsam|slow|schlecht|"
-    r"worse)\b"
+    r"here|hier|is|ist|saw|sees|sind)\b(?! (?:allowed|asked|to)\b)|^ROBOT (?:ha[st] |"
+    r"have )?(?:avoided|dropped out|forgot\w*|ignored|ignorierte|skipped|suspended|uebersah)\b|"
+    r"^ROBOT hat .*\b(?:ignoriert|uebersehen|vergessen)$|\bROBOT (?:is|ist) (?:auf dem weg|"
+    r"ausser sicht|off (?:the charger|to|track)|on (?:his|its) way|out of (?:sight|the way)|"
+    r"vom weg ab)\b|\b(?:danke?|gut|thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|"
+    r"\bgood that ROBOT\b|\b(?:i|ich|jemand|sie|somebody|someone|they|we|wir) (?:hab\w*|hat|have|"
+    r"has|ve) .*\bROBOT\b.*\b(?:abgeschaltet|ausgeschlossen|left|off|out|rausgenommen|skipped|"
+    r"weggelassen)$|\bno need (?:for \w+ )?to (?:avoid|drop|exclude|ignore|leave|skip)\b|\b(?:so|"
+    r"too|zu) (?:oft|often)\b|\bleav\w* ROBOT (?:there|where (?:he|it|she) is)\b|\b(?:ohne|"
+    r"without) ROBOT (?:is|ist|sind|were|we are) (?:\w+ )?(?:bloed|langsam|slow|schlecht|worse)\b"
 )
 """Tells how somebody is, or what he did; or thanks."""
 

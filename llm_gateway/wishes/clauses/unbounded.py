@@ -11,18 +11,16 @@ from llm_gateway.wishes.cues import resources
 
 _NO_BOUND = re.compile(
     r"\b(?:another|by(?: about| another| up to)?|um(?: etwa| rund| weitere)?|weitere) SHARE\b|"
-    r"\bSHARE (?:below|better|besser|faster|fewer|higher|hoeher|langsamer|less|lower|mehr|"
-    r"more|schneller|schlechter|slower|weniger|worse)\b(?! (?:als|is|ist|than)\b)|"
-    r"\bSHARE (?:NET|of the NET) (?:less|mehr|more|weniger)\b|"
-    r"\bSHARE (?:as much|so viel|the usual)\b|\bALLBUT SHARE\b|\b(?:or|oder) (?:besser|better|"
-    r"lieber|rather) SHARE\b"
+    r"\bSHARE (?:below|better|besser|faster|fewer|higher|hoeher|langsamer|less|lower|mehr|more|"
+    r"schneller|schlechter|slower|weniger|worse)\b(?! (?:als|is|ist|than)\b)|\bSHARE (?:NET|"
+    r"of the NET) (?:less|mehr|more|weniger)\b|\bSHARE (?:as much|so viel|the usual)\b|"
+    r"\bALLBUT SHARE\b|\b(?:or|oder) (?:besser|better|lieber|rather) SHARE\b"
 )
 """Tells of a change, not of a bound."""
 _SAVED = re.compile(
-    r"^(?:lasst|leave) SHARE (?:of the |vom )?NET$|"
-    r"\bSHARE (?:NET|vom NET|of the NET) (?:ein)?sparen\b|\b(?:cut|einspar\w*|reduce|reduzier\w*|"
-    r"sav(?:e|ing)|senk\w*|spar(?:e|en|t)?)(?: (?:bitte|"
-    r"down|NET|please|the))* SHARE\b"
+    r"^(?:lasst|leave) SHARE (?:of the |vom )?NET$|\bSHARE (?:NET|vom NET|"
+    r"of the NET) (?:ein)?sparen\b|\b(?:cut|einspar\w*|reduce|reduzier\w*|sav(?:e|ing)|senk\w*|"
+    r"spar(?:e|en|t)?)(?: (?:bitte|down|NET|please|the))* SHARE\b"
 )
 """Tells how much is to be saved: what is left is all but that."""
 _TOO = re.compile(
@@ -31,40 +29,35 @@ _TOO = re.compile(
 )
 _HAPPENS = re.compile(
     r"\b(?:accuracy|genauigkeit|precision|q|qualitaet|quality)(?: has)? (?:hat|hovers|is|ist|liegt|"
-    r"reached|shows|was)(?: (?:aktuell|around|at|auf|bei|down to|jetzt|noch|now|nur|only))* "
-    r"SHARE\b|"
-    r"\b(?:average|aktuell|currently|durchschnitt\w*|gemessen\w*|laut anzeige|measured|report|"
-    r"still) "
-    r".*\bSHARE\b|\b(?:last|letzte) (?:schicht|shift)\b|"
-    r"\bNET (?:laeuft|runs) (?:at|bei|mit) SHARE\b|\b(?:immer noch|zurzeit) SHARE\b|"
-    r"\b(?:anzeige|immer noch|nur noch|report|zurzeit)\b.*\b(?:qualitaet|quality)\b.*\bSHARE\b|"
-    r"\b(?:qualitaet|quality)\b.*(?:\bnur noch bei SHARE\b|\bSHARE right now\b|\breport SHARE\b)|"
-    r"\b(?:fahren|get|haben|have|run|schaffen) (?:\w+ )?SHARE (?:accuracy|quality|qualitaet)\b|"
-    r"\bNET (?:load|usage|use)(?: (?:is|is at|at))? SHARE$|\b(?:linkauslastung|netzlast|traffic|"
-    r"verkehr) (?:\w+ )?SHARE\b|"
-    r"\b(?:are|is) (?:only )?using SHARE\b|^(?:(?:die )?roboter|(?:the )?robots|they|we|wir|video|"
-    r"die) "
-    r"(?:only )?(?:belegt|nutzen|take|takes|use|uses) SHARE\b|^die nehmen SHARE\b|\bSHARE\b.* "
-    r"(?:in use|is free|ist frei)$|"
-    r"\b(?:haben|have|hat|has) .*SHARE .*\b(?:lost|verloren)$|"
-    r"\b(?:already|bereits|currently|derzeit|momentan|right now|schon)\b.*\bSHARE\b|"
-    r"\bSHARE\b.* (?:are|is|ist|sind|werden|wird) (?:\w+ )?(?:"
-    r"(?:belegt|busy|down|full|genutzt|taken|used|weg)$|(?:broken|gone|kaputt|lost|verloren)\b)|"
-    r"\b(?:dropped|faellt|fallen|fell|fiel|gefallen|gesunken|gone|lost|rose|sank|stieg|"
-    r"verloren) (?:\w+ )?SHARE\b|\b(?:has|hat) (?:a |an |eine |ein )?(?:\w+ )?(?:of|von) SHARE\b"
+    r"reached|shows|was)(?: (?:aktuell|around|at|auf|bei|down to|jetzt|noch|now|nur|"
+    r"only))* SHARE\b|\b(?:average|aktuell|currently|durchschnitt\w*|gemessen\w*|laut anzeige|"
+    r"measured|report|still) .*\bSHARE\b|\b(?:last|letzte) (?:schicht|shift)\b|\bNET (?:laeuft|"
+    r"runs) (?:at|bei|mit) SHARE\b|\b(?:immer noch|zurzeit) SHARE\b|\b(?:anzeige|immer noch|"
+    r"nur noch|report|zurzeit)\b.*\b(?:qualitaet|quality)\b.*\bSHARE\b|\b(?:qualitaet|"
+    r"quality)\b.*(?:\bnur noch bei SHARE\b|\bSHARE right now\b|\breport SHARE\b)|\b(?:fahren|get|"
+    r"haben|have|run|schaffen) (?:\w+ )?SHARE (?:accuracy|quality|qualitaet)\b|\bNET (?:load|usage|"
+    r"use)(?: (?:is|is at|at))? SHARE$|\b(?:linkauslastung|netzlast|traffic|"
+    r"verkehr) (?:\w+ )?SHARE\b|\b(?:are|is) (?:only )?using SHARE\b|^(?:(?:die )?roboter|"
+    r"(?:the )?robots|they|we|wir|video|die) (?:only )?(?:belegt|nutzen|take|takes|use|"
+    r"uses) SHARE\b|^die nehmen SHARE\b|\bSHARE\b.* (?:in use|is free|ist frei)$|\b(?:haben|have|"
+    r"hat|has) .*SHARE .*\b(?:lost|verloren)$|\b(?:already|bereits|currently|derzeit|momentan|"
+    r"right now|schon)\b.*\bSHARE\b|\bSHARE\b.* (?:are|is|ist|sind|werden|"
+    r"wird) (?:\w+ )?(?:(?:belegt|busy|down|full|genutzt|taken|used|weg)$|(?:broken|gone|kaputt|"
+    r"lost|verloren)\b)|\b(?:dropped|faellt|fallen|fell|fiel|gefallen|gesunken|gone|lost|rose|sank|"
+    r"stieg|verloren) (?:\w+ )?SHARE\b|\b(?:has|hat) (?:a |an |eine |ein )?(?:\w+ )?(?:of|"
+    r"von) SHARE\b"
 )
 """Tells how things are."""
 _OURS = re.compile(
     r"\b(?:i|ich|we|wir) (?:brauch\w*|need)(?: \w+)? SHARE\b(?!.*\b(?:for|frei\w*|free|fuer)\b)|"
-    r"\b(?:gebt?|gib|give|lasst?|leave|spare) (?:me|mir|us|uns) SHARE\b"
-    r"(?!.*\b(?:for|frei\w*|free|fuer)\b)"
+    r"\b(?:gebt?|gib|give|lasst?|leave|spare) (?:me|mir|us|uns) SHARE\b(?!.*\b(?:for|frei\w*|free|"
+    r"fuer)\b)"
 )
 """Whoever speaks may be one of the swarm, or one of the others."""
 _REFUSED = re.compile(
-    r"\b(?:do not|dont|never|nie|niemals)(?: (?:nehmt|nutzt|take|use))? SHARE\b|"
-    r"\b(?:not even|nicht einmal|nicht mal) SHARE\b|"
-    r"\bSHARE\b.* (?:darf nicht|duerfen nicht|may not|must not|mustnt|shall not|should not) "
-    r"(?:be )?(?:belegt|genommen|genutzt|taken|used|verwendet)\b"
+    r"\b(?:do not|dont|never|nie|niemals)(?: (?:nehmt|nutzt|take|use))? SHARE\b|\b(?:not even|"
+    r"nicht einmal|nicht mal) SHARE\b|\bSHARE\b.* (?:darf nicht|duerfen nicht|may not|must not|"
+    r"mustnt|shall not|should not) (?:be )?(?:belegt|genommen|genutzt|taken|used|verwendet)\b"
 )
 _HALF = 0.5
 
