@@ -237,11 +237,11 @@ class FusionLoop:
     def _asked(self, decision: Decision, own: OwnFrame) -> AskedFrame:
         """Begins a frame and asks its robots."""
         numbers = self._numbers(decision, own)
-        turns = {
-            robot: next(n for n in numbers if due(decision, robot, n))
-            for robot in decision.participants
-            if robot != self._ego and any(due(decision, robot, n) for n in numbers)
-        }
+        turns: dict[str, int] = {}
+        for n in numbers:
+            for robot in decision.participants:
+                if robot != self._ego and robot not in turns and due(decision, robot, n):
+                    turns[robot] = n
         forms = {robot: algorithm_of(decision, robot) for robot in turns}
         about = {
             robot: form
@@ -263,9 +263,9 @@ class FusionLoop:
         questions = {}
         # Without a memory of what is there nobody is asked about what is new.
         remembers = self._fuser.suspected is not None
+        objects = {n: sends_objects(decision, n) for n in numbers} if remembers else {}
         for robot, form in forms.items():
-            objects = sends_objects(decision, turns[robot]) if remembers else frozenset()
-            of_objects = robot in objects and self._fusions[form].focuses
+            of_objects = robot in objects.get(turns[robot], ()) and self._fusions[form].focuses
             ask = replace(tell[form], objects_only=of_objects)
             rate_hz = rate_of(decision, robot)
             # Robots that contribute rarely take turns, in an order of this ego's own.
