@@ -29,10 +29,9 @@ from research.evaluation.tables import markdown
 from research.evaluation.ways.drive import Driven
 from research.evaluation.ways.driven import DEFAULT, RULES, drive_of
 from research.evaluation.ways.measure import SETTLED_FRAMES, Measured, measure
-from research.evaluation.ways.planned import RANDOM, Decided, Deciding
+from research.evaluation.ways.planned import ALGORITHMS, RANDOM, Decided, Deciding
 from research.evaluation.ways.sampling import (
     BETWEEN_HZ,
-    FORMS,
     OBJECTS_FROM_HZ,
     RATES_HZ,
     assignment,
@@ -50,8 +49,6 @@ PROBES = 24
 """Changes that are tried by each half."""
 NEAREST = 10
 """Robots whose contributions are changed; who is farther keeps what the search began with."""
-SENDABLE = tuple(form for form in FORMS if form != "intermediate")
-"""Forms that are tried: whole maps of features fit none of the links."""
 ORACLE, HELD_OUT = "oracle", "oracle, held out"
 POLICIES = (DEFAULT, *RULES, RANDOM)
 """What the oracle stands beside."""
@@ -75,7 +72,7 @@ class Brought:
 
     whole: Value
     halves: tuple[Value, Value]
-    """In the first half of its frames, and in the second."""
+    """In the first half of its frames, and in the second; bytes and cost are the whole drive's."""
     feasible: bool
     """Whether the link carries all that was asked for."""
 
@@ -192,7 +189,7 @@ def climb(trial: Trial, starts: Sequence[Assignments], half: int, seed: int) -> 
 def sendable(robot: str, detector: str) -> Iterator[Assignment]:
     """What a robot may send to a fused frame: as an ego's options are."""
     between_hz, objects_from_hz = BETWEEN_HZ[detector], OBJECTS_FROM_HZ[detector]
-    for form in SENDABLE:
+    for form in ALGORITHMS:
         for hz in RATES_HZ:
             yield assignment(robot, form, hz, between_hz.get(hz, 0.0), objects_from_hz)
 
@@ -204,8 +201,8 @@ class _Item:
 
 
 def search(item: _Item) -> dict[str, list[Value]] | None:
-    """What each of POLICIES, ORACLE and HELD_OUT brought on a scenario's window: in both halves,
-    and as a whole where it is not HELD_OUT. None where a half holds no true box."""
+    """What each of POLICIES, ORACLE and HELD_OUT brought in both halves of a scenario's window.
+    None where a half holds no true box."""
     scenario, window = item.scenario, item.window
     driven, from_s = Driven(drive_of(scenario, window)), window * WINDOW_S
     detector = driven.world.detector
@@ -229,12 +226,12 @@ def search(item: _Item) -> dict[str, list[Value]] | None:
         one = rows[name]
         if one is None:
             return None
-        found[name] = [*one.halves, one.whole]
+        found[name] = [*one.halves]
     tops = [climb(trial, starts, half, scenario.seed) for half in HALVES]
     found[HELD_OUT] = [trial.measured[tops[1 - half]].halves[half] for half in HALVES]
     possible = [one for one in trial.measured.values() if one.feasible]
     best = max(possible, key=lambda one: one.whole.value)
-    found[ORACLE] = [*best.halves, best.whole]
+    found[ORACLE] = [*best.halves]
     return found
 
 

@@ -42,7 +42,7 @@ def test_what_a_robot_may_send_is_what_an_ego_may_ask_for() -> None:
 
 def test_rows_stand_beside_the_default_in_pairs_of_drives() -> None:
     plain, better = Value(0.8, 0.7, 1000.0), Value(0.9, 0.85, 500.0)
-    drive = {row: [plain, plain, plain] for row in (*POLICIES, ORACLE)}
+    drive = {row: [plain, plain] for row in (*POLICIES, ORACLE)}
     drive[HELD_OUT] = [better, plain]
     found = table([drive, drive])
     rows = {row["policy"]: row for row in found["rows"]}
