@@ -90,10 +90,7 @@ def shared(point: clock.Point, other: clock.Point) -> clock.Point:
     days = other.days if point.days is None else point.days
     weekday = other.weekday if point.weekday is None else point.weekday
     # "From tonight at eight until tomorrow at six": an end on a day of its own.
-    apart = (point.days, point.weekday, point.date, point.of_year) != (None,) * 4 and (
-        (point.days, point.weekday, point.date, point.of_year)
-        != (other.days, other.weekday, other.date, other.of_year)
-    )
+    apart = _day_of(point) not in (_day_of(clock.Point()), _day_of(other))
     part = point.part or ("" if apart or other.part in clock.EXACT else other.part)
     return replace(
         point,
@@ -104,3 +101,8 @@ def shared(point: clock.Point, other: clock.Point) -> clock.Point:
         of_year=point.of_year or other.of_year,
         impossible=point.impossible or other.impossible,
     )
+
+
+def _day_of(point: clock.Point) -> tuple[object, ...]:
+    """What was said of its day."""
+    return point.days, point.weekday, point.date, point.of_year
