@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from ego_agent.knowledge.objective import Headroom, Objective, Weight
-from ego_agent.knowledge.pace import PLACES_HZ, RARER_HZ, SLOWER_HZ
+from ego_agent.knowledge.pace import PLACES_HZ, RARER_HZ, SLOWER_HZ, in_step
 from ego_agent.monitor.robot_table import MAX_ROBOTS
 from swarm.defaults import COMM_RANGE_M, PERIOD_S, POLICY, Q_MIN, CommRange, Period
 from swarm.messages import ALGORITHMS
@@ -93,16 +93,23 @@ class EgoSettings(ProcessSettings, frozen=True, kw_only=True):
     journal: str = ""
     """Path of the journal; empty keeps none."""
 
-    def objective(self, usual_range_m: float = COMM_RANGE_M) -> Objective:
-        """What the ego's decisions aim at; `usual_range_m` holds where no range is set."""
+    def objective(
+        self, usual_range_m: float = COMM_RANGE_M, sensor_hz: float | None = None
+    ) -> Objective:
+        """What the ego's decisions aim at; `usual_range_m` holds where no range is set. Of a sensor
+        with so many scans a second only every n-th can be fused; None: any rate can be kept."""
+
+        def kept(rate_hz: float) -> float:
+            return rate_hz if sensor_hz is None else in_step(rate_hz, sensor_hz)
+
         return Objective(
             lambda_link=self.link_weight,
             lambda_compute=self.compute_weight,
             lambda_cost=self.cost_weight,
             q_min=self.q_min,
-            rate_hz=self.fusion_rate_hz,
+            rate_hz=kept(self.fusion_rate_hz),
             deadline_s=self.deadline_s,
-            slower_hz=SLOWER_HZ if self.learn else (),
+            slower_hz=tuple(dict.fromkeys(map(kept, SLOWER_HZ))) if self.learn else (),
             rarer_hz=RARER_HZ if self.rarer and self.memory else (),
             places_hz=PLACES_HZ if self.rarer and self.memory and self.between else 0.0,
             comm_range_m=self.comm_range_m or usual_range_m,

@@ -66,7 +66,7 @@ def ego_of(
         fusions = {name: make_fusion(name, world.detector) for name in algorithms}
     knowledge = Knowledge.of_detector(
         world.detector,
-        settings.objective(comm_range_of(world)),
+        settings.objective(comm_range_of(world), world.rate_hz),
         algorithms,
         learns=settings.learn,
         shares=settings.share,

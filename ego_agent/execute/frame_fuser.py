@@ -260,7 +260,9 @@ class FrameFuser:
         told = self._known.at(own.capture_ns)
         if self._poses is None:
             return seen_at(told, corrections)
-        return self._poses.put_right(told, corrections, own.capture_ns * 1e-9)
+        return self._poses.put_right(
+            told, corrections, own.capture_ns * 1e-9, own.world_from_sensor
+        )
 
     def _judged_as(self, frame: AskedFrame, used: Iterable[str]) -> Fusion:
         """Whose calibration the scores of a frame have to which these robots contributed."""

@@ -83,7 +83,7 @@ def in_turn(rates: Mapping[str, float], frames_hz: float, number: int) -> tuple[
     places: Counter[int] = Counter()
     found = []
     for robot in sorted(rates):
-        step = max(1, round(frames_hz / rates[robot]))
+        step = every_nth(rates[robot], frames_hz)
         if number % step == places[step] % step:
             found.append(robot)
         places[step] += 1
@@ -103,7 +103,7 @@ def about_places(
 def of_objects(rate_hz: float, frames_hz: float, number: int) -> bool:
     """Whether who contributes at a rate, and sends objects only, does so to the fused frame of that
     number, if it contributes to that at all: of EVERYTHING contributions one has all points."""
-    step = max(1, round(frames_hz / rate_hz))
+    step = every_nth(rate_hz, frames_hz)
     # Robots that take turns send all in different ones.
     return (number // step + number % step) % EVERYTHING != 0
 
@@ -131,7 +131,21 @@ def algorithm_of(decision: Decision, robot: str) -> Algorithm:
 
 def stride(decision: Decision, sensor_hz: float, most_hz: float) -> int:
     """Frames of a sensor from one fused frame to the next, at most `most_hz` fused frames."""
-    return max(1, round(sensor_hz / min(decision.rate_hz, most_hz)))
+    return every_nth(min(decision.rate_hz, most_hz), sensor_hz)
+
+
+def in_step(rate_hz: float, frames_hz: float) -> float:
+    """What a rate comes to where it is every n-th of so many frames a second.
+
+    >>> in_step(10.0, 5.0), in_step(2.0, 5.0), in_step(2.0, 10.0)
+    (5.0, 2.5, 2.0)
+    """
+    return frames_hz / every_nth(rate_hz, frames_hz)
+
+
+def every_nth(rate_hz: float, frames_hz: float) -> int:
+    """Which frame is every n-th at that rate, of so many a second."""
+    return max(1, round(frames_hz / rate_hz))
 
 
 def often(rate_hz: float) -> str:

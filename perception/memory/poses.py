@@ -80,7 +80,11 @@ class _Sender:
     lasted: int = 0
     """How often the same error was shown again."""
     where: Whereabouts = field(default_factory=Whereabouts)
-    """Where it believes to stand."""
+    """Where it believes to stand, as it contributes."""
+    told_where: Whereabouts = field(default_factory=Whereabouts)
+    """The same, as its beacons tell..."""
+    told_s: float = -math.inf
+    """...for this time."""
     told: Floats = field(default_factory=lambda: np.zeros(3))
     """The move (3,) in metres and radians by all that was shown; zeros where it is as likely that
     there is none. What shows nothing leaves it as it is."""
@@ -165,14 +169,27 @@ class PoseMemory:
         return one is not None and one.known(time_s)
 
     def put_right(
-        self, known: Sequence[KnownRobot], corrections: Mapping[str, Matrix], time_s: float
+        self,
+        known: Sequence[KnownRobot],
+        corrections: Mapping[str, Matrix],
+        time_s: float,
+        world_from_own: Matrix,
     ) -> tuple[KnownRobot, ...]:
         """Known robots in the world frame where they are: by a frame's corrections, 4 x 4 in the
-        world frame, and whom it does not show by its error, where that lasts."""
+        world frame, and whom it does not show by its error, where that lasts. `world_from_own`:
+        where the ego stands at that time, also where nobody contributes."""
+        self.follow(time_s, world_from_own)
         remembered = {}
         for one in known:
             sender = self._senders.get(one.robot)
-            if sender is not None and sender.lasts() and time_s - sender.shown_s <= FORGOTTEN_S:
+            if sender is None:
+                continue
+            if time_s >= sender.told_s and sender.told_where.jumps(time_s, one.here_from_sensor):
+                # Whoever was placed anew errs anew, and may be silent long after that.
+                del self._senders[one.robot]
+                continue
+            sender.told_s = max(sender.told_s, time_s)
+            if sender.lasts() and time_s - sender.shown_s <= FORGOTTEN_S:
                 stands = one.here_from_sensor[:2, 3]
                 remembered[one.robot] = correction(sender.told, stands)
         return seen_at(known, {**remembered, **corrections})

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ego_agent.knowledge.answers import UNTRIED
 from ego_agent.knowledge.own_costs import LIGHTER
-from ego_agent.knowledge.pace import about_places, in_turn
+from ego_agent.knowledge.pace import about_places, every_nth, in_step, in_turn
 from ego_agent.plan.choices.scoring import PREFERRED, Score, Scorer
 from swarm.messages import MIXED, Algorithm, Assignment
 
@@ -401,7 +401,7 @@ def burst(
     contributions and of their answers about places."""
     rates = {one.robot: one.rate_hz for one in assignments}
     every = [*rates.values(), *(one.places_hz for one in assignments if one.places_hz > 0.0)]
-    cycle = math.lcm(*(max(1, round(frames_hz / hz)) for hz in every))
+    cycle = math.lcm(*(every_nth(hz, frames_hz) for hz in every))
     return max(
         sum(sizes[robot] for robot in in_turn(rates, frames_hz, number))
         + sum(places.get(robot, 0) for robot in about_places(assignments, frames_hz, number))
@@ -412,11 +412,12 @@ def burst(
 def _options(scorer: Scorer) -> tuple[Option, ...]:
     """What robots may send at the pace, most often first."""
     known, usual_hz = scorer.knowledge, scorer.pace.rate_hz
-    rates = [usual_hz, *(hz for hz in scorer.objective.rarer_hz if hz < usual_hz)]
+    rates = {usual_hz, *(in_step(hz, usual_hz) for hz in scorer.objective.rarer_hz)}
 
     def option(name: Algorithm, hz: float) -> Option:
         gain, kept = known.quality.gain(name), known.rates.kept(name, hz, usual_hz)
-        places_hz = min(known.places_hz(name, hz), usual_hz)
+        asked_hz = known.places_hz(name, hz)
+        places_hz = in_step(asked_hz, usual_hz) if asked_hz > 0.0 else 0.0
         if hz >= places_hz:
             return Option(name, hz, gain, kept)
         # Frames to which it contributes do not ask it about places.

@@ -219,7 +219,7 @@ class Driven:
             _scored_as([asked[robot] for robot in sorted(helpers)]),
             frozenset(helpers),
             sizes,
-            self._poses.put_right(known, gathering.corrections(), now_s),
+            self._poses.put_right(known, gathering.corrections(), now_s, here),
             views,
             here,
             focused,

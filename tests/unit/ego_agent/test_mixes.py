@@ -339,7 +339,7 @@ def test_only_who_sends_points_rarely_is_asked_about_places(
 ) -> None:
     found = a_floor(3, capacity_bps=1e6)
     known = knowing(places_hz=most_hz, rate_hz=frames_hz)
-    measured_hz = {5.0: 10.0, 2.0: 10.0, 1.0: 5.0, 0.5: 5.0}
+    measured_hz = {5.0: 10.0, 2.5: 10.0, 2.0: 10.0, 1.0: 5.0, 0.5: 5.0}
     for option in Mixes(Scorer(found, known)).options:
         often = min(frames_hz, most_hz, measured_hz.get(option.rate_hz, 0.0))
         asked = option.algorithm == "early" and often > option.rate_hz

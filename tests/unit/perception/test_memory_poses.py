@@ -130,15 +130,33 @@ def test_known_robots_are_put_where_an_error_that_lasts_was_shown() -> None:
     body = Body(label="robot", size=(1.0, 0.6, 0.5), center=(0.0, 0.0, 0.0))
     known = [KnownRobot(name, body, elsewhere) for name in ("R2", "R3")]
     last_s = (FRAMES - 1) / 10.0
-    one, other = swarm.memory.put_right(known, {}, last_s + 5.0)
+    one, other = swarm.memory.put_right(known, {}, last_s + 5.0, swarm.own)
     moved = one.here_from_sensor[:2, 3] - elsewhere[:2, 3]
     assert moved == pytest.approx(ERROR[:2], abs=0.02)
     assert (other.here_from_sensor == elsewhere).all()
     # What the frame itself shows counts before that.
-    one, _ = swarm.memory.put_right(known, {"R2": np.eye(4)}, last_s + 0.1)
+    one, _ = swarm.memory.put_right(known, {"R2": np.eye(4)}, last_s + 5.1, swarm.own)
     assert (one.here_from_sensor == elsewhere).all()
-    one, _ = swarm.memory.put_right(known, {}, last_s + FORGOTTEN_S + 1.0)
+    one, _ = swarm.memory.put_right(known, {}, last_s + FORGOTTEN_S + 1.0, swarm.own)
     assert (one.here_from_sensor == elsewhere).all()
+
+
+@pytest.mark.parametrize("who", ["sender", "ego"])
+def test_a_silent_robot_is_put_nowhere_else_after_a_jump(who: str) -> None:
+    swarm = Swarm()
+    swarm.drive(lambda _: ERROR)
+    body = Body(label="robot", size=(1.0, 0.6, 0.5), center=(0.0, 0.0, 0.0))
+    last_s = (FRAMES - 1) / 10.0
+    right, told, jumped = np.eye(4), [], np.eye(4)
+    jumped[:2, 3] = 3.0, -2.0
+    for number in range(1, 20):
+        moved = jumped if number >= 10 else right
+        stands = (moved if who == "sender" else right) @ swarm.sender
+        own = (moved if who == "ego" else right) @ swarm.own
+        known = (KnownRobot("R2", body, stands),)
+        (one,) = swarm.memory.put_right(known, {}, last_s + number / 10.0, own)
+        told.append(np.hypot(*(one.here_from_sensor - stands)[:2, 3]))
+    assert told == pytest.approx([np.hypot(*ERROR[:2])] * 9 + [0.0] * 10, abs=0.02)
 
 
 @pytest.mark.parametrize("other", [-ERROR, RIGHT], ids=["opposite", "none"])
