@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from scipy.special import betaincinv
 
 from research.training.wishes.cases import Case
 from swarm.messages.intent import Intent
@@ -77,14 +78,7 @@ def at_most(hits: int, tries: int, confidence: float = 0.95) -> float:
     """The one-sided upper bound of a rate (Clopper and Pearson, 1934): 0 of 300 is at most 0.01."""
     if hits >= tries:
         return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(50):
-        rate = (low + high) / 2
-        below = sum(
-            math.comb(tries, k) * rate**k * (1 - rate) ** (tries - k) for k in range(hits + 1)
-        )
-        low, high = (rate, high) if below > 1 - confidence else (low, rate)
-    return high
+    return float(betaincinv(hits + 1, tries - hits, confidence))
 
 
 def summary(cases: Sequence[Case], scores: Sequence[Score]) -> dict[str, float | None]:

@@ -65,7 +65,9 @@ def test_a_confident_answer_to_no_wish_is_counted(written: list[Case]) -> None:
     assert score(case, Intent(exclude=("R1",))).unsafe
 
 
-@pytest.mark.parametrize(("hits", "tries", "bound"), [(0, 300, 0.00994), (1, 100, 0.0466)])
+@pytest.mark.parametrize(
+    ("hits", "tries", "bound"), [(0, 300, 0.00994), (1, 100, 0.0466), (227, 3575, 0.0706)]
+)
 def test_the_bound_is_that_of_clopper_and_pearson(hits: int, tries: int, bound: float) -> None:
     assert at_most(hits, tries) == pytest.approx(bound, abs=2e-4)
     assert at_most(5, 5) == 1.0
