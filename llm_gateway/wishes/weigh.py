@@ -22,6 +22,9 @@ from llm_gateway.wishes.times.ends import UNTIL
 SURE = 0.9
 """How likely the model must find a word for it to count. Of wishes that it had not learnt from, 0.5
 made hardly more exact and nearly three times as many unsafe; 0.98 asked back more."""
+SURE_OF_HARD = 0.95
+"""The same of what is hard. 0.9 made 41 in place of 33 of 800 wishes unsafe that were written to
+mislead, and 12 of 1,461 others exact that are asked back now."""
 _HARD: frozenset[Kind] = frozenset({"robot", "share", "time", "policy"})
 _ALL = re.compile(r"\b(?:all|alle|allen|every(?:body|one)?|each|jede[nrs]?)\b", re.IGNORECASE)
 _WHOLE = ("all", "nobody")
@@ -42,7 +45,7 @@ def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
     roles = tuple(
         rule
         if rule == "doubt" and _ends(text, mention)
-        else _role(mention, rule, suspicion, model, likely >= SURE, sure=sure)
+        else _role(mention, rule, suspicion, model, likely, sure=sure)
         for mention, rule, suspicion, model, likely in zip(
             text.mentions, plain.roles, suspected, said.roles, each, strict=True
         )
@@ -69,22 +72,23 @@ def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
 
 
 def _role(
-    mention: Mention, rule: Role, suspected: Role | None, model: Role, likely: bool, *, sure: bool
+    mention: Mention, rule: Role, suspected: Role | None, model: Role, likely: float, *, sure: bool
 ) -> Role:
-    """What a mention is meant to be. `suspected`: what words suggest; `likely`: whether the model
-    is sure of its word; `sure`: of the whole wish."""
-    when = mention.when
+    """What a mention is meant to be. `suspected`: what words suggest; `likely`: how likely the
+    model's word is; `sure`: whether it is sure of the whole wish."""
+    hard, when = mention.kind in _HARD, mention.when
     if mention.kind == "unknown" or (when is not None and when.question):
         return rule  # What the site has, and what the clock says, the model does not know.
     if model == rule:
-        left = rule == "none" and mention.kind == "robot" and not likely
+        left = rule == "none" and mention.kind == "robot" and likely < SURE
         return "doubt" if left else rule
     if rule not in ("none", "doubt"):
         return rule if model == "none" else "doubt"
+    certain = likely >= (SURE_OF_HARD if hard else SURE)
     if model == "none":
-        return "none" if sure and likely else rule
-    alone = mention.kind in _HARD and suspected != model
-    return "doubt" if alone or not likely else model
+        # Whoever names a part wishes something of it: that is not passed over.
+        return "none" if sure and certain and mention.kind != "share" else rule
+    return model if certain and (suspected == model or not hard) else "doubt"
 
 
 def _ends(text: Text, mention: Mention) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from llm_gateway.model import Prompt, Reply
 from llm_gateway.wishes import understand
-from llm_gateway.wishes.weigh import SURE
+from llm_gateway.wishes.weigh import SURE, SURE_OF_HARD
 from swarm.messages.intent import Intent, Site
 
 NOW = datetime.fromisoformat("2026-11-23T14:05:00+01:00")
@@ -69,7 +69,15 @@ def test_the_model_may_confirm_what_words_suggest() -> None:
     said = "leave R3 alone whilst flummoxed"
     assert understand(said, SITE, NOW, None).exclude == ()
     assert understood(said, ("out", 1.0), ("all", 1.0)).exclude == ("R3",)
-    assert understood(said, ("out", UNSURE), ("all", 1.0)).unclear
+    for chance in (UNSURE, (SURE + SURE_OF_HARD) / 2):
+        assert understood(said, ("out", chance), ("all", 1.0)).unclear
+
+
+def test_a_part_that_words_cannot_read_is_not_passed_over() -> None:
+    said = "leave R3 out. Seventy percent, that is what the neighbours talk about"
+    intent = understood(said, ("out", 1.0), ("none", 1.0), ("all", 1.0))
+    assert (intent.exclude, intent.q_min, intent.link_share) == (("R3",), None, None)
+    assert intent.unclear
 
 
 def test_what_words_plainly_say_stands_beside_a_model_that_says_the_same_or_nothing() -> None:

@@ -26,7 +26,7 @@ def test_there_are_enough_of_each_kind(written: list[Case]) -> None:
     assert Counter(case.language for case in written)["de"] >= 100
 
 
-@pytest.mark.parametrize("name", ["wishes", "wishes-taught", "wishes-apart"])
+@pytest.mark.parametrize("name", ["wishes", "wishes-taught", "wishes-apart", "wishes-traps"])
 def test_every_meant_intent_can_be_obeyed(name: str) -> None:
     asked = cases(WISHES.with_name(f"{name}.jsonl"))
     assert len({case.id for case in asked}) == len(asked)
