@@ -3,8 +3,8 @@
 Words read what is plain and ask back the rest. The model reads nearly all, and is sometimes wrong,
 but then it is seldom sure. What both say stands. What only the model says stands where it is sure
 and nothing hard; it may confirm what words suggest. Where they contradict each other, the person is
-asked. Of wishes that it had not learnt from it was right about what is hard, where words say
-nothing, in 26 of 30: too seldom to count alone.
+asked. Where words say nothing and it is sure of something hard, it was right in 50 of 56 wishes
+that it had not learnt from, and in 4 of 36 that were written to mislead: too seldom to count alone.
 """
 
 from __future__ import annotations
