@@ -21,8 +21,9 @@ WORKED_FRAMES = 100
 
 
 KNOWN_S = 30.0
-"""For so long after its last frame it is known what an algorithm costs: what was slow when the
-machine was busy is worth another try."""
+"""For so long after its last frame it is known what an algorithm's frames cost, and after its last
+contribution what these do: what was slow when the machine was busy is worth another try, also where
+nobody is asked because it was."""
 
 
 class OwnCosts:
@@ -31,7 +32,10 @@ class OwnCosts:
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
         self._lock = threading.Lock()
-        self._newest_s: dict[Algorithm, float] = {}
+        self._fused_s: dict[Algorithm, float] = {}
+        """When a frame was fused last..."""
+        self._added_s: dict[Algorithm, float] = {}
+        """...and when one with contributions was."""
         self._fixed_s: dict[Algorithm, deque[float]] = {}
         self._add_s: dict[Algorithm, deque[float]] = {}
         self._work_s: dict[Algorithm, deque[float]] = {}
@@ -48,9 +52,10 @@ class OwnCosts:
         contributions, `work_s` the processor time of that. One about places counts as LIGHTER."""
         with self._lock:
             self._forget_old(algorithm)
-            self._newest_s[algorithm] = self._now_s()
+            self._fused_s[algorithm] = self._now_s()
             self._fixed_s.setdefault(algorithm, deque(maxlen=FRAMES)).append(fixed_s)
             if contributions:
+                self._added_s[algorithm] = self._now_s()
                 added = self._add_s.setdefault(algorithm, deque(maxlen=FRAMES))
                 added.append(add_s / contributions)
                 worked = self._work_s.setdefault(algorithm, deque(maxlen=WORKED_FRAMES))
@@ -79,7 +84,9 @@ class OwnCosts:
             return little(known) if known else None
 
     def _forget_old(self, algorithm: Algorithm) -> None:
-        newest_s = self._newest_s.get(algorithm)
-        if newest_s is not None and self._now_s() - newest_s > KNOWN_S:
-            for known in (self._newest_s, self._fixed_s, self._add_s, self._work_s):
-                known.pop(algorithm, None)
+        before_s = self._now_s() - KNOWN_S
+        if self._fused_s.get(algorithm, before_s) < before_s:
+            self._fixed_s.pop(algorithm, None)
+        if self._added_s.get(algorithm, before_s) < before_s:
+            self._add_s.pop(algorithm, None)
+            self._work_s.pop(algorithm, None)

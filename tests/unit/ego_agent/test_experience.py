@@ -307,3 +307,14 @@ def test_what_a_busy_machine_took_is_forgotten_when_nothing_is_fused_with_it() -
     assert (costs.add_s("early"), costs.work_s("early")) == (None, None)
     costs.record("early", 5, 0.03, 0.01, 0.01)
     assert costs.frame_s("early", 0) == pytest.approx(0.03)
+
+
+def test_what_contributions_took_is_forgotten_also_while_frames_have_none() -> None:
+    now_s = 100.0
+    costs = OwnCosts(lambda: now_s)
+    costs.record("early", 5, 0.3, 0.5, 0.5)
+    for _ in range(40):
+        now_s += 1.0
+        costs.record("early", 0, 0.02, 0.0, 0.0)
+    assert (costs.add_s("early"), costs.work_s("early")) == (None, None)
+    assert costs.frame_s("early", 5) == pytest.approx(0.02)
