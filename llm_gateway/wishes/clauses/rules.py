@@ -21,6 +21,7 @@ from llm_gateway.wishes.clauses.strangers import doubt_strangers
 from llm_gateway.wishes.clauses.traps import doubt_traps
 from llm_gateway.wishes.clauses.turned import stays
 from llm_gateway.wishes.clauses.voids import foreign, reasons, supposes, tells
+from llm_gateway.wishes.clauses.whole import read_whole
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role, Verdict
 
@@ -30,6 +31,8 @@ def read(text: Text) -> Reading:
     if foreign(text):
         nothing = tuple[Role, ...]("none" for _ in text.mentions)
         return Reading(nothing, "nothing", (text.whole,))
+    if (whole := read_whole(text)) is not None:
+        return whole
     draft = Draft.of_text(text)
     for at, clause in enumerate(draft.clauses):
         if not draft.void[at] and nobody(clause.text):
