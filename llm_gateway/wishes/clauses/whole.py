@@ -83,10 +83,10 @@ _DROPPING = (
 _WEG = rf"{_ROBOT}(?: bitte)? (?:auslassen|in ruhe lassen|raus(?:lassen|nehmen)|weglassen)"
 _WEGZU = rf"{_ROBOT} (?:auszulassen|in ruhe zu lassen|raus(?:zulassen|zunehmen)|wegzulassen)"
 _WEGT = rf"{_ROBOT} (?:auslasst|in ruhe lasst|raus(?:lasst|nehmt)|weglasst)"
+_MAY_WE = rf"(?:can|could|may) we(?: please)? {_DROP_IT}|(?:koennen|koennten) wir(?: bitte)? {_WEG}"
 _POLITE = (
-    rf"(?:can|could|may) we(?: please)? {_DROP_IT}|would you mind {_DROPPING}|"
+    rf"would you mind {_DROPPING}|"
     rf"(?:make sure|see to it that) (?:no one|nobody) (?:asks|uses) ROBOT|"
-    rf"(?:koennen|koennten) wir(?: bitte)? {_WEG}|"
     rf"(?:darf ich euch bitten|wuerde es euch (?:et)?was ausmachen) ,? ?{_WEGZU}|"
     rf"ich moechte ,? ?dass ihr {_WEGT}|"
     rf"es waere (?:gut|nett|schoen) ,? ?(?:{_WEGZU}|wenn ihr {_WEGT})|"
@@ -100,6 +100,9 @@ _WHOLE: tuple[tuple[Role, re.Pattern[str]], ...] = (
     ("out", re.compile(rf"{_BEFORE}(?:{_LETS}|{_SHUNS}){_BEHIND}(?: [.!])*")),
     ("out", re.compile(rf"{_BEFORE}(?:{_POLITE}){_BEHIND}(?: [.!?])*")),
 )
+_MAY = re.compile(rf"{_BEFORE}(?:{_MAY_WE}){_BEHIND}(?: [.!?])*")
+"""Is a wish where it begs, or says for how long; else it may ask what is possible."""
+_BEGS = re.compile(r"\b(?:bitte|please)\b")
 _EITHER = {"or", "oder"}
 """In a list of robots they leave open who is meant."""
 _TIMES = re.compile(r"(?: ,)? TIME\b(?: ,)?|^TIME(?: ,)? ")
@@ -111,6 +114,8 @@ def read_whole(text: Text) -> Reading | None:
     meant = next((role for role, pattern in _WHOLE if pattern.fullmatch(said)), None)
     named = {w.text for m in text.mentions for w in text.words[m.first : m.last]}
     timed = sum(m.kind == "time" for m in text.mentions)
+    if (timed or _BEGS.search(said)) and _MAY.fullmatch(said):
+        meant = "out"
     if meant is None or timed > 1 or not named.isdisjoint(_EITHER):
         return None
     roles = tuple[Role, ...](

@@ -92,7 +92,6 @@ def test_the_others_as_a_reserve_make_those_named_the_first() -> None:
         "skip R2, the others stay out",
         "not R3 but R4 should be left out",
         "never use anything but R3",
-        "alle weglassen außer R3",
         "nobody should skip R3",
         "stop ignoring R3",
         "only R3 is left",
