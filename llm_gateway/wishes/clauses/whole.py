@@ -69,7 +69,7 @@ _LETS = (
 )
 _SHUNS = (
     r"(?:do not|dont) (?:count on|listen to|rely on|send anything to|trust|wait for) ROBOT|"
-    r"take ROBOT offline|block ROBOT|(?:shut|turn) (?:down ROBOT|ROBOT down)|"
+    r"take ROBOT offline|block ROBOT|shut (?:down ROBOT|ROBOT down)|"
     rf"vergesst {_ROBOT}|schaltet {_ROBOT}(?: bitte)? (?:ab|aus)|schliesst {_ROBOT}(?: bitte)? aus|"
     rf"{_ROBOT} nicht vertrauen|(?:hoert|verlasst euch|wartet) nicht auf {_ROBOT}|auf {_ROBOT} "
     rf"koennt ihr nicht zaehlen|ich will {_ROBOT} nicht dabeihaben"
