@@ -92,6 +92,12 @@ def test_where_words_and_model_contradict_each_other_the_person_is_asked(chance:
     assert "R3" in intent.unclear
 
 
+def test_what_is_read_as_a_whole_stands_whatever_the_model_says() -> None:
+    for word in ("out", "first", "none"):
+        intent = understood("all but R3 off", (word, 1.0), ("all", 1.0))
+        assert (intent.only, intent.exclude, intent.unclear) == (("R3",), (), ())
+
+
 def test_an_aside_is_none_where_the_model_is_sure_of_that_and_of_the_whole() -> None:
     said = "leave R3 out, the pallets were there at seven"
     assert understand(said, SITE, NOW, None).unclear
@@ -128,7 +134,7 @@ def test_nobody_may_be_said_by_the_model() -> None:
         ("skip R3, well, until five, I mean six", [("out", 1.0), ("when", 1.0), ("all", 1.0)]),
         ("skip R3 and whoever is slow", [("out", 1.0), ("all", 1.0)]),
         ("Ask nobody. R3 is out.", [("out", 1.0), ("all", 1.0)]),
-        ("Ask nobody but R3", [("only", 1.0), ("nobody", 1.0)]),
+        ("Ask nobody, R3 is the exception", [("only", 1.0), ("nobody", 1.0)]),
         ("R3 first, ask nobody today", [("first", 1.0), ("none", 1.0), ("nobody", 1.0)]),
     ],
 )
