@@ -38,8 +38,10 @@ class Whereabouts:
         self._last: _Stood | None = None
 
     def jumps(self, time_s: float, world_from_own: Matrix) -> bool:
-        """Takes a pose, and says whether it cannot be got to from the last one by driving. The time
-        is not before that of the last one."""
+        """Takes a pose, and says whether it cannot be got to from the last one by driving. One of a
+        time before that of the last one is passed over."""
+        if self._last is not None and time_s < self._last.time_s:
+            return False
         place, yaw = world_from_own[:2, 3].copy(), yaw_of(world_from_own)
         last, self._last = self._last, _Stood(time_s, place, yaw, None)
         if last is None:

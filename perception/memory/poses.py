@@ -82,9 +82,7 @@ class _Sender:
     where: Whereabouts = field(default_factory=Whereabouts)
     """Where it believes to stand, as it contributes."""
     told_where: Whereabouts = field(default_factory=Whereabouts)
-    """The same, as its beacons tell..."""
-    told_s: float = -math.inf
-    """...for this time."""
+    """The same, as its beacons tell."""
     told: Floats = field(default_factory=lambda: np.zeros(3))
     """The move (3,) in metres and radians by all that was shown; zeros where it is as likely that
     there is none. What shows nothing leaves it as it is."""
@@ -184,11 +182,10 @@ class PoseMemory:
             sender = self._senders.get(one.robot)
             if sender is None:
                 continue
-            if time_s >= sender.told_s and sender.told_where.jumps(time_s, one.here_from_sensor):
+            if sender.told_where.jumps(time_s, one.here_from_sensor):
                 # Whoever was placed anew errs anew, and may be silent long after that.
                 del self._senders[one.robot]
                 continue
-            sender.told_s = max(sender.told_s, time_s)
             if sender.lasts() and time_s - sender.shown_s <= FORGOTTEN_S:
                 stands = one.here_from_sensor[:2, 3]
                 remembered[one.robot] = correction(sender.told, stands)
@@ -221,8 +218,7 @@ class PoseMemory:
         before."""
         one = self._senders.pop(robot, None)
         if one is not None and (
-            time_s - one.shown_s > FORGOTTEN_S
-            or (time_s >= one.time_s and one.where.jumps(time_s, world_from_sender))
+            time_s - one.shown_s > FORGOTTEN_S or one.where.jumps(time_s, world_from_sender)
         ):
             one = None
         known = one is not None
