@@ -50,5 +50,8 @@ class Reading:
     """Words that are numbers of which nothing can be wished."""
     nobody: bool = False
     """Whether no robot at all is to be asked."""
+    final: bool = False
+    """Whether no second witness is heard: quotations and words to a model; and what leaves nothing
+    to understand."""
     likely: tuple[float, ...] = ()
     """How likely who read it finds each role, and last the verdict, where that is known."""

@@ -13,8 +13,6 @@ import re
 from dataclasses import replace
 
 from llm_gateway.wishes.account import question, settle, unread_ends
-from llm_gateway.wishes.clauses.voids import foreign
-from llm_gateway.wishes.clauses.whole import read_whole
 from llm_gateway.wishes.names.mention import Kind, Mention
 from llm_gateway.wishes.names.mentions import Text
 from llm_gateway.wishes.reading import Reading, Role
@@ -35,8 +33,7 @@ _WHOLE = ("all", "nobody")
 def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
     """The rules' reading and the model's, put together; what must be asked back is in its
     `unclear`. `said`: with how likely each of its words is."""
-    if foreign(text) or read_whole(text) is not None:
-        # Quotations and words to the model; and what leaves nothing to understand.
+    if plain.final:
         return settle(text, plain)
     *each, whole = said.likely
     if said.verdict == "nothing" and whole >= SURE:

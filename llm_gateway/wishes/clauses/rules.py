@@ -30,7 +30,7 @@ def read(text: Text) -> Reading:
     """The rules' reading of a wish; settle it (`account`) before anything is made of it."""
     if foreign(text):
         nothing = tuple[Role, ...]("none" for _ in text.mentions)
-        return Reading(nothing, "nothing", (text.whole,))
+        return Reading(nothing, "nothing", (text.whole,), final=True)
     if (whole := read_whole(text)) is not None:
         return whole
     draft = Draft.of_text(text)

@@ -122,4 +122,4 @@ def read_whole(text: Text) -> Reading | None:
         meant if m.kind == "robot" else "when" if m.when is not None and m.when.clear else "doubt"
         for m in text.mentions
     )
-    return Reading(roles, "part" if "doubt" in roles else "all")
+    return Reading(roles, "part" if "doubt" in roles else "all", final=True)
