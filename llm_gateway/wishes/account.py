@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from llm_gateway.wishes.clauses.clause import ARTICLES
+from llm_gateway.wishes.clauses.compared import is_compared
 from llm_gateway.wishes.names import lexicon
 from llm_gateway.wishes.names.mention import Mention
 from llm_gateway.wishes.names.mentions import Text
@@ -38,7 +38,19 @@ _BUSY = {"business", "busy", "office", "opening", "peak", "rush", "visiting"}
 _OF_HOURS = {"few", "half", "more", "next", "of", "some", "the", "these", "those", "what"}
 _POINTS = {"dann", "then"}
 _IS = {"ist", "haben", "hat", "macht", "machen", "schon", "is"}
-_AS_YOU_LIKE = {"as", "do", "macht", "normal", "wie", "whatever", "zurueck", "back"}
+_AS_YOU_LIKE = {
+    "as",
+    "compare",
+    "like",
+    "normal",
+    "sehen",
+    "want",
+    "wollt",
+    "wie",
+    "whatever",
+    "zurueck",
+    "back",
+}
 """Behind "then" they say that nothing more is wished."""
 _THEN = {"afterwards", "anschliessend", "danach", "dann", "then"}
 _AFTER = {"after", "before", "during", "nach", "vor", "waehrend"}
@@ -55,17 +67,6 @@ _PAPERS = frozenset(
     fw inc ref release req rev software stoerung vorgang""".split()
 )
 """Before a number they make a name of it: "notice 14"."""
-_THAN = (["als"], ["than"], ["statt"], ["over"])
-_BEFORE = re.compile(
-    r"(?:(?:,|asked|bitte|first|please|polled|taken|tried|used|zuerst) )*(?:ahead of|before|"
-    r"vor)(?: (?:dem|den|der|the))?"
-)
-"""Between two robots: the first one is preferred."""
-_GOES_ON = frozenset(
-    """aber also and as auch bis bitte but falls for from fuer heute if jetzt now please sowie till
-    today too und until wenn when where""".split()
-)
-"""Behind the second one they begin something else."""
 
 
 def settle(text: Text, reading: Reading) -> Reading:
@@ -79,7 +80,7 @@ def settle(text: Text, reading: Reading) -> Reading:
             continue
         if told and mention.kind == "class" and _has_part(text, mention, reading):
             continue
-        if told and "first" in reading.roles and _is_compared(text, mention):
+        if told and "first" in reading.roles and is_compared(text, mention):
             continue
         if role == "doubt" or told:
             unclear.append(question(text, mention))
@@ -115,7 +116,7 @@ def _unread(text: Text, reading: Reading) -> list[str]:
     ranged = any(m.when is not None and m.when.start and m.when.until for m in text.mentions)
     found = []
     for at, word in enumerate(text.words):
-        if at in inside or _is_talk(text, at) or (ranged and word.text in {"then", "dann"}):
+        if at in inside or _is_talk(text, at) or (ranged and _goes_on(text, at)):
             continue
         until = word.text == "bis" and not _reaches(text, reading, at)
         until |= word.text in _LIMITS and not _following(text, at, 2).isdisjoint(_THAN_NUMBERS)
@@ -147,8 +148,16 @@ def _following(text: Text, at: int, words: int) -> set[str]:
 
 def _puts_off(text: Text, at: int) -> bool:
     """Whether something is to come after what is wished: "R2 until six, then R3"."""
+    if text.words[at].text == "after":
+        return _following(text, at, 1) == {"that"}
     lasting = any(m.first == at + 1 and m.when is not None and m.when.lasts for m in text.mentions)
     return not lasting and text.words[at].text in _THEN
+
+
+def _goes_on(text: Text, at: int) -> bool:
+    """Whether "then", at word `at`, is no other turn: "from two to four, then without R2"."""
+    turns = any(m.kind == "robot" and at < m.first <= at + 2 for m in text.mentions)
+    return text.words[at].text in _POINTS and not turns
 
 
 def _waits(text: Text, at: int) -> bool:
@@ -188,8 +197,8 @@ def _is_talk(text: Text, at: int) -> bool:
     if word.text == "feierabend" and before in _IS:
         return True
     if (
-        word.text in {"then", "danach", "dann"}
-        and {w.text for w in text.words[at + 1 : at + 3]} & _AS_YOU_LIKE
+        word.text in {"after", "then", "danach", "dann"}
+        and {w.text for w in text.words[at + 1 : at + 6]} & _AS_YOU_LIKE
     ):
         return True
     if word.text == "1" and before in {"prio", "prioritaet", "priority"}:
@@ -201,28 +210,6 @@ def _is_talk(text: Text, at: int) -> bool:
     behind = text.words[at + 1] if at + 1 < len(text.words) else None
     glued = behind is not None and behind.start == word.end and behind.text.isalpha()
     return word.text.isdigit() and glued  # "5G".
-
-
-def _is_compared(text: Text, mention: Mention) -> bool:
-    """Whether it only is what something else is preferred to: "rather R2 than R3", "R2 vor R3"."""
-    for other in text.mentions:
-        near = [word.text for word in text.words[max(0, other.first - 3) : other.first]]
-        cue = [word for word in near if word not in ARTICLES][-1:]
-        same = other.kind == "robot" and other.names == mention.names
-        if same and (cue in _THAN or _comes_behind(text, other)):
-            return True
-    return False
-
-
-def _comes_behind(text: Text, mention: Mention) -> bool:
-    """Whether a robot stands behind another one and "before", and no more is said of it."""
-    behind = text.words[mention.last].text if mention.last < len(text.words) else "."
-    if behind[0].isalnum() and behind not in _GOES_ON:
-        return False  # "R2 before R3 goes".
-    ends = [other.last for other in text.mentions if other.kind == "robot"]
-    begin = max((end for end in ends if end <= mention.first), default=mention.first)
-    said = " ".join(word.text for word in text.words[begin : mention.first])
-    return bool(_BEFORE.fullmatch(said))
 
 
 def _has_part(text: Text, mention: Mention, reading: Reading) -> bool:

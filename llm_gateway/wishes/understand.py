@@ -76,7 +76,7 @@ def _understood(wish: str, site: Site, now: datetime, reader: Reader | None) -> 
 
 def _read(text: Text, reader: Reader | None) -> Reading:
     plain = rules.read(text)
-    if reader is None or not text.mentions:
+    if reader is None or plain.final or not text.mentions:
         return settle(text, plain)
     said = _asked(text, reader)
     if said.likely:

@@ -202,6 +202,11 @@ def _belongs(text: Text, at: int, pieces: list[str]) -> bool:
             "wenig",
             "lange",
             "oft",
+            "often",
+            "hard",
+            "quickly",
+            "schnell",
+            "haeufig",
             "gut",
         }
         behind = pieces[-2:] if pieces[-1:] == ["mehr"] else pieces[-1:]

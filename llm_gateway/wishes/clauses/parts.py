@@ -88,6 +88,5 @@ def _bound_share(draft: Draft, number: int, role: Role, said: str) -> None:
     share = draft.text.mentions[number].share
     bounds = share is not None and share.possible
     if bounds and role != "none":
-        linked = role in ("link", "free")
-        bounds = share is not None and not unbounded(said, share.value, linked=linked)
+        bounds = share is not None and not unbounded(said, share.value, role)
     draft.roles[number] = role if bounds else "doubt"

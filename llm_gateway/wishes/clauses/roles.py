@@ -52,8 +52,16 @@ _SAVE_FOR = re.compile(r"\b(?:except|ausser|but|besides|bis auf)\b")
 _TURNED = re.compile(
     r"\b(?:nobody|no ?one|keiner|niemand)\b(?: \w+){0,3} (?:skip|ignore|exclude|leave|drop|avoid|"
     r"ROBOT (?:weg|aus|ignor)\w*)|\b(?:skip|ignore|exclude|drop|avoid) (?:nobody|no ?one|none)\b|"
+    r"\b(?:aufhoer\w*|cease|hoert? auf)\b.* (?:auszulassen|auszuschliessen|ignore|"
+    r"rauszu\w+|wegzulassen|zu ignorieren)\b|\b(?:hoert? auf) (?:allein|nur|ROBOT allein)\b|"
     r"\b(?:stop|quit|cease) (?:skipp|ignor|exclud|leav|avoid|omitt|dropp|bench)\w*|"
-    r"\b(?:should|could|would) have\b|\b(?:too|so|very) often\b|\bzu oft\b|\balways\b|(?<!wo "
+    r"\b(?:should|could|would) have\b|\b(?:so|too|very|zu) (?:haeufig|oft|often)\b|\bevery "
+    r"(?:other|second) time\b|"
+    r"\b(?:do not|does ?nt|dont|nicht|nobody|not|shouldnt)\b.*\b(?:at the same time|both|every "
+    r"time|for "
+    r"everything|fuer alles|jedes mal|(?:so|too) (?:hard|much|quickly|schnell|viel))\b|\bnicht "
+    r"beide\b|"
+    r"\balways\b|(?<!wo "
     r")(?<!wann )\bimmer\b|\bthe only (?:one|robot|bot)\b|\b(?:is|are) left\b(?! out)|\bleft "
     r"is\b|\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|das) einzigen?\b|\bout and about\b"
 )

@@ -17,6 +17,7 @@ from llm_gateway.wishes.clauses.named import read_named
 from llm_gateway.wishes.clauses.referred import read_referred
 from llm_gateway.wishes.clauses.reported import idle, only_reasons, others_need
 from llm_gateway.wishes.clauses.roles import asks, nobody
+from llm_gateway.wishes.clauses.spans import doubt_spans
 from llm_gateway.wishes.clauses.strangers import doubt_strangers
 from llm_gateway.wishes.clauses.traps import doubt_traps
 from llm_gateway.wishes.clauses.turned import stays
@@ -59,6 +60,7 @@ def read(text: Text) -> Reading:
             doubt_told(draft, clause)
     _tell_times(draft)
     doubt_clashes(draft)
+    doubt_spans(draft)
     doubt_traps(draft)
     roles = tuple[Role, ...](role or "none" for role in draft.roles)
     if draft.nobody and any(m.kind == "robot" for m in text.mentions):

@@ -62,6 +62,33 @@ _ALL_BUT = re.compile(
     r"out|raus|weg)\b[^.;!]* (?:ausser|bis auf|except)(?: for)? ROBOT\b"
 )
 """All but somebody are out: his is the only name."""
+_NONE_BUT = re.compile(
+    r"\b(?:none of (?:our|the|them)(?: \w+)?|keine\w* (?:der|von den|unserer) \w+) (?:apart from|"
+    r"ausser|"
+    r"besides|but|except(?: for)?|other than) ROBOT\b|\b(?:kein\w*|niemand|no|no ?one|nobody)(?: "
+    r"\w+)? "
+    r"(?:is|ist) (?:aus|off|out|raus|weg) (?:apart from|ausser|but|except(?: for)?) ROBOT\b|"
+    r"^(?:apart from|ausser|bis auf|except(?: for)?) ROBOT\b(?=[^.;!]*\b(?:aus|bench|dont|drop|"
+    r"exclude|ignore|leave|not|"
+    r"out|raus|skip|weg)\b)[^.;!]*\b(?:all\w*|any\w*|every\w*)\b"
+)
+"""Says of all but somebody that they are out, or that none is."""
+_EITHER = re.compile(
+    r"^(?!.*\b(?:do not|dont|never|nicht|no|without)\b).*\b(?:(?:one of (?:them|the (?:three|two))|"
+    r"einen? (?:davon|von (?:beiden|euch|ihnen)))\b.* ROBOT\b|(?:either|entweder) ROBOT\b)|"
+    r"\b(?:aufhoeren|cease|hoert? auf) , .*\b(?:allein|auszulassen|auszuschliessen|ignorieren|nur|"
+    r"rauszunehmen|wegzulassen)\b"
+)
+_ANSWERED = re.compile(
+    r"\bROBOT\b[^?.!]*\? (?:(?:besser|lieber) )?(?:nein|nicht|no|nope)\b|"
+    r"\bROBOT\b[^?.!]*, (?:isnt (?:he|it|she)|oder|right) \?"
+)
+"""Asks, and says no to it."""
+_BURNS = re.compile(
+    r"^wenns (?!beliebt|euch|geht|keine|moeglich|nichts|nix|passt|recht)\w+\b|\bbei (?:gewitter|"
+    r"nebel|paketverlust\w*|schnee\w*|sturm)\b"
+)
+
 _REPEATED = re.compile(
     r"\b(?:every|each|jede[nrs]?) (?:TIME|abend|afternoon|day|evening|morgen|morning|nacht|night|"
     r"shift|schicht|tag|week|woche)\b|\bnightly\b"
@@ -113,7 +140,7 @@ def doubt_traps(draft: Draft) -> None:
     asked = said.endswith("?") and len(said.split()) <= _SHORT and not _BEGS.search(said)
     if asked and not {"out", "only"}.isdisjoint(draft.roles):
         draft.firm.append(draft.text.whole)
-    traps = [_CORRECTED, _UNNAMED, _EXCEPTED, _ALL_BUT]
+    traps = [_CORRECTED, _UNNAMED, _EXCEPTED, _ALL_BUT, _NONE_BUT, _EITHER, _ANSWERED]
     if draft.nobody or not _HARD.isdisjoint(draft.roles):
         ends = any(
             m.when is not None and m.when.clear and (m.when.until or m.when.lasts)
@@ -122,7 +149,7 @@ def doubt_traps(draft: Draft) -> None:
         # Beside an end, "while" and "when" only tell why; a bound may hold for a while.
         firmly = [c for c in draft.supposed if not ends or _IF.search(c.text)]
         asks = draft.nobody or not {"out", "only"}.isdisjoint(draft.roles)
-        traps += [_IN_CASE] if asks and not ends else []
+        traps += [_IN_CASE, _BURNS] if asks and not ends else []
         traps += [_LATER, _POLICY_IS]
         draft.firm += [draft.text.whole] if firmly else []
     if any(trap.search(said) for trap in traps):

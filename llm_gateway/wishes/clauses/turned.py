@@ -62,7 +62,9 @@ _ONWARDS = re.compile(
 """Names where a row of robots begins or ends."""
 _BRIEFLY = re.compile(
     r"\b(?:ask|fragt?|nehmt?|nimm|nutzt?|take|use)\b.* (?:bloss|just|lediglich|nur|only) TIME\b|"
-    r"\bROBOT (?:bloss|lediglich|nur) TIME(?: [a-z]+)?$"
+    r"\bROBOT (?:bloss|lediglich|nur) TIME(?: [a-z]+)?$|"
+    r"\bROBOT (?:can|darf|is|ist|kann|may) (?:\w+ )?(?:only|nur)(?: noch)? (?:\w+ )*TIME\b|"
+    r"\b(?:have|haben) (?:only )?ROBOT (?:only )?TIME\b|\bROBOT TIME only$|\bROBOT nur noch TIME$"
 )
 """Of when, not of whom, it says "only"."""
 _OPPOSED = re.compile(
@@ -77,7 +79,8 @@ _STILL_IN = re.compile(
 )
 """Takes one of those who are left out back in."""
 _SOME_TIME = re.compile(
-    r"\bROBOT (?:after that|afterwards|bald|danach|kurz|later|nachher|soon|spaeter)\b"
+    r"\bROBOT (?:(?:aus|off|out|raus|weg) )?(?:after that|afterwards|bald|danach|kurz|later|"
+    r"nachher|soon|spaeter)\b"
 )
 _PERHAPS = re.compile(r"\b(?:i|ich|it|we|wir) (?:could|koennte\w*|might)\b|\bvielleicht\b")
 _ENOUGH = re.compile(
@@ -92,7 +95,26 @@ _NO_WISH = re.compile(
     r"have )?(?:avoided|dropped out|forgot\w*|ignored|ignorierte|skipped|suspended|uebersah)\b|"
     r"^ROBOT hat .*\b(?:ignoriert|uebersehen|vergessen)$|\bROBOT (?:is|ist) (?:auf dem weg|"
     r"ausser sicht|off (?:the charger|to|track)|on (?:his|its) way|out of (?:sight|the way)|"
-    r"vom weg ab)\b|\b(?:danke?|gut|thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|"
+    r"vom weg ab)\b|\bROBOT\b.*\b(?:aus dem weg|im weg|off (?:the )?charger|out (?:for (?:a "
+    r"(?:drive|ride|run|walk)|"
+    r"deliver\w*)|on (?:a|his|its|patrol)|of the (?:charger|hall|way))|von der (?:lade\w*)|"
+    r"(?:checked|came|"
+    r"sorted|tested|turned|worked) out|schaut gut aus|weg von|weg von)\b|\boff (?:(?:it|you) "
+    r"goe?s?|maintenance)\b|\bout and about\b|"
+    r"\b(?:off(?: - |-| )?time|rest|time ?out) is over\b|"
+    r"\b(?:is|ist) (?:forbidden|not allowed|verboten)\b|\blist of (?:excluded|ignored|skipped)\b|"
+    r"\bforget about ROBOT being\b|\b(?:keiner|niemand|nobody|no ?one) (?:asks? for|is asking|"
+    r"wants?|will) "
+    r"ROBOT (?:be )?(?:out|raus|weg)\b|\b(?:es geht nur um|this is only about) ROBOT\b|^(?:es ist "
+    r"nur|it is only|its only) ROBOT$|"
+    r"\b(?:just|nur|only) ROBOT (?!(?:allowed|asked|counts|does|excluded|gets|goes|has|helps|"
+    r"ignored|is|"
+    r"matters|needed|needs|plays|skipped|stays|takes|used|was|wanted)\b)(?:[a-z]{3,}(?:ed|[^s]s)|"
+    r"geht|kann|kennt|made|"
+    r"weiss)\b|\b(?:ALLBUT|NOBODYBUT) ROBOT (?!(?:allowed|asked|included|invited|needed|skipped|"
+    r"used|"
+    r"wanted)\b)(?:[a-z]+ed|answers?|are back|antworten|saw|sees|sind wieder)\b|\b(?:danke?|gut|"
+    r"thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|"
     r"\bgood that ROBOT\b|\b(?:i|ich|jemand|sie|somebody|someone|they|we|wir) (?:hab\w*|hat|have|"
     r"has|ve) .*\bROBOT\b.*\b(?:abgeschaltet|ausgeschlossen|left|off|out|rausgenommen|skipped|"
     r"weggelassen)$|\bno need (?:for \w+ )?to (?:avoid|drop|exclude|ignore|leave|skip)\b|\b(?:so|"

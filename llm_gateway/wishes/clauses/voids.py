@@ -111,6 +111,8 @@ def void(text: Text, clauses: Sequence[Clause], clause: Clause) -> bool:
         clause.asked or not opening.text.startswith(("can we", "when", "where", "do ", "must"))
     ):
         return True
+    if clause.asked and "TIME" not in opening.text and speech.ABLE.match(opening.text):
+        return True
     supposed = speech.NO_CONDITION.sub("", _GREETING.sub("", opening.text))
     if _SUPPOSES.match(supposed) and not _reaches(opening.text):
         return True

@@ -28,6 +28,12 @@ AT_MOST = any_of(
     "ueberschreiten", "up to", "within",
 )  # fmt: skip
 FREE = any_of(
+    r"(?:held|hold|keep|kept) (?:[a-z]+ ){0,3}SHARE (?:[a-z]+ |NET )*(?:available|back|open)",
+    "hands off", "hold back", "keep back", "(?:keep|stay) (?:away from|off)", "mitts off",
+    "nicht (?:anruehren|antasten)", "(?:are|is) not (?:for you|yours)",
+    "(?:ist|sind) nicht fuer euch", r"SHARE (?:\w+ )*duerft ihr nicht", "SHARE luft",
+    r"gebt SHARE .*ab", "give up SHARE", r"verzicht\w* auf SHARE", r"zurueckhalt\w*",
+    r"(?:make sure|should be|want) .*left",
     "andere", "anderen", "clear", "free", "frei", "freihalten", "freilassen",
     r"(?:ich|wir|i|we|they) (?:brauch\w*|needs?)", "leave", "others", "reserve", "reserved",
     r"reservier\w*", "spare", "uebrig", "uebriglassen", "untouched", "unused",

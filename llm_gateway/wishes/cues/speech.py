@@ -21,6 +21,14 @@ QUESTION = re.compile(
     r"sollen|sollte|ist|sind|wird|hat|haben|darf|muss|gibt|kann (?:ich|man|ROBOT)|"
     r"koennen wir(?! (?:bitte|mal bitte)\b)|bist|weisst)\b"
 )
+ABLE = re.compile(
+    r"(?:reich(?:t|en)|genueg(?:t|en)|geht|ginge|schafft|kommt ihr|would (?:it|ROBOT|SHARE|the)"
+    r"(?! be (?:good|great|kind|nice|ok|okay|possible)\b)|wuerde\w* (?:(?:die|der|das) )?(?:es|"
+    r"ROBOT|SHARE)|"
+    r"(?:can|could) you (?:do|get by|live|make|manage|reach|still|work)|will you (?:make|manage|"
+    r"reach)|koenn\w* ihr (?:auch |noch )?(?:auf ROBOT|mit|ohne))\b"
+)
+"""Of a question: asks what is possible, or enough."""
 DOUBTED = re.compile(
     r"\b(?:should (?:i|we)|shall (?:i|we)|soll ich|sollen wir|sollte ich|i wonder|frage mich|maybe|"
     r"perhaps|vielleicht sollte\w*|(?:interessieren|interessiert|wissen|wuesste\w*|wonder|"

@@ -14,6 +14,8 @@ from llm_gateway.wishes.times.clock import Point
 from llm_gateway.wishes.times.moments import resolve
 
 _HALF = timedelta(hours=12)
+_BEGUN = timedelta(hours=1)
+"""A beginning that has just gone by may be meant for now."""
 _NOON = 12
 _EVENING = 18
 
@@ -42,6 +44,9 @@ def of_range(start: Point, until: Point, now: datetime) -> str:
     end = None if said is None else resolve(_any_day(until), now, said)
     if said is None or end is None or said > now:
         return ""
+    if _on_a_face(start) and said + _HALF <= now < end + _HALF:
+        options = [f"until {end + _HALF:%H:%M}", _from_to("tomorrow", said + 2 * _HALF, until)]
+        return _question("has begun", options, now)
     if not _doubtful(start, said, now) and (_on_a_face(start) or now >= end):
         return ""
     runs = now < end
@@ -56,7 +61,13 @@ def of_range(start: Point, until: Point, now: datetime) -> str:
 def of_start(point: Point, now: datetime) -> str:
     """What to ask about a beginning without an end; empty: it is plain."""
     said = _written(point, now)
-    if said is None or said > now or not _doubtful(point, said, now):
+    if said is None or said > now:
+        return ""
+    begun = said + _HALF if _on_a_face(point) else said
+    if point.days is None and begun <= now < begun + _BEGUN:
+        options = ["from now on", f"tomorrow from {said:%H:%M} on"]
+        return _question("is over", options, now)
+    if not _doubtful(point, said, now):
         return ""
     options = ["from now on"]
     if said + _HALF > now:

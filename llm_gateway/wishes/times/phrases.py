@@ -44,6 +44,9 @@ _FIRST_OF_ALL = {"prio", "priority", "prioritaet"}
 """Before a one they say that it is no hour."""
 _GIVEN = {"der", "die", "next", "naechste", "naechsten", "naechster", "the"}
 """Behind "in" and before a length they say that it runs: "in the hour" is not "in an hour"."""
+_OFF_BY = {"ago", "already", "alt", "behind", "earlier", "fast", "hinterher", "late",
+           "old", "slow"}  # fmt: skip
+"""Behind a length they say that it is over, or how late, fast or old something is."""
 _THAT = {"that", "these", "this", "those", "diese", "dieser", "diesen", "dieses"}
 _SPANS = {"period", "slot", "time", "window", "zeit", "zeitfenster", "zeitraum"}
 """Behind "for that" they point to a time that is said elsewhere."""
@@ -206,10 +209,14 @@ def _lasting(words: Sequence[Word], at: int, now: datetime) -> When | None:
     if here == at and (apart := _apart(words, at, long, now)) is not None:
         return apart
     last = long[1] + (1 if text_at(words, long[1]) in {"lang", "long"} else 0)
-    if text_at(words, last) in {"ago", "earlier"} or text_at(words, at - 1) in _SINCE | _REPEATED:
+    off = last + (text_at(words, last) in {"too", "zu"})
+    over = text_at(words, off) in _OFF_BY | ({"spaet"} if off > last else set())
+    over |= [word.text for word in words[last : last + 3]] == ["on", "the", "clock"]
+    over |= text_at(words, last) == "off" and text_at(words, at - 1) in {"are", "is"}
+    over |= text_at(words, at - 1) == "by" and text_at(words, at - 2) == "late"
+    if over or text_at(words, at - 1) in _SINCE | _REPEATED:
         past = text_at(words, at - 1) not in _REPEATED
-        end = last + (1 if text_at(words, last) in {"ago", "earlier"} else 0)
-        return When(at, end, clear=False, past=past)
+        return When(at, off + 1 if over else last, clear=False, past=past)
     return When(at, last, lasts=long[0])
 
 

@@ -21,6 +21,16 @@ def understood(wish: str, at: str) -> Intent:
     ("at", "wish", "asked"),
     [
         (
+            "14:05",
+            "leave R1 out from 2 to 4",
+            "from 2 to 4 has begun at 14:05: until 16:00, or tomorrow 02:00 to 04:00?",
+        ),
+        (
+            "14:05",
+            "ab 14 Uhr ohne R1",
+            "ab 14 Uhr is over at 14:05: from now on, or tomorrow from 14:00 on?",
+        ),
+        (
             "13:10",
             "leave R1 out from 8 to 10 today",
             "from 8 to 10 today is over at 13:10: this evening 20:00 to 22:00, or tomorrow 08:00 "

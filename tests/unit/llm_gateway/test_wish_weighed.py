@@ -142,3 +142,15 @@ def test_names_that_do_not_exist_times_that_are_over_and_contradictions_are_code
     wish: str, words: list[tuple[str, float]]
 ) -> None:
     assert understood(wish, *words).unclear
+
+
+def test_no_model_is_asked_about_what_words_read_as_a_whole() -> None:
+    class Silent:
+        model = "silent"
+        trained = True
+
+        def read(self, prompt: Prompt) -> Reply:
+            raise AssertionError(prompt)
+
+    assert understand("all but R1 off until six", SITE, NOW, Silent()).only == ("R1",)
+    assert understand('the sign says "skip R1"', SITE, NOW, Silent()).unclear
