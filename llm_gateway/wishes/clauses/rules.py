@@ -11,6 +11,7 @@ import re
 from llm_gateway.wishes.clauses.clashes import doubt_clashes
 from llm_gateway.wishes.clauses.draft import STRONG, Draft
 from llm_gateway.wishes.clauses.elliptic import read_elliptic
+from llm_gateway.wishes.clauses.kept import kept
 from llm_gateway.wishes.clauses.leftover import doubt_leftover, doubt_told
 from llm_gateway.wishes.clauses.measured import measured
 from llm_gateway.wishes.clauses.named import read_named
@@ -59,6 +60,8 @@ def read(text: Text) -> Reading:
         if tells(draft.clauses, clause):
             doubt_told(draft, clause)
     _tell_times(draft)
+    staying = kept(draft)
+    draft.set(sorted(staying), "none")
     doubt_clashes(draft)
     doubt_spans(draft)
     doubt_traps(draft)
@@ -80,7 +83,7 @@ def read(text: Text) -> Reading:
         unclear,
         tuple(dict.fromkeys(draft.firm)),
         suspected,
-        only_reasons(draft),
+        only_reasons(draft) | staying,
         measured(draft),
         draft.nobody,
     )

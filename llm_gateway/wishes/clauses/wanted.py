@@ -90,7 +90,8 @@ _REPORTS = re.compile(
     r"frei$|free again|halb|leer|missing|"
     r"occupied|offline|tot|unrealis\w+|unmoeglich|impossible|used|utili[sz]\w*|"
     r"is back|half (?:as|free)|halb (?:frei|so)|betraegt|delivers|drags|fell|fiel|gefallen|"
-    r"gestiegen|gesunken|rose|stieg|(?:belegt|gone|taken|used|weg)$|(?:fahren|get|haben|have|run|"
+    r"gestiegen|gesunken|rose|stieg|(?:belegt|gone|in use|taken|used|weg)$|(?:fahren|get|haben|"
+    r"have|run|"
     r"schaffen) (?:at |mit |\w+ )?SHARE (?:accuracy|quality|qualitaet)(?! at least)|erreicht?|"
     r"kommt nur|liefert|"
     r"reach(?:ed|es)?|missed|schafft?|zieht|"
@@ -103,7 +104,8 @@ _LEFT = re.compile(
 """Tells what nobody takes."""
 _SEES_TO = re.compile(r"\b(?:make|make sure|see|should|sorgt|soll\w*|must|muss)\b")
 _YOU_DO = re.compile(
-    r"^(?:and )?(?:ihr|you|youre|you are) (?:\w+ )?(?:braucht|need|nehmt|nutzt|take up|use|using)\b"
+    r"^(?:and )?(?:ihr|you|youre|you are) (?:\w+ )?(?:belegt|braucht|need|nehmt|nutzt|take up|use|"
+    r"using)\b"
     r"(?! (?:just|only|nur)\b)|^(?:(?:die|our|the|unsere) )?(?:fleet|flotte|robots?|roboter|"
     r"schwarm|"
     r"swarm) (?:beleg\w*|brauch\w*|eats?|need\w*|nutz\w*|takes? up|uses?)\b"

@@ -51,6 +51,15 @@ _ALL_BUT = (
     rf"{_ASKS} {_NOBODY} (?:{_BUT}|{_JUST})|(?:do not|dont) {_ASKS} {_ANYBODY} {_BUT}|"
     rf"{_NOBODY} {_ASKED} (?:{_BUT}|{_JUST})|(?:kein(?:en)? roboter|no robots?) {_BUT}"
 )
+_FORBIDS = rf"(?:do not|dont) {_ASKS} {_ANYBODY}"
+_BUT_FIRST = (
+    rf"{_BUT}(?: ,)? (?:please )?(?:{_PUTS} {_ALL} {_OUT}|{_DROPS} {_ALL}|{_FORBIDS}|"
+    rf"{_ASKS} {_NOBODY}|{_ALL} (?:raus|weglassen))|"
+    rf"(?:{_ASKS} )?none of (?:our|the) (?:robots|units) {_BUT}|"
+    rf"(?:{_ASKS} )?kein\w* (?:(?:der|unserer|von den) )?(?:robotern?|roboter) {_BUT}(?: fragen)?|"
+    rf"{_ALL} (?:of (?:our|the) robots )?{_BUT} (?:are|is|must|should)(?: to)? be (?:excluded|"
+    r"left out|skipped)"
+)
 _BRAUCHEN = r"(?:brauche ich|brauchen wir|ich brauche|wir brauchen)"
 _ENOUGH = (
     rf"(?:(?:i|we) need )?(?:no|not|nothing) more than {_ROBOT}|"
@@ -80,6 +89,14 @@ _DROP_IT = (
 _DROPPING = (
     r"(?:(?:dropping|excluding|ignoring|skipping) ROBOT|leaving (?:out ROBOT|ROBOT (?:alone|out)))"
 )
+_ONLY_OUT = (
+    rf"(?:bloss|just|nur|only) {_ROBOT} (?:auslassen|rauslassen|weglassen|"
+    r"(?:is to|must|should) be (?:excluded|left out|skipped)|soll weggelassen werden)|"
+    r"(?:leave out|exclude|skip) (?:just|only) ROBOT|leave (?:just|only) ROBOT out|"
+    rf"{_BUT}(?: ,)? (?:{_ASKS} {_ALL}|{_ALL} fragen|duerfen alle)|"
+    rf"{_NOBODY} (?:auslassen|rauslassen|weglassen) {_BUT}|"
+    rf"(?:do not|dont) leave {_ANYBODY} out {_BUT}"
+)
 _WEG = rf"{_ROBOT}(?: bitte)? (?:auslassen|in ruhe lassen|raus(?:lassen|nehmen)|weglassen)"
 _WEGZU = rf"{_ROBOT} (?:auszulassen|in ruhe zu lassen|raus(?:zulassen|zunehmen)|wegzulassen)"
 _WEGT = rf"{_ROBOT} (?:auslasst|in ruhe lasst|raus(?:lasst|nehmt)|weglasst)"
@@ -96,8 +113,8 @@ _POLITE = (
 _BEFORE = r"(?:(?:and|bitte|jetzt|now|ok|okay|please|so|well)(?: ,)? )*"
 _BEHIND = r"(?:(?: ,)? (?:bitte|danke|for now|jetzt|now|please|thanks))*"
 _WHOLE: tuple[tuple[Role, re.Pattern[str]], ...] = (
-    ("only", re.compile(rf"{_BEFORE}(?:{_ALL_BUT}|{_ENOUGH}){_BEHIND}(?: [.!])*")),
-    ("out", re.compile(rf"{_BEFORE}(?:{_LETS}|{_SHUNS}){_BEHIND}(?: [.!])*")),
+    ("only", re.compile(rf"{_BEFORE}(?:{_ALL_BUT}|{_BUT_FIRST}|{_ENOUGH}){_BEHIND}(?: [.!])*")),
+    ("out", re.compile(rf"{_BEFORE}(?:{_LETS}|{_ONLY_OUT}|{_SHUNS}){_BEHIND}(?: [.!])*")),
     ("out", re.compile(rf"{_BEFORE}(?:{_POLITE}){_BEHIND}(?: [.!?])*")),
 )
 _MAY = re.compile(rf"{_BEFORE}(?:{_MAY_WE}){_BEHIND}(?: [.!?])*")

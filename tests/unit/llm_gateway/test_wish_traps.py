@@ -24,8 +24,6 @@ DAY, OTHER_DAY = "2026-11-23", "2026-12-03"
         "leave R1 as is",
         "leave it to R1",
         "please leave it to R1 until six",
-        "leave R1 in, R2 out",
-        "leave R1 in and take R2 out",
         "let R1 do it alone",
         "let R1 work alone",
         "take R1 off the bench",

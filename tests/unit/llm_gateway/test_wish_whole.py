@@ -69,6 +69,50 @@ def test_these_are_out(wish: str, names: str) -> None:
     assert (timed.exclude, timed.until) == (tuple(names.split()), "2026-11-23T18:00:00+01:00")
 
 
+@pytest.mark.parametrize(
+    ("wish", "exclude", "only"),
+    [
+        ("none of the robots except R1", "", "R1"),
+        ("ask none of our robots except R1", "", "R1"),
+        ("apart from R1, leave everyone out", "", "R1"),
+        ("apart from R1 don't ask anyone", "", "R1"),
+        ("bis auf R1 alle weglassen", "", "R1"),
+        ("all of the robots except R1 are to be left out", "", "R1"),
+        ("only R3 is to be left out", "R3", ""),
+        ("leave out only R3", "R3", ""),
+        ("nur R3 weglassen", "R3", ""),
+        ("bis auf R3 alle fragen", "R3", ""),
+        ("apart from R3 ask everyone", "R3", ""),
+        ("keinen weglassen außer R3", "R3", ""),
+    ],
+)
+def test_an_exception_may_come_first(wish: str, exclude: str, only: str) -> None:
+    intent = HALL.clear(wish)
+    assert (" ".join(intent.exclude), " ".join(intent.only or ())) == (exclude, only)
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "R3 can stay in, leave R1 out",
+        "leave R3 in and take R1 out",
+        "R1 out, R3 stays in though",
+        "R3 must stay in whatever happens, but take R1 out",
+        "der R3 kann ruhig mitmachen, den R1 aber weglassen",
+    ],
+)
+def test_who_stays_in_beside_who_is_out_needs_no_question(wish: str) -> None:
+    intent = HALL.clear(wish)
+    assert (intent.exclude, intent.only, intent.prefer) == (("R1",), None, ())
+
+
+@pytest.mark.parametrize(
+    "wish", ["R1 stays in", "R1 can stay in, R1 out", "can R3 stay in? R1 out"]
+)
+def test_who_stays_in_alone_or_is_out_as_well_is_asked_about(wish: str) -> None:
+    assert HALL.understood(wish).unclear
+
+
 def test_a_time_may_stand_within() -> None:
     intent = HALL.clear("lasst R1 bis vier laden")
     assert (intent.exclude, intent.until) == (("R1",), "2026-11-23T16:00:00+01:00")

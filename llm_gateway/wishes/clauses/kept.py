@@ -1,0 +1,66 @@
+"""Tells of robots that a wish only says to stay: "R1 stays in, leave R2 out".
+
+Nothing is wished of them: all take part who are not left out. Beside a wish for other robots that
+needs no question.
+"""
+
+from __future__ import annotations
+
+import re
+
+from llm_gateway.wishes.clauses.draft import Draft
+
+_ROBOT = r"(?:(?:de[mnr]|die|das|the) )?ROBOT"
+_BEFORE = r"(?:(?:aber|also|and|but|dagegen|hingegen|however|und|while) )*"
+_BEHIND = (
+    r"(?: (?:aber|again|anyway|as usual|auf jeden fall|bitte|dagegen|hingegen|however|please|"
+    r"though|too|weiter(?:hin)?|whatever happens|wieder))*"
+)
+_STAYS = re.compile(
+    rf"{_BEFORE}(?:(?:keep|leave) ROBOT (?:in|on|running)|"
+    r"ROBOT (?:can|may|must|should) (?:stay(?: in| on)?|take part)|"
+    r"ROBOT (?:is in|remains(?: in)?|stays(?: in| on)?)|"
+    r"ROBOT must not be missing|"
+    rf"{_ROBOT} (?:bleibt|bleiben)(?: bitte)?(?: da| dabei| drin)?|"
+    rf"{_ROBOT} (?:darf|duerfen|kann|koennen|muss|muessen|soll|sollen)(?: ruhig)? "
+    r"(?:bleiben|dabeibleiben|drin ?bleiben|mitmachen)|"
+    rf"{_ROBOT} drinlassen|"
+    rf"{_ROBOT} (?:darf|duerfen) nicht fehlen|lass\w* {_ROBOT} (?:dabei|drin)){_BEHIND}"
+)
+
+
+def kept(draft: Draft) -> frozenset[int]:
+    """The numbers of robots that only stay where they are, beside a wish for other ones."""
+    wished = {
+        name
+        for mention, role in zip(draft.text.mentions, draft.roles, strict=True)
+        if mention.kind == "robot" and role in ("doubt", "first", "only", "out")
+        for name in mention.names
+    }
+    found: set[int] = set()
+    for clause in draft.clauses:
+        numbers = draft.of(clause, "robot")
+        if clause.asked or len(numbers) != 1 or not _STAYS.fullmatch(clause.text):
+            continue
+        others = {
+            name
+            for number, mention in enumerate(draft.text.mentions)
+            if mention.kind == "robot" and number not in numbers
+            for name in mention.names
+        }
+        own = {*draft.text.mentions[numbers[0]].names}
+        if not own.isdisjoint(_out(draft)):
+            draft.firm.append(draft.text.whole)  # "R1 can stay in, R1 out".
+        if own and wished - own and own.isdisjoint(others):
+            found |= {*numbers}
+    return frozenset(found)
+
+
+def _out(draft: Draft) -> set[str]:
+    """Who is left out."""
+    return {
+        name
+        for mention, role in zip(draft.text.mentions, draft.roles, strict=True)
+        if role == "out"
+        for name in mention.names
+    }
