@@ -26,6 +26,12 @@ SURE_OF_HARD = 0.95
 mislead, and 12 of 1,461 others exact that are asked back now."""
 _HARD: frozenset[Kind] = frozenset({"robot", "share", "time", "policy"})
 _ALL = re.compile(r"\b(?:all|alle|allen|every(?:body|one)?|each|jede[nrs]?)\b", re.IGNORECASE)
+_NOBODY = re.compile(
+    r"\b(?:all|alle\w*|any\w*|every\w*|kei\w+|koan\w*|nae|nichts?|niemand\w*|no|nobody|none|not|"
+    r"nothing|stop|zero)\b|n[o']t\b",
+    re.IGNORECASE,
+)
+"""Without such a word a wish leaves nobody to ask by a mistake only."""
 _WHOLE = ("all", "nobody")
 """Verdicts by which nothing is left to ask."""
 
@@ -49,7 +55,8 @@ def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
             text.mentions, plain.roles, suspected, said.roles, each, strict=True
         )
     )
-    nobody = plain.nobody or (said.verdict == "nobody" and whole >= SURE)
+    meant = said.verdict == "nobody" and whole >= SURE
+    nobody = plain.nobody or (meant and bool(_NOBODY.search(text.wish)))
     kept = [words for words in plain.unclear if not sure or _of_all(words, roles)]
     unclear = tuple(dict.fromkeys([*kept, *plain.firm]))
     if nobody and not {"only", "first"}.isdisjoint(roles):

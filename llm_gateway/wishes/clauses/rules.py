@@ -93,7 +93,7 @@ _THEN = {"then", "dann", "da", "dahin"}
 """In a time they point to one that is told before."""
 _BOUNDS = re.compile(
     r"\b(?:start|begin|stop|end|finish|wrap|clos|shut|over|done|leav|beginn|schluss|aufhoer|fertig|"
-    r"vorbei|feierabend|los|knock)\w*"
+    r"vorbei|feierabend|los|knock|again|back|wieder)\w*"
 )
 """Tells a beginning or an end."""
 

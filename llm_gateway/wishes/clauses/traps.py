@@ -21,7 +21,7 @@ _BETTER = (
 )
 _RATHER = (
     r"(?:actually|better|besser|doch(?: lieber)?|eher|i mean|ich meine?|lieber|make (?:it|that)|"
-    r"oops|pardon|quatsch|rather|sorry|wait|well)"
+    r"oops|pardon|quatsch|rather|sorry|wait|well|(?:(?:no|nein) )?(?:hang on|moment|wait|warte))"
 )
 _CORRECTED = re.compile(
     rf"\bTIME{_STOP}(?: {_BETTER}{_STOP})+ {_NUMBER}\b(?! (?:CLASS|PLACE|ROBOT|SHARE))|"
@@ -29,7 +29,7 @@ _CORRECTED = re.compile(
     rf"(?: [,.;!]|$)|\b(?:for|fuer) {_NUMBER}(?: [,.;!]|$)|"
     rf"\bROBOT(?: ,)? (?:and|or|oder|und|,) {_NUMBER}(?: (?:and|or|oder|und|,) {_NUMBER})*"
     r"(?: (?:out|off|raus|weg|aus|more|mehr|others?|weitere\w*))?(?: [,.;!]|$)|"
-    rf"\bROBOT(?: (?:alone|aus|first|out|raus|weg|zuerst))?{_STOP} {_RATHER}{_STOP}"
+    rf"\bROBOT(?: (?:alone|aus|first|out|raus|weg|zuerst))?(?:{_STOP} {_RATHER})+{_STOP}"
     r"(?: (?:den|der|die|just|nur|only|the))? ROBOT\b(?! (?:as|als)\b)|"
     r"\bROBOT(?: \w+)? \( ROBOT !? ?\)|"
     rf"\bTIME(?: \w+)? \( {_NUMBER} \)|"

@@ -23,6 +23,8 @@ _FAR = 7
 """Words behind "bis" among which the hour is said that something ends at."""
 _OPENS = {"", ",", ".", "!", ";", ":"}
 """Behind an hour they end what is told of it."""
+_CROWDS = {"break", "crowd", "crush", "hour", "pause", "queue", "rush", "service"}
+"""Behind a part of the day they begin what ends at no known hour: "until the lunch rush ends"."""
 _CLOCK = ("the", "clock")
 _TELLS = {"says", "shows"}
 """Before an hour they say no more than that: "until the clock says nine"."""
@@ -50,6 +52,8 @@ def until_at(words: Sequence[Word], at: int, now: datetime) -> When | None:
         return None  # "Robots 1 through 3".
     if point[0].hour is None and (hour := _said_so(words, point[1])) is not None:
         point = shared(hour[0], point[0]), hour[1]
+    if point[0].hour is None and text_at(words, point[1]) in _CROWDS:
+        return When(at, point[1] + 1, clear=False)
     whole_part = point[0].hour is None and point[0].part not in clock.EXACT
     if through and whole_part:
         return When(at, point[1], clear=False)  # A part of the day ends at no known hour.

@@ -154,3 +154,10 @@ def test_no_model_is_asked_about_what_words_read_as_a_whole() -> None:
 
     assert understand("all but R1 off until six", SITE, NOW, Silent()).only == ("R1",)
     assert understand('the sign says "skip R1"', SITE, NOW, Silent()).unclear
+
+
+def test_nobody_is_asked_on_the_models_word_only_where_words_say_no_or_all() -> None:
+    said = Says(("save", 1.0), ("when", 1.0), ("nobody", 1.0))
+    assert understand("save bandwidth until six", SITE, NOW, said).only is None
+    said = Says(("when", 1.0), ("nobody", 1.0))
+    assert understand("nae robots tae be asked till six", SITE, NOW, said).only == ()

@@ -26,7 +26,9 @@ def test_there_are_enough_of_each_kind(written: list[Case]) -> None:
     assert Counter(case.language for case in written)["de"] >= 100
 
 
-@pytest.mark.parametrize("name", ["wishes", "wishes-taught", "wishes-apart", "wishes-traps"])
+@pytest.mark.parametrize(
+    "name", ["wishes", "wishes-accepted", "wishes-apart", "wishes-taught", "wishes-traps"]
+)
 def test_every_meant_intent_can_be_obeyed(name: str) -> None:
     asked = cases(WISHES.with_name(f"{name}.jsonl"))
     assert len({case.id for case in asked}) == len(asked)
@@ -35,7 +37,9 @@ def test_every_meant_intent_can_be_obeyed(name: str) -> None:
         assert not case.meant.is_empty() or case.doubtful, case.id
 
 
-@pytest.mark.parametrize("name", ["wishes", "wishes-held-out", "wishes-learnt", "wishes-fresh"])
+@pytest.mark.parametrize(
+    "name", ["wishes", "wishes-accepted", "wishes-fresh", "wishes-held-out", "wishes-learnt"]
+)
 def test_words_alone_misread_nothing_hard_in_any_set(name: str) -> None:
     asked = cases(WISHES.with_name(f"{name}.jsonl"))
     scores = [score(case, understand(case.wish, case.site, case.time, None)) for case in asked]
