@@ -3,8 +3,7 @@
 Words read what is plain and ask back the rest. The model reads nearly all, and is sometimes wrong,
 but then it is seldom sure. What both say stands. What only the model says stands where it is sure
 and nothing hard; it may confirm what words suggest. Where they contradict each other, the person is
-asked. Where words say nothing and it is sure of something hard, it was right in 50 of 56 wishes
-that it had not learnt from, and in 4 of 36 that were written to mislead: too seldom to count alone.
+asked; also where words say nothing and it is sure of something hard.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from llm_gateway.wishes.reading import Reading, Role
 from llm_gateway.wishes.times.ends import UNTIL
 
 SURE = 0.9
-"""How likely the model must find a word for it to count. Of wishes that it had not learnt from, 0.5
-made hardly more exact and nearly three times as many unsafe; 0.98 asked back more."""
+"""How likely the model must find a word for it to count. Of 4,823 wishes that it had not learnt
+from, all taken for sure made 0.011 more exact and nearly twice as many unsafe."""
 SURE_OF_HARD = 0.95
-"""The same of what is hard. 0.9 made 41 in place of 33 of 800 wishes unsafe that were written to
-mislead, and 12 of 1,461 others exact that are asked back now."""
+"""The same of what is hard. 0.9 made 21 in place of 17 of 800 wishes unsafe that were written to
+mislead, and 6 of 3,575 others exact that are asked back now."""
 _HARD: frozenset[Kind] = frozenset({"robot", "share", "time", "policy"})
 _ALL = re.compile(r"\b(?:all|alle|allen|every(?:body|one)?|each|jede[nrs]?)\b", re.IGNORECASE)
 _NOBODY = re.compile(
