@@ -38,19 +38,8 @@ _BUSY = {"business", "busy", "office", "opening", "peak", "rush", "visiting"}
 _OF_HOURS = {"few", "half", "more", "next", "of", "some", "the", "these", "those", "what"}
 _POINTS = {"dann", "then"}
 _IS = {"ist", "haben", "hat", "macht", "machen", "schon", "is"}
-_AS_YOU_LIKE = {
-    "as",
-    "compare",
-    "like",
-    "normal",
-    "sehen",
-    "want",
-    "wollt",
-    "wie",
-    "whatever",
-    "zurueck",
-    "back",
-}
+_AS_YOU_LIKE = {"as", "back", "compare", "like", "normal", "sehen", "want", "whatever", "wie",
+                "wollt", "zurueck"}  # fmt: skip
 """Behind "then" they say that nothing more is wished."""
 _THEN = {"afterwards", "anschliessend", "danach", "dann", "then"}
 _AFTER = {"after", "before", "during", "nach", "vor", "waehrend"}

@@ -18,9 +18,8 @@ _BEHIND = (
 )
 _STAYS = re.compile(
     rf"{_BEFORE}(?:(?:keep|leave) ROBOT (?:in|on|running)|"
-    r"ROBOT (?:can|may|must|should) (?:stay(?: in| on)?|take part)|"
-    r"ROBOT (?:is in|remains(?: in)?|stays(?: in| on)?)|"
-    r"ROBOT must not be missing|"
+    r"ROBOT (?:can|may|must|should) (?:stay(?: in| on)?|take part)|ROBOT (?:is in|remains(?: in)?|"
+    r"stays(?: in| on)?)|ROBOT must not be missing|"
     rf"{_ROBOT} (?:bleibt|bleiben)(?: bitte)?(?: da| dabei| drin)?|"
     rf"{_ROBOT} (?:darf|duerfen|kann|koennen|muss|muessen|soll|sollen)(?: ruhig)? "
     r"(?:bleiben|dabeibleiben|drin ?bleiben|mitmachen)|"

@@ -16,8 +16,8 @@ _TWICE = re.compile(
 )
 _REFUSED = re.compile(r"(?:and |but |und |aber )?(?:no|nope|not|nein|nicht|nich|net|ned)")
 _NOBODY_ELSE = re.compile(
-    r"\b(?:ausser|except|besides|apart from|bis auf) (?:(?:der|dem|den|die|the) )?ROBOT\b.*"
-    r"\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
+    r"\b(?:ausser|except|besides|apart from|bis auf) (?:(?:der|dem|den|die|"
+    r"the) )?ROBOT\b.*\b(?:keine[rn]?|niemand\w*|nobody|no ?one)\b"
 )
 _ALL_OUT_BUT = re.compile(
     r"^(?:please |bitte )?(?:exclude|skip|ignore|drop|leave out|bench|disregard|ignoriert?|"
@@ -25,14 +25,14 @@ _ALL_OUT_BUT = re.compile(
 )
 _NOT_ONLY = re.compile(r"\b(?:dont|do not|not|never|nicht) (?:bloss|just|merely|nur|only|purely)\b")
 _OVER = re.compile(
-    r"\b(?:over|than|als|statt|anstatt|instead of|anstelle von|in preference to) "
-    r"(?:(?:the|den|die|das|der) )?ROBOT\b"
+    r"\b(?:over|than|als|statt|anstatt|instead of|anstelle von|in preference to) (?:(?:the|den|die|"
+    r"das|der) )?ROBOT\b"
 )
 """To the robot something else is preferred."""
 _RECENTLY = re.compile(
-    r"\b(?:nur(?: noch)?|only|just)(?: [a-z]+){0,2} SHARE\b|"
-    r"\bonly (?:just|now|recently|yesterday)\b|\b(?:have|has|just) only\b|\bnur (?:kurz|eben|"
-    r"schnell)\b|^(?:nur|just|only|bloss) (?:um|so|to|because|weil|damit)\b"
+    r"\b(?:nur(?: noch)?|only|just)(?: [a-z]+){0,2} SHARE\b|\bonly (?:just|now|recently|"
+    r"yesterday)\b|\b(?:have|has|just) only\b|\bnur (?:kurz|eben|schnell)\b|^(?:nur|just|only|"
+    r"bloss) (?:um|so|to|because|weil|damit)\b"
 )
 """Tells how long ago, or why."""
 _LOW_PRIORITY = re.compile(
@@ -52,39 +52,36 @@ _SAVE_FOR = re.compile(r"\b(?:except|ausser|but|besides|bis auf)\b")
 _TURNED = re.compile(
     r"\b(?:nobody|no ?one|keiner|niemand)\b(?: \w+){0,3} (?:skip|ignore|exclude|leave|drop|avoid|"
     r"ROBOT (?:weg|aus|ignor)\w*)|\b(?:skip|ignore|exclude|drop|avoid) (?:nobody|no ?one|none)\b|"
-    r"\b(?:aufhoer\w*|cease|hoert? auf)\b.* (?:auszulassen|auszuschliessen|ignore|"
-    r"rauszu\w+|wegzulassen|zu ignorieren)\b|\b(?:hoert? auf) (?:allein|nur|ROBOT allein)\b|"
-    r"\b(?:stop|quit|cease) (?:skipp|ignor|exclud|leav|avoid|omitt|dropp|bench)\w*|"
-    r"\b(?:should|could|would) have\b|\b(?:so|too|very|zu) (?:haeufig|oft|often)\b|\bevery "
-    r"(?:other|second) time\b|"
-    r"\b(?:do not|does ?nt|dont|nicht|nobody|not|shouldnt)\b.*\b(?:at the same time|both|every "
-    r"time|for "
-    r"everything|fuer alles|jedes mal|(?:so|too) (?:hard|much|quickly|schnell|viel))\b|\bnicht "
-    r"beide\b|"
-    r"\balways\b|(?<!wo "
-    r")(?<!wann )\bimmer\b|\bthe only (?:one|robot|bot)\b|\b(?:is|are) left\b(?! out)|\bleft "
-    r"is\b|\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|das) einzigen?\b|\bout and about\b"
+    r"\b(?:aufhoer\w*|cease|hoert? auf)\b.* (?:auszulassen|auszuschliessen|ignore|rauszu\w+|"
+    r"wegzulassen|zu ignorieren)\b|\b(?:hoert? auf) (?:allein|nur|ROBOT allein)\b|\b(?:stop|quit|"
+    r"cease) (?:skipp|ignor|exclud|leav|avoid|omitt|dropp|bench)\w*|\b(?:should|could|"
+    r"would) have\b|\b(?:so|too|very|zu) (?:haeufig|oft|often)\b|\bevery (?:other|second) time\b|"
+    r"\b(?:do not|does ?nt|dont|nicht|nobody|not|shouldnt)\b.*\b(?:at the same time|both|"
+    r"every time|for everything|fuer alles|jedes mal|(?:so|too) (?:hard|much|quickly|schnell|"
+    r"viel))\b|\bnicht beide\b|\balways\b|(?<!wo )(?<!wann )\bimmer\b|\bthe only (?:one|robot|"
+    r"bot)\b|\b(?:is|are) left\b(?! out)|\bleft is\b|\b(?:ist|sind) (?:noch )?da\b|\b(?:der|die|"
+    r"das) einzigen?\b|\bout and about\b"
 )
 """Words that turn around what is said of a robot, or tell how things are."""
 _AT = re.compile(
-    r"\b(?:at|in|on|near|around|for|from|im|am|an|bei|beim|auf|fuer|vor|that|which|what|where)"
-    r"(?: \w+){0,2} (?:PLACE|CLASS)\b|\b(?:PLACE|CLASS) (?:that|which|die|das|den)\b"
+    r"\b(?:at|in|on|near|around|for|from|im|am|an|bei|beim|auf|fuer|vor|that|which|what|"
+    r"where)(?: \w+){0,2} (?:PLACE|CLASS)\b|\b(?:PLACE|CLASS) (?:that|which|die|das|den)\b"
 )
 _NONE_OF = re.compile(r"\b(?:none of (?:our|the)|kein\w* (?:der|von den|unserer)) ([a-z]{3,})\b")
 _USES = re.compile(
-    r"\b(?:nobody|no ?one) (?:can|is to|may|must|shall|should) (?!be\b)\w+ "
-    r"(?:a|an|beyond|more|our|over|the)\b"
+    r"\b(?:nobody|no ?one) (?:can|is to|may|must|shall|should) (?!be\b)\w+ (?:a|an|beyond|more|our|"
+    r"over|the)\b"
 )
 """Forbids people something: "nobody should use the lift"."""
 SHORT = 4
 """Words of a clause that says one thing only."""
 _ALWAYS = re.compile(
     r"^((?:(?:please|bitte|and|und|but|aber|also|so|then|dann) )*)always (?=(?:ask|use|try|take|"
-    r"start|begin|choose|pick|go|query|prefer)\b.*\b(?:first|prefer\w*|with)\b)|"
-    r"^((?:(?:bitte|please|und|aber|also|dann|fragt?|nehmt|nimm|nutzt?|benutzt?|verwendet?) )*"
-    r"(?:ROBOT (?:bitte )?)?)immer (?=(?:zuerst|erst|als erste\w*|bevorzugt|lieber)\b"
-    r"(?: (?:bei|mit|an|den|die|das|der))*(?: ROBOT\b| (?:fragen|nehmen|anfragen|nutzen|benutzen|"
-    r"verwenden)))"
+    r"start|begin|choose|pick|go|query|prefer)\b.*\b(?:first|prefer\w*|with)\b)|^((?:(?:bitte|"
+    r"please|und|aber|also|dann|fragt?|nehmt|nimm|nutzt?|benutzt?|"
+    r"verwendet?) )*(?:ROBOT (?:bitte )?)?)immer (?=(?:zuerst|erst|als erste\w*|bevorzugt|"
+    r"lieber)\b(?: (?:bei|mit|an|den|die|das|der))*(?: ROBOT\b| (?:fragen|nehmen|anfragen|nutzen|"
+    r"benutzen|verwenden)))"
 )
 """Wishes for always, rather than tells how it always is: "immer zuerst R2 fragen"."""
 

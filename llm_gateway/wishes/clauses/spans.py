@@ -19,14 +19,14 @@ _BARE = frozenset(
 """Beside a beginning they say no more than that what is wished begins then."""
 _ENDS_THEN = re.compile(
     r"\b(?:again|all|alle|allowed|available|back|can|charged|da|dabei|darf|done|duerfen|egal|"
-    r"every(?:body|one)|fertig|fine|finished|fit|free|frei|higher|in|koennt|lower|may|mit|"
-    r"no limit|ok|okay|over|ready|rein|verfuegung|wieder|with|zurueck)\b"
+    r"every(?:body|one)|fertig|fine|finished|fit|free|frei|higher|in|koennt|lower|may|mit|no limit|"
+    r"ok|okay|over|ready|rein|verfuegung|wieder|with|zurueck)\b"
 )
 """Said of a beginning: what is wished ends then."""
 _TELLS = re.compile(
-    r"\b(?:has|hasnt|have|havent|ive|weve) (?:not )?[a-z]+(?:ed|en) TIME$|\bworked TIME$|\bwill be "
-    r"TIME late$|\bill be TIME\b|"
-    r"\b(?:braucht|needs?|takes?) TIME (?:for every|fuer (?:eine|jede)|to (?:answer|reply))\b"
+    r"\b(?:has|hasnt|have|havent|ive|weve) (?:not )?[a-z]+(?:ed|en) TIME$|\bworked TIME$|"
+    r"\bwill be TIME late$|\bill be TIME\b|\b(?:braucht|needs?|takes?) TIME (?:for every|"
+    r"fuer (?:eine|jede)|to (?:answer|reply))\b"
 )
 """Tells how long something took, or has been so."""
 _AS_WELL = re.compile(r"\b(?:also|as well|auch|too)\b")

@@ -64,13 +64,11 @@ _ALL_BUT = re.compile(
 """All but somebody are out: his is the only name."""
 _NONE_BUT = re.compile(
     r"\b(?:none of (?:our|the|them)(?: \w+)?|keine\w* (?:der|von den|unserer) \w+) (?:apart from|"
-    r"ausser|"
-    r"besides|but|except(?: for)?|other than) ROBOT\b|\b(?:kein\w*|niemand|no|no ?one|nobody)(?: "
-    r"\w+)? "
-    r"(?:is|ist) (?:aus|off|out|raus|weg) (?:apart from|ausser|but|except(?: for)?) ROBOT\b|"
-    r"^(?:apart from|ausser|bis auf|except(?: for)?) ROBOT\b(?=[^.;!]*\b(?:aus|bench|dont|drop|"
-    r"exclude|ignore|leave|not|"
-    r"out|raus|skip|weg)\b)[^.;!]*\b(?:all\w*|any\w*|every\w*)\b"
+    r"ausser|besides|but|except(?: for)?|other than) ROBOT\b|\b(?:kein\w*|niemand|no|no ?one|"
+    r"nobody)(?: \w+)? (?:is|ist) (?:aus|off|out|raus|weg) (?:apart from|ausser|but|"
+    r"except(?: for)?) ROBOT\b|^(?:apart from|ausser|bis auf|"
+    r"except(?: for)?) ROBOT\b(?=[^.;!]*\b(?:aus|bench|dont|drop|exclude|ignore|leave|not|out|raus|"
+    r"skip|weg)\b)[^.;!]*\b(?:all\w*|any\w*|every\w*)\b"
 )
 """Says of all but somebody that they are out, or that none is."""
 _EITHER = re.compile(
@@ -79,6 +77,7 @@ _EITHER = re.compile(
     r"\b(?:aufhoeren|cease|hoert? auf) , .*\b(?:allein|auszulassen|auszuschliessen|ignorieren|nur|"
     r"rauszunehmen|wegzulassen)\b"
 )
+"""Leaves open who is meant; or tells to stop what is said behind it."""
 _ANSWERED = re.compile(
     r"\bROBOT\b[^?.!]*\? (?:(?:besser|lieber) )?(?:nein|nicht|no|nope)\b|"
     r"\bROBOT\b[^?.!]*, (?:isnt (?:he|it|she)|oder|right) \?"
@@ -88,7 +87,7 @@ _BURNS = re.compile(
     r"^wenns (?!beliebt|euch|geht|keine|moeglich|nichts|nix|passt|recht)\w+\b|\bbei (?:gewitter|"
     r"nebel|paketverlust\w*|schnee\w*|sturm)\b"
 )
-
+"""Says in which weather, or in what trouble, something is wished."""
 _REPEATED = re.compile(
     r"\b(?:every|each|jede[nrs]?) (?:TIME|abend|afternoon|day|evening|morgen|morning|nacht|night|"
     r"shift|schicht|tag|week|woche)\b|\bnightly\b"

@@ -62,9 +62,9 @@ _ONWARDS = re.compile(
 """Names where a row of robots begins or ends."""
 _BRIEFLY = re.compile(
     r"\b(?:ask|fragt?|nehmt?|nimm|nutzt?|take|use)\b.* (?:bloss|just|lediglich|nur|only) TIME\b|"
-    r"\bROBOT (?:bloss|lediglich|nur) TIME(?: [a-z]+)?$|"
-    r"\bROBOT (?:can|darf|is|ist|kann|may) (?:\w+ )?(?:only|nur)(?: noch)? (?:\w+ )*TIME\b|"
-    r"\b(?:have|haben) (?:only )?ROBOT (?:only )?TIME\b|\bROBOT TIME only$|\bROBOT nur noch TIME$"
+    r"\bROBOT (?:bloss|lediglich|nur) TIME(?: [a-z]+)?$|\bROBOT (?:can|darf|is|ist|kann|"
+    r"may) (?:\w+ )?(?:only|nur)(?: noch)? (?:\w+ )*TIME\b|\b(?:have|"
+    r"haben) (?:only )?ROBOT (?:only )?TIME\b|\bROBOT TIME only$|\bROBOT nur noch TIME$"
 )
 """Of when, not of whom, it says "only"."""
 _OPPOSED = re.compile(
@@ -93,35 +93,40 @@ _NO_WISH = re.compile(
     r"\b(?:just|nur|only) ROBOT (?:answers|antwortet|are (?:charged|free|here|idle|left)|can see|"
     r"here|hier|is|ist|saw|sees|sind)\b(?! (?:allowed|asked|to)\b)|^ROBOT (?:ha[st] |"
     r"have )?(?:avoided|dropped out|forgot\w*|ignored|ignorierte|skipped|suspended|uebersah)\b|"
-    r"^ROBOT hat .*\b(?:ignoriert|uebersehen|vergessen)$|\bROBOT (?:is|ist) (?:auf dem weg|"
-    r"ausser sicht|off (?:the charger|to|track)|on (?:his|its) way|out of (?:sight|the way)|"
-    r"vom weg ab)\b|\bROBOT\b.*\b(?:aus dem weg|im weg|off (?:the )?charger|out (?:for (?:a "
-    r"(?:drive|ride|run|walk)|"
-    r"deliver\w*)|on (?:a|his|its|patrol)|of the (?:charger|hall|way))|von der (?:lade\w*)|"
-    r"(?:checked|came|"
-    r"sorted|tested|turned|worked) out|schaut gut aus|weg von|weg von)\b|\boff (?:(?:it|you) "
-    r"goe?s?|maintenance)\b|\bout and about\b|"
-    r"\b(?:off(?: - |-| )?time|rest|time ?out) is over\b|"
-    r"\b(?:is|ist) (?:forbidden|not allowed|verboten)\b|\blist of (?:excluded|ignored|skipped)\b|"
-    r"\bforget about ROBOT being\b|\b(?:keiner|niemand|nobody|no ?one) (?:asks? for|is asking|"
-    r"wants?|will) "
-    r"ROBOT (?:be )?(?:out|raus|weg)\b|\b(?:es geht nur um|this is only about) ROBOT\b|^(?:es ist "
-    r"nur|it is only|its only) ROBOT$|"
-    r"\b(?:just|nur|only) ROBOT (?!(?:allowed|asked|counts|does|excluded|gets|goes|has|helps|"
-    r"ignored|is|"
-    r"matters|needed|needs|plays|skipped|stays|takes|used|was|wanted)\b)(?:[a-z]{3,}(?:ed|[^s]s)|"
-    r"geht|kann|kennt|made|"
-    r"weiss)\b|\b(?:ALLBUT|NOBODYBUT) ROBOT (?!(?:allowed|asked|included|invited|needed|skipped|"
-    r"used|"
-    r"wanted)\b)(?:[a-z]+ed|answers?|are back|antworten|saw|sees|sind wieder)\b|\b(?:danke?|gut|"
-    r"thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|"
-    r"\bgood that ROBOT\b|\b(?:i|ich|jemand|sie|somebody|someone|they|we|wir) (?:hab\w*|hat|have|"
-    r"has|ve) .*\bROBOT\b.*\b(?:abgeschaltet|ausgeschlossen|left|off|out|rausgenommen|skipped|"
-    r"weggelassen)$|\bno need (?:for \w+ )?to (?:avoid|drop|exclude|ignore|leave|skip)\b|\b(?:so|"
-    r"too|zu) (?:oft|often)\b|\bleav\w* ROBOT (?:there|where (?:he|it|she) is)\b|\b(?:ohne|"
+    r"^ROBOT hat .*\b(?:ignoriert|uebersehen|vergessen)$|"
+    r"\b(?:danke?|gut|thanks?)(?: you)?,?(?: dass| for| that)\b.*\bROBOT\b|\bgood that ROBOT\b|"
+    r"\b(?:i|ich|jemand|sie|somebody|someone|they|we|wir) (?:hab\w*|hat|have|has|"
+    r"ve) .*\bROBOT\b.*\b(?:abgeschaltet|ausgeschlossen|left|off|out|rausgenommen|skipped|"
+    r"weggelassen)$|\bno need (?:for \w+ )?to (?:avoid|drop|exclude|ignore|leave|skip)\b|"
+    r"\bleav\w* ROBOT (?:there|where (?:he|it|she) is)\b|\b(?:ohne|"
     r"without) ROBOT (?:is|ist|sind|were|we are) (?:\w+ )?(?:bloed|langsam|slow|schlecht|worse)\b"
 )
 """Tells how somebody is, or what he did; or thanks."""
+_ELSEWHERE = re.compile(
+    r"\bROBOT (?:is|ist) (?:auf dem weg|ausser sicht|off (?:the charger|to|track)|"
+    r"on (?:his|its) way|out of (?:sight|the way)|vom weg ab)\b|"
+    r"\bROBOT\b.*\b(?:aus dem weg|im weg|off (?:the )?charger|"
+    r"out (?:for (?:a (?:drive|ride|run|walk)|deliver\w*)|on (?:a|his|its|patrol)|"
+    r"of the (?:charger|hall|way))|von der (?:lade\w*)|(?:checked|came|sorted|tested|turned|"
+    r"worked) out|schaut gut aus|weg von)\b|\boff (?:(?:it|you) goe?s?|maintenance)\b|"
+    r"\bout and about\b|\b(?:off(?: - |-| )?time|rest|time ?out) is over\b"
+)
+"""Tells where somebody is or was, or how he came out."""
+_OTHERS_SAY = re.compile(
+    r"\b(?:is|ist) (?:forbidden|not allowed|verboten)\b|\blist of (?:excluded|ignored|skipped)\b|"
+    r"\bforget about ROBOT being\b|\b(?:keiner|niemand|nobody|no ?one) (?:asks? for|is asking|"
+    r"wants?|will) ROBOT (?:be )?(?:out|raus|weg)\b"
+)
+"""Speaks of leaving somebody out, and says no to it."""
+_ONLY_DOES = re.compile(
+    r"\b(?:es geht nur um|this is only about) ROBOT\b|^(?:es ist nur|it is only|its only) ROBOT$|"
+    r"\b(?:just|nur|only) ROBOT (?!(?:allowed|asked|counts|does|excluded|gets|goes|has|helps|"
+    r"ignored|is|matters|needed|needs|plays|skipped|stays|takes|used|was|wanted)\b)"
+    r"(?:[a-z]{3,}(?:ed|[^s]s)|geht|kann|kennt|made|weiss)\b|"
+    r"\b(?:ALLBUT|NOBODYBUT) ROBOT (?!(?:allowed|asked|included|invited|needed|skipped|used|"
+    r"wanted)\b)(?:[a-z]+ed|answers?|are back|antworten|saw|sees|sind wieder)\b"
+)
+"""Tells what somebody alone, or all but he, did: "only R1 answered"."""
 
 
 def turned(text: str) -> bool:
@@ -135,6 +140,9 @@ def turned(text: str) -> bool:
         or _BRIEFLY.search(text)
         or _OPPOSED.search(text)
         or _NO_WISH.search(text)
+        or _ELSEWHERE.search(text)
+        or _OTHERS_SAY.search(text)
+        or _ONLY_DOES.search(text)
         or _PERHAPS.search(text)
         or (_SOME_TIME.search(text) and "TIME" not in text)
         or _ENOUGH.search(text)

@@ -15,9 +15,8 @@ _NO_BOUND = re.compile(
     r"\b(?:another|by(?: about| another| up to)?|um(?: etwa| rund| weitere)?|weitere) SHARE\b|"
     r"\bSHARE (?:below|better|besser|faster|fewer|higher|hoeher|langsamer|less|lower|mehr|more|"
     r"schneller|schlechter|slower|weniger|worse)\b(?! (?:als|is|ist|than)\b)|\bSHARE (?:NET|"
-    r"of the NET) (?:less|mehr|more|weniger)\b|\bSHARE (?:as (?:fast|much)|so (?:schnell|viel)|the "
-    r"usual)\b|"
-    r"\bALLBUT SHARE\b|\b(?:or|oder) (?:besser|better|lieber|rather) SHARE\b"
+    r"of the NET) (?:less|mehr|more|weniger)\b|\bSHARE (?:as (?:fast|much)|so (?:schnell|viel)|"
+    r"the usual)\b|\bALLBUT SHARE\b|\b(?:or|oder) (?:besser|better|lieber|rather) SHARE\b"
 )
 """Tells of a change, not of a bound."""
 _SAVED = re.compile(
@@ -32,16 +31,15 @@ _TOO = re.compile(
 )
 _OURS = re.compile(
     r"\b(?:i|ich|we|wir) (?:brauch\w*|need|want(?: to have)?)(?: \w+)? SHARE\b(?!.*\b(?:for|"
-    r"frei\w*|free|fuer)\b)|"
-    r"\b(?:gebt?|gib|give|lasst?|leave|spare) (?:me|mir|us|uns) SHARE\b(?!.*\b(?:for|frei\w*|free|"
-    r"fuer)\b)"
+    r"frei\w*|free|fuer)\b)|\b(?:gebt?|gib|give|lasst?|leave|spare) (?:me|mir|us|"
+    r"uns) SHARE\b(?!.*\b(?:for|frei\w*|free|fuer)\b)"
 )
 """Whoever speaks may be one of the swarm, or one of the others."""
 _REFUSED = re.compile(
     r"\b(?:do not|dont|never|nie|niemals)(?: (?:nehmt|nutzt|take|use))? SHARE\b|\b(?:not even|"
-    r"nicht einmal|nicht mal) SHARE\b|\bSHARE\b.* (?:darf nicht|duerfen nicht|duerft ihr nicht|may "
-    r"not|must not|"
-    r"mustnt|shall not|should not) (?:be )?(?:belegt|genommen|genutzt|taken|used|verwendet)\b"
+    r"nicht einmal|nicht mal) SHARE\b|\bSHARE\b.* (?:darf nicht|duerfen nicht|duerft ihr nicht|"
+    r"may not|must not|mustnt|shall not|should not) (?:be )?(?:belegt|genommen|genutzt|taken|used|"
+    r"verwendet)\b"
 )
 _HALF = 0.5
 

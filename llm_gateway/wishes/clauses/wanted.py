@@ -29,19 +29,17 @@ _SET = (
 )
 _NEEDS = (
     r"bitte\w* darum|brau?ch\w*|bruuche|can|could|darf\w*|duerf\w*|enough|enuf|fine|genueg\w*|"
-    r"genug|"
-    r"has to|have to|in ordnung|insist\w*|i want|i(?:d)? like|id ask|mag|may|moecht\w*|muess\w*|"
-    r"muss|must|need\w*|okay|pflicht|plenty|prefer\w*|reich\w*|satisfied|shall|should|soll\w*|"
-    r"suffic\w*|tun ?s|tut es|verlang\w*|want\w*|will do|will|wish|woll\w*|would|wuensch\w*|"
-    r"zufrieden|zurecht\w*"
+    r"genug|has to|have to|in ordnung|insist\w*|i want|i(?:d)? like|id ask|mag|may|moecht\w*|"
+    r"muess\w*|muss|must|need\w*|okay|pflicht|plenty|prefer\w*|reich\w*|satisfied|shall|should|"
+    r"soll\w*|suffic\w*|tun ?s|tut es|verlang\w*|want\w*|will do|will|wish|woll\w*|would|"
+    r"wuensch\w*|zufrieden|zurecht\w*"
 )
 _QUALITY = re.compile(
     rf"\b(?:{_SET}|{_NEEDS}|accept\w*|aim|ab SHARE|beneath|besser als|better than|kleiner als|"
     rf"lower than|as the (?:floor|lowest)|drunter|guarantee\w*|"
     r"less than|lowest|mind\w*|minim\w*|no use|NOBODYBUT|north of|or (?:better|dont|else|higher|im|"
-    r"more|nothing|"
-    r"over|up)|oder (?:besser|drueber|mehr)|over SHARE|require\w*|settle|unterschreiten|"
-    r"untergrenze|weniger als)\b"
+    r"more|nothing|over|up)|oder (?:besser|drueber|mehr)|over SHARE|require\w*|settle|"
+    r"unterschreiten|untergrenze|weniger als)\b"
 )
 _TAKE = (
     r"(?:allow|anruehr\w*|ausnutz\w*|begrenz\w*|beleg\w*|claim|nehm\w*|nimm|nutz\w*|occupy|spend|"
@@ -50,51 +48,43 @@ _TAKE = (
 _LINK = re.compile(
     rf"\b(?:{_SET}|{_NEEDS}|allowance|allowed|at SHARE or|komm\w* mit|ourselves|sind drin|theirs|"
     rf"below|beyond|bleib\w*|capped|ceiling|euch|fuer (?:die )?"
-    r"roboter|for (?:the )?(?:robots|you)|geb\w*|gehoer\w* euch|(?:only )?gets?|gibt|give|"
-    r"gives|go over|grenze|"
-    r"kriegt|limit|most|only SHARE|or (?:less|lower)|ours|over SHARE|plenty|sanctioned|"
-    r"spar\w*|save|stehen (?:euch|uns)|the NET use|TIME nur|under|unter|usable|yours?|youre|"
+    r"roboter|for (?:the )?(?:robots|you)|geb\w*|gehoer\w* euch|(?:only )?gets?|gibt|give|gives|"
+    r"go over|grenze|kriegt|limit|most|only SHARE|or (?:less|lower)|ours|over SHARE|plenty|"
+    r"sanctioned|spar\w*|save|stehen (?:euch|uns)|the NET use|TIME nur|under|unter|usable|yours?|"
+    r"youre|"
     rf"zulaessig|bekomm\w*)\b|"
     rf"^(?:(?:and|bitte|ihr|just|lets|mal|now|nur|only|please|so|then|TIME|und|you) )*{_TAKE}\b|"
     rf"\bNET (?:nur )?(?:zu )?SHARE {_TAKE}\b|\bSHARE\b.* {_TAKE}(?: (?:bitte|please|TIME))*$"
 )
 _TAKEN_BACK = re.compile(
     r"\b(?:cancel\w*|drop(?! (?:below|beneath|down|to|under)\b)|forget(?: about)?|ignore|lift|"
-    r"never mind|remove|scrap|undo|vergess\w*|"
-    r"vergiss|verwerf\w*) (?:(?:[a-z]+|NET) ){0,4}"
-    r"SHARE\b|\bSHARE\b.*\b(?:are|is|ist|sind) (?:aufgehoben|cancelled|gone|lifted|over|removed)\b|"
-    r"\bhebt\b.*\bSHARE\b.* auf$|\bhebt\b.* SHARE auf$|"
-    r"\b(?:have|keep|leave|limit\w*|need|reserve|stay)\b.* any ?more\b|\bno more SHARE\b|"
-    r"\b(?:need ?not|need ?nt|no longer|no need|nicht mehr)\b(?! (?:als|less|more|than|wie)\b)|"
-    r"\b(?:"
-    r"(?:dont|does ?nt|does not|do not) (?:have to|need)|(?:brauch\w* mehr|need more)$|muss\w* "
-    r"nicht|muesst euch nicht|braucht nicht|brauch\w* .* nicht mehr)\b|"
-    r"\b(?:cease|hoert? auf|quit|stop)\b|\b(?:dont|do not|no longer) (?:insist|limit|need|"
-    r"reserve)\w*\b|"
-    r"\b(?:nicht|not) (?:auf|bloss|just|merely|nur|only) (?:(?:die|the) )?SHARE\b|\b(?:dont|do "
-    r"not|nicht) (?:be content|stop|beschraenk\w*|limit)\b|\bkeine SHARE\b|\bSHARE\b.* brauch\w*"
-    r"(?: \w+)? nicht$|\bgilt nicht\b|"
-    r"\b(?:nobody|no ?one|niemand|keiner) (?:brauch\w*|needs?)\b|\bis(?:nt| not) the limit\b|"
-    r"\bisnt needed\b|\bnot needed\b"
+    r"never mind|remove|scrap|undo|vergess\w*|vergiss|verwerf\w*) (?:(?:[a-z]+|NET) ){0,4}SHARE\b|"
+    r"\bSHARE\b.*\b(?:are|is|ist|sind) (?:aufgehoben|cancelled|gone|lifted|over|removed)\b|"
+    r"\bhebt\b.*\bSHARE\b.* auf$|\bhebt\b.* SHARE auf$|\b(?:have|keep|leave|limit\w*|need|reserve|"
+    r"stay)\b.* any ?more\b|\bno more SHARE\b|\b(?:need ?not|need ?nt|no longer|no need|"
+    r"nicht mehr)\b(?! (?:als|less|more|than|wie)\b)|\b(?:(?:dont|does ?nt|does not|"
+    r"do not) (?:have to|need)|(?:brauch\w* mehr|need more)$|muss\w* nicht|muesst euch nicht|"
+    r"braucht nicht|brauch\w* .* nicht mehr)\b|\b(?:cease|hoert? auf|quit|stop)\b|\b(?:dont|do not|"
+    r"no longer) (?:insist|limit|need|reserve)\w*\b|\b(?:nicht|not) (?:auf|bloss|just|merely|nur|"
+    r"only) (?:(?:die|the) )?SHARE\b|\b(?:dont|do not|nicht) (?:be content|stop|beschraenk\w*|"
+    r"limit)\b|\bkeine SHARE\b|\bSHARE\b.* brauch\w*(?: \w+)? nicht$|\bgilt nicht\b|\b(?:nobody|"
+    r"no ?one|niemand|keiner) (?:brauch\w*|needs?)\b|\bis(?:nt| not) the limit\b|\bisnt needed\b|"
+    r"\bnot needed\b"
 )
 """Ends a bound, or says that there need be none."""
 _EXCEEDS = re.compile(r"\b(?:exceed\w*|more than|mehr als|ueberschreit\w*)\b")
 _NO = re.compile(
     r"\b(?:avoid\w*|before|below|eher|faster|hardly|kaum|keinesfalls|less|niemand\w*|no ?one|"
-    r"nobody|"
-    r"nothing|ohne|schneller|stop|tab(?:oo|u)|too much|ungern|unless|without|weniger|wer|whoever|"
-    r"zu viel)\b"
+    r"nobody|nothing|ohne|schneller|stop|tab(?:oo|u)|too much|ungern|unless|without|weniger|wer|"
+    r"whoever|zu viel)\b"
 )
 _REPORTS = re.compile(
     r"\b(?:blocked|blockiert|brach|dead|(?:are|is|ist|sind|was) (?:\w+ )?down to|empty|failed|"
-    r"frei$|free again|halb|leer|missing|"
-    r"occupied|offline|tot|unrealis\w+|unmoeglich|impossible|used|utili[sz]\w*|"
-    r"is back|half (?:as|free)|halb (?:frei|so)|betraegt|delivers|drags|fell|fiel|gefallen|"
-    r"gestiegen|gesunken|rose|stieg|(?:belegt|gone|in use|taken|used|weg)$|(?:fahren|get|haben|"
-    r"have|run|"
-    r"schaffen) (?:at |mit |\w+ )?SHARE (?:accuracy|quality|qualitaet)(?! at least)|erreicht?|"
-    r"kommt nur|liefert|"
-    r"reach(?:ed|es)?|missed|schafft?|zieht|"
+    r"frei$|free again|halb|leer|missing|occupied|offline|tot|unrealis\w+|unmoeglich|impossible|"
+    r"used|utili[sz]\w*|is back|half (?:as|free)|halb (?:frei|so)|betraegt|delivers|drags|fell|"
+    r"fiel|gefallen|gestiegen|gesunken|rose|stieg|(?:belegt|gone|in use|taken|used|weg)$|(?:fahren|"
+    r"get|haben|have|run|schaffen) (?:at |mit |\w+ )?SHARE (?:accuracy|quality|"
+    r"qualitaet)(?! at least)|erreicht?|kommt nur|liefert|reach(?:ed|es)?|missed|schafft?|zieht|"
     r"(?:falling|falls|rises|sinks|sinkt|steigt|faellt)\b.* (?:to|auf) SHARE|needs? \w+ (?:robots?|"
     r"roboter))\b"
 )
@@ -105,16 +95,13 @@ _LEFT = re.compile(
 _SEES_TO = re.compile(r"\b(?:make|make sure|see|should|sorgt|soll\w*|must|muss)\b")
 _YOU_DO = re.compile(
     r"^(?:and )?(?:ihr|you|youre|you are) (?:\w+ )?(?:belegt|braucht|need|nehmt|nutzt|take up|use|"
-    r"using)\b"
-    r"(?! (?:just|only|nur)\b)|^(?:(?:die|our|the|unsere) )?(?:fleet|flotte|robots?|roboter|"
-    r"schwarm|"
-    r"swarm) (?:beleg\w*|brauch\w*|eats?|need\w*|nutz\w*|takes? up|uses?)\b"
+    r"using)\b(?! (?:just|only|nur)\b)|^(?:(?:die|our|the|unsere) )?(?:fleet|flotte|robots?|"
+    r"roboter|schwarm|swarm) (?:beleg\w*|brauch\w*|eats?|need\w*|nutz\w*|takes? up|uses?)\b"
 )
 """Tells what the swarm does."""
 _EACH = re.compile(
     r"\b(?:each|every|kein(?:e[nr])?|jede[nrs]?|no|per|pro) (?:robot\w*|roboter|unit|ROBOT)\b|"
-    r"\bROBOT kommt mit\b|"
-    r"\bSHARE (?:of )?(?:die|the)? ?(?:robots?|roboter)\b"
+    r"\bROBOT kommt mit\b|\bSHARE (?:of )?(?:die|the)? ?(?:robots?|roboter)\b"
 )
 """Bounds what one robot takes, not the swarm; or how many are asked."""
 
