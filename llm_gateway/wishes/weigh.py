@@ -36,10 +36,8 @@ _WHOLE = ("all", "nobody")
 
 
 def weighed(text: Text, plain: Reading, said: Reading) -> Reading:
-    """The rules' reading and the model's, put together; what must be asked back is in its
-    `unclear`. `said`: with how likely each of its words is."""
-    if plain.final:
-        return settle(text, plain)
+    """The rules' reading, which is not final, and the model's, put together; what must be asked
+    back is in its `unclear`. `said`: with how likely each of its words is."""
     *each, whole = said.likely
     if said.verdict == "nothing" and whole >= SURE:
         nothing = tuple[Role, ...]("none" for _ in plain.roles)

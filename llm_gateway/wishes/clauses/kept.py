@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from llm_gateway.wishes.clauses.draft import Draft
+from llm_gateway.wishes.reading import Role
 
 _ROBOT = r"(?:(?:de[mnr]|die|das|the) )?ROBOT"
 _BEFORE = r"(?:(?:aber|also|and|but|dagegen|hingegen|however|und|while) )*"
@@ -29,37 +30,28 @@ _STAYS = re.compile(
 
 
 def kept(draft: Draft) -> frozenset[int]:
-    """The numbers of robots that only stay where they are, beside a wish for other ones."""
-    wished = {
-        name
-        for mention, role in zip(draft.text.mentions, draft.roles, strict=True)
-        if mention.kind == "robot" and role in ("doubt", "first", "only", "out")
-        for name in mention.names
-    }
+    """The numbers of robots that only stay where they are, beside a wish for other ones; one that
+    is left out as well is asked about."""
+    wished = _named(draft, "doubt", "first", "only", "out")
     found: set[int] = set()
     for clause in draft.clauses:
         numbers = draft.of(clause, "robot")
         if clause.asked or len(numbers) != 1 or not _STAYS.fullmatch(clause.text):
             continue
-        others = {
-            name
-            for number, mention in enumerate(draft.text.mentions)
-            if mention.kind == "robot" and number not in numbers
-            for name in mention.names
-        }
         own = {*draft.text.mentions[numbers[0]].names}
-        if not own.isdisjoint(_out(draft)):
+        if own & _named(draft, "out"):
             draft.firm.append(draft.text.whole)  # "R1 can stay in, R1 out".
-        if own and wished - own and own.isdisjoint(others):
+        again = [m for m in draft.text.mentions if m.kind == "robot" and own & {*m.names}]
+        if len(again) == 1 and wished - own:
             found |= {*numbers}
     return frozenset(found)
 
 
-def _out(draft: Draft) -> set[str]:
-    """Who is left out."""
+def _named(draft: Draft, *roles: Role) -> set[str]:
+    """The robots that have one of these roles."""
     return {
         name
         for mention, role in zip(draft.text.mentions, draft.roles, strict=True)
-        if role == "out"
+        if mention.kind == "robot" and role in roles
         for name in mention.names
     }

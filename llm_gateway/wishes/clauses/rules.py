@@ -133,7 +133,7 @@ def _repeat(draft: Draft) -> None:
     """What is named twice has the role of where it has one; a short resource is to be saved."""
     mentions = draft.text.mentions
     asked = {n for c in draft.clauses if asks(c.text) for n in draft.of(c, "robot")}
-    kept = {n for c in draft.clauses if stays(c.text) for n in draft.of(c, "robot")}
+    back = {n for c in draft.clauses if stays(c.text) for n in draft.of(c, "robot")}
     for number, mention in enumerate(mentions):
         if draft.roles[number] is not None:
             continue
@@ -146,7 +146,7 @@ def _repeat(draft: Draft) -> None:
         names = set(mention.names)
         roles = {role for role, same in others if short or names & same}
         covered = short or (names and names <= set().union(*(same for _, same in others)))
-        if roles == {"out"} and number in kept:
+        if roles == {"out"} and number in back:
             draft.roles[number] = "doubt"  # "Skip R1 and R2, but keep R2".
             continue
         if roles == {"out"} and number in asked:

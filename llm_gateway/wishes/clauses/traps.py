@@ -83,7 +83,7 @@ _ANSWERED = re.compile(
     r"\bROBOT\b[^?.!]*, (?:isnt (?:he|it|she)|oder|right) \?"
 )
 """Asks, and says no to it."""
-_BURNS = re.compile(
+_TROUBLE = re.compile(
     r"^wenns (?!beliebt|euch|geht|keine|moeglich|nichts|nix|passt|recht)\w+\b|\bbei (?:gewitter|"
     r"nebel|paketverlust\w*|schnee\w*|sturm)\b"
 )
@@ -148,7 +148,7 @@ def doubt_traps(draft: Draft) -> None:
         # Beside an end, "while" and "when" only tell why; a bound may hold for a while.
         firmly = [c for c in draft.supposed if not ends or _IF.search(c.text)]
         asks = draft.nobody or not {"out", "only"}.isdisjoint(draft.roles)
-        traps += [_IN_CASE, _BURNS] if asks and not ends else []
+        traps += [_IN_CASE, _TROUBLE] if asks and not ends else []
         traps += [_LATER, _POLICY_IS]
         draft.firm += [draft.text.whole] if firmly else []
     if any(trap.search(said) for trap in traps):

@@ -109,7 +109,7 @@ _ELSEWHERE = re.compile(
     r"out (?:for (?:a (?:drive|ride|run|walk)|deliver\w*)|on (?:a|his|its|patrol)|"
     r"of the (?:charger|hall|way))|von der (?:lade\w*)|(?:checked|came|sorted|tested|turned|"
     r"worked) out|schaut gut aus|weg von)\b|\boff (?:(?:it|you) goe?s?|maintenance)\b|"
-    r"\bout and about\b|\b(?:off(?: - |-| )?time|rest|time ?out) is over\b"
+    r"\b(?:off(?: - |-| )?time|rest|time ?out) is over\b"
 )
 """Tells where somebody is or was, or how he came out."""
 _OTHERS_SAY = re.compile(
