@@ -28,7 +28,6 @@ SITE = WishSite(
         "leave R3 out until six, after that skip R2",
         "watch the docks until the lunch rush dies down",
         "leave R3 out from three; at four you can have it again",
-        "R3 out, no hang on, I mean R2 out",
         "from three to five without R3, then without R2",
         "R3 only from six on",
     ],
@@ -70,30 +69,3 @@ def test_a_length_that_is_told_ends_nothing(wish: str) -> None:
 def test_a_time_of_the_wish_stands(wish: str, start: str, until: str) -> None:
     intent = SITE.clear(wish)
     assert [(time or "")[11:16] for time in (intent.start, intent.until)] == [start, until]
-
-
-@pytest.mark.parametrize(
-    "wish",
-    [
-        "no robot is out except R3",
-        "hört auf, R3 zu ignorieren",
-        "einen von beiden, R2 oder R3, weglassen",
-        "R3 out? No.",
-        "R3 is out, right?",
-        "nobody wants R3 out",
-        "R3 weglassen ist verboten",
-        "don't ask R1 so often",
-        "R1 nicht für alles fragen",
-        "leave R3 out every second time",
-        "R3 is off maintenance",
-        "R3 ist von der Ladestation weg",
-        "only R1 complained",
-        "no one but R3 saw it",
-        "alle außer R3 sind wieder da",
-        "can you do without R3?",
-        "reicht die halbe Leitung?",
-        "Wenn's brennt, lasst R3 weg",
-    ],
-)
-def test_what_sounds_like_leaving_out_is_asked_back(wish: str) -> None:
-    assert SITE.understood(wish).unclear

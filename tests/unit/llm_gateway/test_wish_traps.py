@@ -344,3 +344,31 @@ def test_a_bound_says_not_how_much_a_thing_counts() -> None:
 @pytest.mark.parametrize("word", ["at ", "so ", "until five, ", "R1 and ", "at from then "])
 def test_long_wishes_of_times_alone_are_read_at_once(word: str) -> None:
     assert understood((word * 2000)[:1990] + "R3").unclear
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        "no robot is out except R3",
+        "hört auf, R3 zu ignorieren",
+        "einen von beiden, R2 oder R3, weglassen",
+        "R3 out? No.",
+        "R3 out, no hang on, I mean R2 out",
+        "R3 is out, right?",
+        "nobody wants R3 out",
+        "R3 weglassen ist verboten",
+        "don't ask R1 so often",
+        "R1 nicht für alles fragen",
+        "leave R3 out every second time",
+        "R3 is off maintenance",
+        "R3 ist von der Ladestation weg",
+        "only R1 complained",
+        "no one but R3 saw it",
+        "alle außer R3 sind wieder da",
+        "can you do without R3?",
+        "reicht die halbe Leitung?",
+        "Wenn's brennt, lasst R3 weg",
+    ],
+)
+def test_what_sounds_like_leaving_out_is_asked_back(wish: str) -> None:
+    assert understood(wish).unclear
